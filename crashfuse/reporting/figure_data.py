@@ -113,13 +113,14 @@ def _axis(layout: Mapping[str, Any], reference: str) -> Mapping[str, Any]:
 
 
 def _title(layout: Mapping[str, Any], reference: str) -> str:
-    return _text(_axis(layout, reference).get("title", {}).get("text"))
-
-
-def _x_title(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> str:
-    """Title of the x axis; of stacked plots only one carries it."""
-    every = [_title(layout, key.replace("axis", "")) for key in layout if key.startswith("xaxis")]
-    return _title(layout, trace.get("xaxis") or "x") or next(filter(None, every), "x")
+    """Title of an axis; of plots above or beside each other one may carry it for all."""
+    every = [key for key in layout if key.startswith(f"{reference[0]}axis")]
+    titles = [
+        _text(layout[key].get("title", {}).get("text"))
+        for key in (f"{reference[0]}axis{reference[1:]}", *every)
+        if key in layout
+    ]
+    return next(filter(None, titles), reference[0])
 
 
 def _positions(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> pd.Series:
@@ -131,7 +132,7 @@ def _positions(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> pd.Series
         ticks = _numbers(axis["tickvals"])
         nearest = np.abs(values[:, None] - ticks).argmin(axis=1)
         values = np.array([_text(axis["ticktext"][place]) for place in nearest], dtype=object)
-    return pd.Series(values, name=_x_title(trace, layout))
+    return pd.Series(values, name=_title(layout, trace.get("xaxis") or "x"))
 
 
 def _points(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
@@ -167,7 +168,7 @@ def _band(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
     halves = [np.split(run, 2) for run in runs] if trace.get("fill") else list(zip(runs[::2], runs[1::2], strict=True))
     forth, back = (np.concatenate(places) for places in zip(*((f, b[::-1]) for f, b in halves), strict=True))
     ends = np.minimum(y[forth], y[back]), np.maximum(y[forth], y[back])
-    at = pd.Series(_values(trace["x"])[forth], name=_x_title(trace, layout))
+    at = pd.Series(_values(trace["x"])[forth], name=_title(layout, trace.get("xaxis") or "x"))
     return _Shown(trace["name"], axis, at, _ends(_title(layout, axis), *ends), True)
 
 
@@ -227,7 +228,7 @@ def _matrix(trace: Mapping[str, Any]) -> pd.DataFrame:
     if words.size and not all(map(_begins_with, words.flat, cells.flat)):
         cells = np.array([_text(each) for each in words.flat], dtype=object).reshape(cells.shape)
     table = pd.DataFrame(cells, columns=[_text(each) for each in _values(trace["x"])]).infer_objects()
-    table.insert(0, "", [_text(each) for each in _values(trace["y"])])
+    table.insert(0, "Row", [_text(each) for each in _values(trace["y"])])
     return table
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult
@@ -115,8 +115,9 @@ def _what(result: PastResult, display: Display) -> str:
 
 def _settings(result: PastResult) -> str:
     config = result.config
-    approaches = "1 approach" if len(config.approaches) == 1 else f"{len(config.approaches)} approaches"
-    return f"{config.preset}, seed {config.seed}, {approaches}"
+    n = len(config.approaches)
+    some = "" if n == len(APPROACHES) else ", 1 approach" if n == 1 else f", {n} approaches"
+    return f"{config.preset}, seed {config.seed}{some}"
 
 
 def _date(result: PastResult) -> str:

@@ -48,9 +48,9 @@ def choose(
     return choice
 
 
-def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
-    """Show a figure with the tools that are useful on a curve; below it is saved, under its alternative text."""
-    name = file_name(alt)
+def show_figure(figure: go.Figure, alt: str, key: str | None = None, name: str = "") -> None:
+    """Show a figure with the tools that are useful on a curve; below it is saved, by default under its ``alt`` text."""
+    name = name or file_name(alt)
     sent = SentFigure(darkened(figure) if _is_dark() else figure)
     st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_tools(name))
     offer_files(figure, name, key or alt)

@@ -21,7 +21,7 @@ from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 _ROW_PX, _MOST_ROWS = 35, 9
-_WIDTHS_PX = {"Campaign": 125, "What": 195}  # at 900 px all columns but the last fit, at 1440 px all
+_WIDTHS_PX = {"Campaign": 125, "What": 195}  # all columns fit at 900 px
 _TABLE, _REFUSED = "past results", "result that could not be opened"  # session keys
 
 

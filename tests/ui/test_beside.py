@@ -80,7 +80,7 @@ def test_the_latest_study_is_compared_with_the_one_before_of_the_same_data(visit
     chosen = [
         box.format_func(box.value) for box in session.app.selectbox if box.label in ("First study", "Second study")
     ]
-    assert [text.split(" · ")[2] for text in chosen] == ["fast, seed 0, 5 approaches", "fast, seed 1, 5 approaches"]
+    assert [text.split(" · ")[2] for text in chosen] == ["fast, seed 0", "fast, seed 1"]
     assert {text.split(" · ")[3] for text in chosen} == {"a"}
     assert "mean 0.600 in the second, 0.500 in the first (+0.100" in session.words
     assert "Each test left out alone, the only way that both studies have." in session.words

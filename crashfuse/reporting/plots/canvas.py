@@ -69,7 +69,7 @@ def new_figure(height: int) -> go.Figure:
             "plot_bgcolor": PAPER,
             # with room for ticks, their title and a row of names: found too small, Plotly draws everything once more
             "margin": {"l": 64, "r": 44, "t": 44, "b": 56},
-            "modebar": {"orientation": "v", "remove": _UNWANTED_TOOLS},
+            "modebar": {"orientation": "v", "remove": _UNWANTED_TOOLS, "color": CURSOR, "activecolor": INK},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
             "legend": {

@@ -45,6 +45,7 @@ def show(judgement: Judgement) -> None:
             "record",
             judgement.key,
             display,
+            name="track_record",
         )
         st.caption(
             "Lines: 95 % of tests are predicted to lie there. Left: left out alone; right: with its speed group."
@@ -55,6 +56,7 @@ def show(judgement: Judgement) -> None:
             "Share of left-out tests that met a criterion over the probability given, with exact bounds",
             "reliability",
             judgement.key,
+            name="reliability",
         )
         st.caption(
             "Verdicts on left-out tests inside what the others check, in bins of probability; n is their number, the "
@@ -72,6 +74,7 @@ def show_domain(judgement: Judgement) -> None:
         "domain",
         judgement.key,
         display.system,
+        name="validated_domain",
     )
     st.caption("  \n".join(plain(sentence) for sentence in domain_sentences(verdicts.certification.domain)))
 

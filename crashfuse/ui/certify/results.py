@@ -55,6 +55,7 @@ def show(judgement: Judgement) -> None:
             "verdict matrix",
             judgement.key,
             display,
+            name="verdicts",
         )
     st.caption("Numbers: probability that a test there would meet the criterion. Click a cell for its reason.")
     _show_cell(certification)

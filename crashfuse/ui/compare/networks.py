@@ -50,7 +50,7 @@ def show(comparison: Comparison) -> None:
     network, plot = states[name], partial(comparison.study.plot, fold.held_out, approaches=[name])
     with columns[0]:
         st.markdown("**Training on CAE runs**")
-        show_figure(plot("training"), alt="Mean square error over epochs")
+        show_figure(plot("training"), alt="Mean square error over epochs", name=file_name(fold.held_out, "training"))
         st.caption(
             f"Mean square error, averaged over {network['members']} network{'s' if network['members'] != 1 else ''}; "
             "validation is on the tenth of the runs that is not trained on."
@@ -61,6 +61,7 @@ def show(comparison: Comparison) -> None:
             show_figure(
                 plot("fine-tuning"),
                 alt="Error for each strength of the fine-tuning, on tests fitted to and on tests left out in turn",
+                name=file_name(fold.held_out, "fine-tuning"),
             )
             st.caption(
                 "The fine-tuning has an exact solution, so there are no epochs, only one choice: how far each test may "
@@ -69,7 +70,7 @@ def show(comparison: Comparison) -> None:
             )
         elif "tuning_curve" in network:
             st.markdown("**Fine-tuning on tests**")
-            show_figure(plot("fine-tuning"), alt="Loss over steps")
+            show_figure(plot("fine-tuning"), alt="Loss over steps", name=file_name(fold.held_out, "fine-tuning"))
 
 
 def _show_beside_the_cae(

@@ -27,7 +27,10 @@ def show(comparison: Comparison) -> None:
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
     st.markdown(f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**")
     alt = f"The four scores of every prediction of test {test.id}, as bars"
-    show_cached_figure(lambda: comparison.study.plot(test.id, "scores", display=display), alt, "parts", comparison.key)
+    show_cached_figure(
+        lambda: comparison.study.plot(test.id, "scores", display=display), alt, "parts", comparison.key,
+        name=file_name(test.id, "scores", display.in_names[0]),
+    )  # fmt: skip
     parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
     st.markdown("\n".join(f"- {said[part]}" for part in parts), help=glossary.RATING_PARTS)
     if comparison.advice is not None:
@@ -38,6 +41,7 @@ def show(comparison: Comparison) -> None:
         lambda: comparison.study.plot(test.id, "rating", approaches=[approach], also=curves.also, display=display),
         f"Test {test.id} and its prediction by {LABELS[approach]}: in the corridors, shifted, warped, and their slopes",
         "rated curves", approach, comparison.key, curves.key,
+        name=file_name(test.id, "rating of", LABELS[approach], *display.in_names),
     )  # fmt: skip
     with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")
