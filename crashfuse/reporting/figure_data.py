@@ -114,13 +114,10 @@ def _axis(layout: Mapping[str, Any], reference: str) -> Mapping[str, Any]:
 
 def _title(layout: Mapping[str, Any], reference: str) -> str:
     """Title of an axis; of plots above or beside each other one may carry it for all."""
-    every = [key for key in layout if key.startswith(f"{reference[0]}axis")]
-    titles = [
-        _text(layout[key].get("title", {}).get("text"))
-        for key in (f"{reference[0]}axis{reference[1:]}", *every)
-        if key in layout
-    ]
-    return next(filter(None, titles), reference[0])
+    direction = reference[0]
+    others = [layout[key] for key in layout if key.startswith(f"{direction}axis")]
+    titles = [_text(axis.get("title", {}).get("text")) for axis in (_axis(layout, reference), *others)]
+    return next(filter(None, titles), direction)
 
 
 def _positions(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> pd.Series:

@@ -12,6 +12,7 @@ from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import Account, account
 from crashfuse.ui import explanations
 from crashfuse.ui.compare.comparison import Comparison
+from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
