@@ -76,7 +76,7 @@ def choose_curves(
         beside = _choose_beside(view, condition, band, held_out)
     st.button(
         "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
-        help=f"Also show {_NEAREST} tests: the nearest in speed, of those at about one speed the nearest in weights.",
+        help=f"Also show {_NEAREST} tests: the nearest by speed and weights, as shares of the speed and the mass.",
     )  # fmt: skip
     if held_out and any(isinstance(own, PredictedPulse) for own in beside):
         st.caption(f"Pinned predictions learned from {plain(held_out)}, too.", width="content")
