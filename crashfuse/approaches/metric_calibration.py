@@ -173,7 +173,7 @@ def calibrated_metrics(
         return metrics
     found = metric_distributions(prediction, errors, occupant)
     intervals = {name: (None, None) if own is None else own.interval() for name, own in found.items()}
-    return tuple(Metric(m.name, m.value, *intervals[m.name], m.unit, m.drawn) for m in metrics)
+    return tuple(Metric(m.name, m.value, *intervals[m.name], m.unit, drawn=True) for m in metrics)
 
 
 def _spread(values: FloatArray, metric: str) -> tuple[float, float] | None:

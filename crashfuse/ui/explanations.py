@@ -20,13 +20,13 @@ from crashfuse.ui.text import chosen_units, plain
 
 
 def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = (), icon: str = "lightbulb") -> None:
-    """Show the recommendation in a line; the reasons, and what else is to be said beside it, unfold from "Reasons"."""
+    """Show the recommendation in a line; the reasons, and what else is to be said beside it, unfold from "More"."""
     first, *reasons = sentences
     with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
         use, *rest = re.split(r"(?<=\\[.:]) ", plain(first), maxsplit=1)  # escaped by then
         st.markdown(f":material/{icon}: **{use}** {''.join(rest)}", width="content")
         if reasons or beside:
-            with st.popover("Reasons", type="tertiary"):
+            with st.popover("More", type="tertiary"):
                 st.markdown("\n\n".join(plain(reason) for reason in (*reasons, *beside)))
 
 

@@ -77,6 +77,8 @@ def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
     """
     before = content_of(own)
     user.open_folder(server, own)
+    user.press("km/h, kg", f"{SIDEBAR} button")  # in which the import then begins
+    user.wait(lambda: "system=kph-kg" in user.browser.current_url)
     table = tmp_path / "Versuch 12.csv"
     table.write_bytes(german(clock(), 0 * clock(), half_sine_g(clock()), header="Zeit;Kanal 1;Kanal 2"))
     user.open_tab("Open another campaign")

@@ -70,7 +70,7 @@ def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(pred
     assert predicted.texts(".cf-best")[0].startswith(("CAE", "Displacement domain"))
     assert not predicted.all(MAIN, "The raw CAE model rated")
     assert not predicted.all(MAIN, "Single draws")
-    predicted.press("Reasons", '[data-testid="stPopover"] button')
+    predicted.press("More", '[data-testid="stPopover"] button')
     predicted.sees("rated", '[data-testid="stPopoverBody"]')
     predicted.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     predicted.open_tab("Ratings and metrics")

@@ -66,5 +66,5 @@ def test_fitting_on_all_tests_hands_out_a_model_and_predict_answers_at_once(
         record = json.loads(model.metadata()["crashfuse"])
     assert (record["approach"], record["preset"], record["seed"]) == ("displacement_domain", "fast", 2)
     user.go("Predict")
-    user.sees("Recommended was the")
+    user.sees("Use the")
     assert "Predict" not in user.texts("button")

@@ -208,6 +208,8 @@ def test_a_metric_reads_as_value_and_interval() -> None:
     The unit stands at the numbers.
     """
     assert Metric("t0", 70.04, 68.0, 72.0, "ms").text == "70.0 [68.0, 72.0]"
+    assert Metric("olc", 3.41, None, None, "g").text == "3.4"
+    assert Metric("olc", 3.41, None, None, "g", drawn=True).text == "3.4 [open]"
     assert Metric("t0", 70.0, 68.0, None, "ms").text == "70.0 [≥ 68.0]"
     assert Metric("olc", 30.0, None, 31.2, "g").text == "30.0 [≤ 31.2]"
     assert Metric("olc", None, None, 31.2, "g").text == "≤ 31.2 (95 %, record too short)"
