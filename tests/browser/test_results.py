@@ -101,11 +101,12 @@ def test_predict_answers_another_speed_at_once(small_server: "Server", user: "Us
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("31.5", Keys.ENTER)
     user.find('[aria-label*="31.5 mph, front"]')
-    slider = user.browser.find_element(By.CSS_SELECTOR, '[data-testid="stSlider"] input')
-    user.wait(lambda: slider.get_attribute("value") == "31.5")
+    thumb = '[data-testid="stSlider"] input'
+    user.wait(lambda: user.browser.find_element(By.CSS_SELECTOR, thumb).get_attribute("value") == "31.5")
+    slider = user.browser.find_element(By.CSS_SELECTOR, thumb)
     presses(user, slider, Keys.ARROW_LEFT)
     user.find('[aria-label*="31.4 mph, front"]')
-    user.wait(lambda: field.get_attribute("value") == "31.4")
+    user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "31.4")
     user.find('[data-testid="stSidebar"] a[href*="speed_mph=31.4"]')  # to be opened beside this one
     user.browser.back()
     user.find('[aria-label*="31.5 mph, front"]')

@@ -83,21 +83,29 @@ def _field(
         state[name] = None
     address.default(name, round(float(np.median(runs)) / in_si, digits))
     value = round(state[name] * in_si * shown, DECIMALS)
-    field, slider = f"field {name}", f"slider {name} {low:g} to {high:g}"  # another range is another widget
+    # A browser sends what its widgets showed before it hears of a new value, as if that was chosen: each value that a
+    # widget did not come by itself makes another widget of it, and what the one before still sends does not count.
+    own = state.get(f"{name} widgets", {})
+    if own.get("value") != state[name]:  # a link, Back, or another page
+        own = dict.fromkeys(("value", "field", "slider"), state[name])
+    field = f"field {name} {shown:g} after {own['field']!r}"
+    slider = f"slider {name} {low:g} to {high:g} after {own['slider']!r}"
+    state[f"{name} widgets"] = {**own, "keys": (field, slider)}
     address.put(field, value)
-    at_end = min(max(value, low), high)
-    address.put(slider, at_end)
+    address.put(slider, min(max(value, low), high))
 
-    def take(key: str) -> None:
-        if key == field or state[key] != at_end:  # nobody moves a slider to where it is: at its end for a value beyond
+    def take(key: str, other: str) -> None:
+        if key in state[f"{name} widgets"]["keys"]:
             state[name] = round(state[key] / shown / in_si, DECIMALS)
+            state[f"{name} widgets"] = {**own, "value": state[name], other: state[name], "keys": (key,)}
 
     form = f"%.{digits}f"
     column.number_input(
-        label, min_value=least, max_value=most, step=step, format=form, key=field, on_change=take, args=(field,)
-    )
+        label, min_value=least, max_value=most, step=step, format=form, key=field, on_change=take,
+        args=(field, "slider"),
+    )  # fmt: skip
     column.slider(
-        f"{label}, over the CAE runs", low, high, step=step, format=form, key=slider, on_change=take, args=(slider,),
-        label_visibility="collapsed",
+        f"{label}, over the CAE runs", low, high, step=step, format=form, key=slider, on_change=take,
+        args=(slider, "field"), label_visibility="collapsed",
     )  # fmt: skip
     return float(state[name] * in_si)
