@@ -72,9 +72,9 @@ def certifications(campaign: Campaign) -> dict[str, Earlier]:
     """Those kept that learned from a test of this campaign, by name, the latest first."""
     own, found = {test.digest for test in campaign.tests}, {}
     for path in _home().glob("*"):
-        with suppress(DataError):
-            earlier = _certification(path.name)
-            if own & set(earlier.tests.values()):
+        with suppress(OSError):  # another server may remove it between two looks
+            earlier = _certification(path.name, path.stat().st_mtime_ns)
+            if earlier is not None and own & set(earlier.tests.values()):
                 found[path.name] = earlier
     return dict(sorted(found.items(), key=lambda kept: kept[1].date, reverse=True))
 
@@ -94,10 +94,12 @@ def keep_certification(content: bytes, campaign: Campaign) -> Earlier:
     return before[-1] if before else new
 
 
-@lru_cache(maxsize=200)
-def _certification(name: str) -> Earlier:
-    """What is kept under this name as an earlier certification; a DataError if it is something else."""
-    return Earlier.parse(_content(name) or b"")
+@lru_cache(maxsize=_MOST)
+def _certification(name: str, changed_ns: int) -> Earlier | None:  # noqa: ARG001 - of another time it is read again
+    """What is kept under this name, if it is a certification."""
+    with suppress(DataError):
+        return Earlier.parse(_content(name) or b"")
+    return None
 
 
 def _tidy() -> None:

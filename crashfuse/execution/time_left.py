@@ -10,7 +10,7 @@ _PRIOR_S = 3.0  # time that passes before the pace is believed more than what wa
 _PRIOR_SHARE = 0.1  # share of a step that is done before its own pace is believed more than that of all
 _LAST_SHARE = 0.1  # of a step that takes longer than expected, this share is left
 _OWN_S = 5.0  # time after which less than that share is enough
-_SETTLING_SHARE = 0.1  # of what is left, in which most of a new estimate is believed: it jumps where a step ends
+_SETTLING_SHARE = 0.1  # of what is left, in which most of a rise is believed: an estimate jumps where a step begins
 
 
 @dataclass(eq=False)
@@ -74,14 +74,15 @@ class TimeLeft:
                 other.mark_s, other.mark_done = now_s, other.done
 
     def left_s(self, now_s: float) -> float | None:
-        """Time left in s, which goes down with the clock towards the latest estimate; None if nothing is known."""
+        """Time left in s: an estimate that rises is believed bit by bit; None if nothing is known about the steps."""
         if not self._steps:
             return None
         left_s = self._estimate_s(now_s)
         if self._told is not None:
             for_s = now_s - self._told[1]
-            before_s = max(self._told[0] - for_s, 0.0)
-            left_s += (before_s - left_s) * math.exp(-for_s / max(_SETTLING_SHARE * left_s, 0.1))
+            risen_s = left_s - max(self._told[0] - for_s, 0.0)
+            if risen_s > 0:
+                left_s -= risen_s * math.exp(-for_s / (_SETTLING_SHARE * left_s))
         self._told = left_s, now_s
         return left_s
 

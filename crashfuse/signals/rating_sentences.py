@@ -93,7 +93,7 @@ def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
     worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
     told += f"; {100 * worst.magnitude_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
     if abs(worst.difference_mps2) < _BALANCED_MPS2:
-        return Sentence(f"{told}, as often too strong as too weak")
+        return Sentence(f"{told}, on average neither too strong nor too weak")
     size, side = acceleration(abs(worst.difference_mps2)), _side(worst.difference_mps2)
     return Sentence(f"{told}, on average {{}} {side}", size)
 

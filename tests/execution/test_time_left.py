@@ -50,7 +50,7 @@ def test_a_step_that_is_known_from_earlier_is_not_waited_for() -> None:
     left.take(Progress("Rate", 1, 2), 7.0)
     after_s = left.left_s(7.0)
     assert before_s == pytest.approx(26.0)
-    assert after_s == pytest.approx(3.0, abs=0.01)
+    assert after_s == pytest.approx(3.0)
 
 
 def test_a_slow_beginning_of_a_step_does_not_make_minutes_of_seconds() -> None:

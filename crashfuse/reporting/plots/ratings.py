@@ -31,7 +31,8 @@ def rating_heatmap(
         names.append("<i>A repeat</i>")
         z = np.column_stack([z, [repeats[test].value for test in tests]])
     mean = ["<b>Mean</b>"] if len(tests) > 1 else []
-    z = np.vstack([z, *(z.mean(axis=0) for _ in mean)])
+    if mean:
+        z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + mean
     text = [["" if np.isnan(value) else f"{value:.3f} {grade(value)}" for value in row] for row in z]
     figure = new_figure(height=_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
@@ -50,8 +51,9 @@ def rating_heatmap(
         ygap=2,
         showscale=False,
     )
-    clicked = [test for test in (*tests, *("" for _ in mean)) for _ in names]  # the mean belongs to no test
-    told = [f"{row}, {name}: {text[i][j]}" for i, row in enumerate(rows) for j, name in enumerate(names)]
+    clicked = [test for test in [*tests, ""][: len(rows)] for _ in names]  # the mean belongs to no test
+    heads = [name.replace("<br>", " ") for name in names]
+    told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(heads)]
     make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
     fix_cells(figure)
     figure.update_layout(margin={"t": _NAMES_PX, "b": _BELOW_PX})

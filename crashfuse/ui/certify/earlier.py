@@ -53,13 +53,14 @@ def _choose(certification: Certification) -> Earlier | None:
     """Offer those of this vehicle that are kept, to upload one, and to keep today's; None while none is chosen."""
     campaign, state = certification.campaign, st.session_state
     kept, of_these = kept_files.certifications(campaign), campaign.fingerprint[:8]
-    shown, wrong = f"kept of {of_these}", state.pop(_WRONG, None)
+    shown, file_key = f"kept of {of_these}", f"earlier file {of_these}"
+    earlier, wrong = None, state.pop(_WRONG, None)
     with st.container(horizontal=True, vertical_alignment="bottom"):
         place = st.container()
         with st.popover("Upload one", icon=":material/upload:"):
             label = f"The {FILE} of an earlier certification of this vehicle"
             try:
-                choose_kept(label, FILE, _CHOICE, f"earlier file {of_these}", lambda content: _read(content, campaign))
+                earlier = choose_kept(label, FILE, _CHOICE, file_key, lambda content: _read(content, campaign))
             except CrashfuseError as error:
                 wrong = wrong or error
         st.button("Keep today’s verdicts", icon=":material/bookmark_add:", on_click=_keep, args=(certification,))
@@ -71,7 +72,7 @@ def _choose(certification: Certification) -> Earlier | None:
     )  # fmt: skip
     if wrong is not None:
         raise wrong
-    return find_kept(FILE, _CHOICE, Earlier.parse)
+    return earlier
 
 
 def _read(content: bytes, campaign: Campaign) -> Earlier:

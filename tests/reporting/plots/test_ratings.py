@@ -45,7 +45,8 @@ def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
     assert list(marks.customdata) == ["A", "A", "B", "B", "", ""]
     assert list(marks.y) == [row for row in heat.y for _ in range(2)]
     assert list(marks.x) == list(heat.x) * 3
-    assert (figure.layout.hoverdistance, heat.hoverinfo) == (-1, "skip")
+    template = "%{hovertext}<extra></extra>"
+    assert (figure.layout.hoverdistance, heat.hoverinfo, marks.hovertemplate) == (-1, "skip", template)
     assert marks.hovertext[:2] == ("Test A, CAE: 0.500 Poor", "Test A, Fused: 0.900 Good")
 
 
