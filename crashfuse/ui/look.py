@@ -47,10 +47,12 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 @media (max-width: 1099px) {
   [data-testid="stSidebar"] { position: fixed !important; height: 100vh; z-index: 999990; box-shadow: 0 0 1rem #0006 }
 }
-/* where the keyboard is; what is around a figure would cut off a line outside it */
-:is(a, button, summary, [role="tab"], .js-plotly-plot):focus-visible {
+/* where the keyboard is; a line outside a figure would be cut off, and one inside lies under what is drawn */
+:is(a, button, summary, [role="tab"]):focus-visible {
   outline: 2px solid light-dark(#0B5CAD, #79B8F5) !important; outline-offset: 1px }
-.js-plotly-plot:focus-visible { outline-offset: -2px }
+.js-plotly-plot:focus-visible { position: relative; outline: none }
+.js-plotly-plot:focus-visible::after { content: ""; position: absolute; inset: 0; z-index: 1000; pointer-events: none;
+  border: 2px solid light-dark(#0B5CAD, #79B8F5) }
 [data-testid="stMain"] code { font-size: 0.8rem }
 [data-testid="stCaptionContainer"] code { color: inherit; background: none; padding: 0 }
 /* digits of one width, so that decimal points stand under each other */

@@ -50,6 +50,10 @@ def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: "Server
     user.wait(lambda: heat_map.get_attribute("tabindex") == "0")
     heat_map.send_keys(Keys.ARROW_UP)
     user.sees("Test T3", f"{FIGURE} .hoverlayer")
+    ring = "return getComputedStyle(document.activeElement, '::after').borderTopStyle"  # above what is drawn
+    assert user.browser.execute_script(ring) == "solid"
+    heat_map.send_keys(Keys.ESCAPE)
+    user.wait(lambda: not user.all(f"{FIGURE} .hoverlayer", "Test T3"), "Escape did not take the cursor away.")
     heat_map.send_keys(Keys.ENTER)
     user.sees("Test T3: 26.0 mph")
 
