@@ -31,7 +31,7 @@ def learning_curves(
     figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
     figure.update_yaxes(title=value)
     if all(value > 0 for points in curves.values() for _, value in points):
-        figure.update_yaxes(type="log", exponentformat="power", dtick="D2")
+        figure.update_yaxes(type="log", tickformat="~g", dtick="D2")
     return figure
 
 

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 from html import escape
-from textwrap import shorten
+from textwrap import shorten, wrap
 
 import plotly.graph_objects as go
 
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.reporting.plots.palette import CURSOR
 
-_WIDTH = 36  # characters of a mark's text; all of it is in the list of notes
-_STEPS, _STEP_PX = 3, 17  # texts of marks near each other stand at different heights
+_WIDTH, _LINES = 36, 2  # characters and lines of a mark's text; all of it is in the list of notes
+_STEPS, _STEP_PX = 3, 32  # texts of marks near each other stand at different heights
 _BEHIND = "rgba(255, 255, 255, 0.7)"
 
 
@@ -18,6 +18,7 @@ def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
     """Draw the notes that have a time into every row of a figure over time; returns the same figure."""
     marks = sorted((note for note in notes if note.start_ms is not None), key=lambda note: note.start_ms or 0.0)
     rows = sorted({trace.yaxis or "y" for trace in figure.data})
+    middle = sum(figure.layout.xaxis.range) / 2  # beyond it a text stands before its mark, inside the figure
     for number, mark in enumerate(marks):
         start, end = mark.start_ms or 0.0, mark.end_ms
         for row in rows:
@@ -28,9 +29,11 @@ def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
                 figure.add_shape(
                     type="rect", **place, x1=end, fillcolor=CURSOR, opacity=0.15, line_width=0, layer="below"
                 )
+        lines = wrap(shorten(mark.text, _WIDTH * _LINES, placeholder=" …"), _WIDTH, max_lines=_LINES, placeholder=" …")
         figure.add_annotation(
-            x=start, xref="x", y=0, yref=f"{rows[-1]} domain", yshift=_STEP_PX * (number % _STEPS), xanchor="left",
+            x=start, xref="x", y=0, yref=f"{rows[-1]} domain", yshift=_STEP_PX * (number % _STEPS),
+            xanchor="right" if start > middle else "left", align="left",
             yanchor="bottom", showarrow=False, font={"size": 12, "color": CURSOR}, bgcolor=_BEHIND, borderpad=1,
-            text=escape(shorten(mark.text, _WIDTH, placeholder=" …"), quote=False),
+            text="<br>".join(escape(line, quote=False) for line in lines),
         )  # fmt: skip
     return figure

@@ -24,8 +24,18 @@ def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
     assert len({note.yshift for note in words}) == 2  # near each other, they stand at different heights
 
 
-def test_a_long_text_is_shortened_on_the_figure(campaign: Campaign) -> None:
+def test_a_long_text_takes_two_lines_and_is_shortened(campaign: Campaign) -> None:
     """All of it is in the list of notes."""
     test = campaign.test("T2")
     marked = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "word " * 90, 10.0)])
-    assert len(marked.layout.annotations[-1].text) <= 36
+    lines = marked.layout.annotations[-1].text.split("<br>")
+    assert len(lines) == 2
+    assert max(map(len, lines)) <= 36
+    assert lines[-1].endswith("…")
+
+
+def test_a_late_mark_has_its_text_before_it(campaign: Campaign) -> None:
+    """Behind it, the figure's edge would cut the text."""
+    test = campaign.test("T2")
+    marked = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "early", 10.0), Note("T2", "late", 90.0)])
+    assert [note.xanchor for note in marked.layout.annotations[-2:]] == ["left", "right"]
