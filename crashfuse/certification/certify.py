@@ -12,7 +12,7 @@ from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge
+from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge, needs_no_test
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
@@ -75,7 +75,18 @@ class Certification:
 
     @property
     def waived(self) -> dict[str, tuple[float, float]]:
-        """Conditions that need not be run, as every criterion is met, and were not; with :func:`all_met` of each."""
+        """Conditions that need not be run, by :func:`needs_no_test`, and were not; with :func:`all_met` of each."""
+        return {i: both for i, both in self._each_met.items() if i not in self.uncertain}
+
+    @property
+    def uncertain(self) -> dict[str, tuple[float, float]]:
+        """Conditions, not run, where each criterion is met, but all at once not with the confidence; as ``waived``."""
+        rows = dict(zip(self.matrix.ids, self.verdicts, strict=True))
+        confidence = self.criteria.confidence
+        return {i: both for i, both in self._each_met.items() if not needs_no_test(rows[i], confidence)}
+
+    @property
+    def _each_met(self) -> dict[str, tuple[float, float]]:
         rows = zip(self.matrix.ids, self.verdicts, strict=True)
         return {i: all_met(row) for i, row in rows if all(own.word == "met" and not own.run for own in row)}
 
@@ -83,15 +94,20 @@ class Certification:
     def run_first(self) -> str | None:
         """The fastest of two or more conditions that a test can settle, after which others may need none; or None.
 
-        It was not run, misses no criterion, and has open ones, of which none takes a longer record to tell.
+        It was not run, misses no criterion, and has open ones, of which none takes a longer record to tell, or is
+        uncertain to meet all at once.
         """
+        uncertain = self.uncertain
         unsettled = [
             (row[0].condition.speed_mps, i)
             for i, row in zip(self.matrix.ids, self.verdicts, strict=True)
-            if not row[0].run
-            and all(own.word != "not met" for own in row)
-            and (undecided := [own for own in row if own.word == "open"])
-            and all(own.probability is not None for own in undecided)
+            if i in uncertain
+            or (
+                not row[0].run
+                and all(own.word != "not met" for own in row)
+                and (undecided := [own for own in row if own.word == "open"])
+                and all(own.probability is not None for own in undecided)
+            )
         ]
         return max(unsettled)[1] if len(unsettled) > 1 else None
 
@@ -200,7 +216,7 @@ def _record(campaign: Campaign, criteria: Criteria, approach: str, forecasts: di
     """Compare the verdicts on left-out tests, each from the others alone, with what was measured."""
     trials = []
     for test_id, way, held_out in _left_out(campaign):
-        test, domain = campaign.test(test_id), Domain.of(campaign.without(held_out))
+        test, domain = campaign.test(test_id), Domain.of(campaign.without(held_out), for_record=True)
         own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
         for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
             criterion = verdict.criterion

@@ -3,6 +3,7 @@
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -67,9 +68,24 @@ def _checked(items: list[dict[str, Any]], confidence: object, where: str, proble
             problems.append(Problem(own, "each name once", f"{criterion.name!r} a second time", advice))
         elif criterion is not None:
             found[criterion.name] = criterion
+    problems += [problem for pair in combinations(found.values(), 2) if (problem := _at_odds(*pair, where)) is not None]
     if problems or not _is_number(confidence):
         raise DataError(problems)
     return Criteria(tuple(found.values()), float(confidence))
+
+
+def _at_odds(one: Criterion, other: Criterion, where: str) -> Problem | None:
+    """What is wrong with two criteria on one quantity: that no value meets both, or that they are the same."""
+    if (one.metric, one.window_ms) != (other.metric, other.window_ms):
+        return None
+    low = max((own.at_least for own in (one, other) if own.at_least is not None), default=-math.inf)
+    high = min((own.at_most for own in (one, other) if own.at_most is not None), default=math.inf)
+    found = f"{one.name!r} with {one.limits}, {other.name!r} with {other.limits}"
+    if high < low:
+        return Problem(where, f"limits of {one.metric} that one value can meet", found, "correct one of them")
+    if (one.at_least, one.at_most) == (other.at_least, other.at_most):
+        return Problem(where, f"each limit of {one.metric} once", found, "remove one of them")
+    return None
 
 
 class _Check:

@@ -13,7 +13,9 @@ from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
-_BEYOND_MPS = 5 * MPH  # farthest beyond the slowest or fastest test
+FARTHEST_BEYOND_MPS = 5 * MPH
+"""A condition is no farther beyond the slowest or fastest test."""
+
 _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
 
 
@@ -27,7 +29,8 @@ class Domain:
     speeds_mps : tuple of float
         Of the tests, ascending.
     reach_mps : float
-        Largest distance in speed from a left-out group to the nearest remaining test.
+        Largest distance in speed from a left-out group to the nearest remaining test; that of the slowest and of the
+        fastest group up to 5 mph.
     below_mps, above_mps : float
         How far below the slowest and above the fastest test a condition may be: as far as the group there was from the
         others, but not more than 5 mph.
@@ -47,18 +50,22 @@ class Domain:
     cae: CaeLibrary
 
     @classmethod
-    def of(cls, campaign: Campaign) -> Self:
-        """The domain of a campaign with one test or more."""
+    def of(cls, campaign: Campaign, *, for_record: bool = False) -> Self:
+        """The domain of a campaign with one test or more.
+
+        ``for_record`` is that of tests from which others were left out. Verdicts on these are compared with what was
+        measured, so that they are given from as far as any group is from the others, the outermost included.
+        """
         tests = sorted(campaign.tests, key=lambda test: test.condition.speed_mps)
         speeds = np.array([test.condition.speed_mps for test in tests])
-        gaps = []
-        for test in tests:
-            group = campaign.speed_group(test.id)
+        groups, gaps = [campaign.speed_group(test.id) for test in tests], []
+        for test, group in zip(tests, groups, strict=True):
             rest = [t.condition.speed_mps for t in tests if t.id not in group]
-            gaps.append(float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0)
+            gap = float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0
+            gaps.append(min(gap, FARTHEST_BEYOND_MPS) if group in (groups[0], groups[-1]) and not for_record else gap)
         masses = np.array([test.condition.mass_kg for test in tests])
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
-        below, above = (min(max(gap, SPEED_STEP_MPS), _BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
+        below, above = (min(max(gap, SPEED_STEP_MPS), FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
         ends = float(masses.min()) - slack, float(masses.max()) + slack
         return cls(
             len(tests),

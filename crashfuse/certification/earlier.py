@@ -14,7 +14,7 @@ from crashfuse.campaign_folder.ids import id_trouble
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.criteria_file import criteria_of
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.verdict import WORDS, Word
+from crashfuse.certification.verdict import WORDS, Word, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable
 from crashfuse.study.estimate import is_beyond
@@ -79,9 +79,9 @@ class Earlier:
 
     @property
     def waived(self) -> tuple[str, ...]:
-        """Conditions that needed no test, as every criterion was met, and had none."""
-        rows = zip(self.matrix.ids, self.verdicts, strict=True)
-        return tuple(i for i, row in rows if i not in self.run and all(own.word == "met" for own in row))
+        """Conditions that needed no test, by :func:`needs_no_test`, and had none."""
+        rows, confidence = zip(self.matrix.ids, self.verdicts, strict=True), self.criteria.confidence
+        return tuple(i for i, row in rows if i not in self.run and needs_no_test(row, confidence))
 
     @property
     def said(self) -> Hashable:

@@ -39,6 +39,11 @@ class Matrix:
     def __repr__(self) -> str:
         return f"<Matrix of {len(self.ids)} condition{'s' * (len(self.ids) > 1)}>"
 
+    @property
+    def items(self) -> tuple[tuple[str, Condition], ...]:
+        """Each condition with its id."""
+        return tuple(zip(self.ids, self.conditions, strict=True))
+
     @classmethod
     def read(cls, path: Path, factors: Mapping[str, Sequence[str]]) -> Self:
         """Read ``matrix.csv``, a table like ``tests.csv``; ``factors`` are those of the campaign.

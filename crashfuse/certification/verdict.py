@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Literal, Protocol, get_args
 
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecast import Forecast, quantity
@@ -60,7 +60,19 @@ class Verdict:
         return self.word in ("met", "not met")
 
 
-def all_met(verdicts: Sequence[Verdict]) -> tuple[float, float]:
+class Judged(Protocol):
+    """What a verdict says of a criterion."""
+
+    @property
+    def word(self) -> str:
+        """One of :data:`WORDS`."""
+
+    @property
+    def probability(self) -> float | None:
+        """That a test would meet it; None if it is not known."""
+
+
+def all_met(verdicts: Sequence[Judged]) -> tuple[float, float]:
     """Least and greatest probability that a test meets all these criteria at once, by that of each.
 
     It is 1 minus the sum of the risks where never two are missed together (Boole's inequality), and that of the least
@@ -68,6 +80,11 @@ def all_met(verdicts: Sequence[Verdict]) -> tuple[float, float]:
     """
     each = [verdict.probability or 0.0 for verdict in verdicts]
     return max(1 - sum(1 - own for own in each), 0.0), min(each)
+
+
+def needs_no_test(verdicts: Sequence[Judged], confidence: float) -> bool:
+    """Whether every criterion is met at a condition, and all of them at once (:func:`all_met`) with the confidence."""
+    return all(verdict.word == "met" for verdict in verdicts) and all_met(verdicts)[0] >= confidence - 1e-12
 
 
 def towards_half(probability: float) -> float:

@@ -35,8 +35,8 @@ def certify(arguments: argparse.Namespace) -> None:
     if arguments.since and arguments.out.resolve() in (arguments.since.resolve(), arguments.since.resolve().parent):
         raise UsageError(f"{arguments.out} holds the earlier certification; name another folder for --out.")
     earlier = Earlier.read(arguments.since) if arguments.since else None
-    criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     campaign = load_campaign(arguments.campaign)
+    criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     if earlier is not None:
         earlier.unknown_of(campaign)  # or another vehicle's would be told only once all is computed
     matrix = _matrix(arguments, campaign)

@@ -7,10 +7,11 @@ import pandas as pd
 from crashfuse.certification.changes import Change, Changes
 from crashfuse.certification.earlier import EarlierVerdict
 from crashfuse.certification.verdict import Verdict
-from crashfuse.reporting.certification_sentences import at_most, counted, listed
+from crashfuse.reporting.certification_sentences import listed
 from crashfuse.reporting.certification_tables import condition_columns, factors_of, probability_text
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certification_settings
+from crashfuse.reporting.track_record_sentences import at_most, counted
 from crashfuse.wording import Sentence
 
 _DIGEST = 12  # characters of it in a sentence

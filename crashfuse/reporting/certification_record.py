@@ -47,7 +47,7 @@ def certification_record(certification: Certification, *, since: bool = False) -
     """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
-    brier, (left_out, saved, wrong) = record.brier, record.waived(criteria.items)
+    brier, (tests, saved, wrong) = record.brier, record.waived(criteria)
     (inside, intervals), (telling, missed) = record.intervals, record.telling.decided
     return {
         **provenance(campaign, campaign.test_ids, config),
@@ -78,7 +78,7 @@ def certification_record(certification: Certification, *, since: bool = False) -
         "run_first": certification.run_first,
         "track_record": {
             **record_counts(record),
-            "waived": {"left_out": left_out, "n": saved, "wrong": wrong, "wrong_at_most": bound(wrong, saved)},
+            "waived": {"tests": tests, "n": saved, "wrong": wrong, "wrong_at_most": bound(wrong, saved)},
             "telling": {"n": telling, "wrong": missed, "wrong_at_most": bound(missed, telling)},
             "intervals": {"n": intervals, "inside": inside},
             "brier": None if brier is None else brier[0],

@@ -17,7 +17,7 @@ from crashfuse.wording import MPH_LB, UnitSystem, said
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
-    *("value", "lower", "upper", "basis"),
+    *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted"),
 )
 _JUDGED = ("met", "not met", "decided")
 
@@ -82,18 +82,22 @@ def condition_columns(condition_id: str, condition: Condition, factors: Sequence
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, one row a test, what was left out with it, and criterion."""
-    basis = _bases(certification.campaign)
+    """All verdicts on left-out tests, one row a test, what was left out with it, and criterion.
+
+    ``counted`` is false where a speed group is the test alone, whose verdict counts once.
+    """
+    basis, counted = _bases(certification.campaign), certification.record.counted
     rows = [
         (
             t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
-            v.upper, basis[v.criterion.metric],
+            v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
+            v.criterion.unit, t in counted,
         )
         for t in certification.record.trials
         for v in [t.verdict]
     ]  # fmt: skip
     table = pd.DataFrame(rows, columns=list(_TRIAL_COLUMNS))
-    return table.astype(dict.fromkeys(("probability", "measured", "value", "lower", "upper"), float))
+    return table.astype(dict.fromkeys(("measured", *({*_NUMBERS} & {*_TRIAL_COLUMNS})), float))
 
 
 def verdict_counts(certification: Certification) -> dict[str, int]:

@@ -34,6 +34,15 @@ const leave = event => {
   const figure = event.target, area = areaOf(figure);
   if (area && figure.cursor) point(area, figure, "mouseout");
 };
+const follow = (from, tries) => {  // a page that a click opened gets the focus, which was lost with the figure
+  const title = document.querySelector('[data-testid="stMain"] h1');
+  if (location.pathname === from || !title || document.querySelector(".js-plotly-plot:focus")) {
+    if (tries) setTimeout(follow, 200, from, tries - 1);
+  } else if (document.activeElement === document.body) {
+    title.tabIndex = -1;
+    title.focus();
+  }
+};
 const press = event => {
   const figure = event.target, area = areaOf(figure);
   if (!area || event.ctrlKey || event.altKey || event.metaKey) return;
@@ -45,6 +54,7 @@ const press = event => {
     point(area, figure, "mousemove");
   } else if (event.key === "Enter") {
     for (const kind of ["mousemove", "mousedown", "mouseup"]) point(area, figure, kind);
+    follow(location.pathname, 50);
   } else if (event.key === "Escape") {
     leave(event);
   } else {

@@ -57,6 +57,13 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 [data-testid="stCaptionContainer"] code { color: inherit; background: none; padding: 0 }
 /* digits of one width, so that decimal points stand under each other */
 [data-testid="stTable"] td, .cf-ratings { font-variant-numeric: tabular-nums }
+/* a shadow where a table goes on beside what is seen of it; what lies before the shadow moves with the table */
+[data-testid="stTable"] :has(> table) {
+  --page: light-dark(#FFFFFF, #14181F); --shadow: light-dark(#0003, #FFF4);
+  background: linear-gradient(to right, var(--page) 60%, transparent) left / 2rem 100% no-repeat local,
+    linear-gradient(to left, var(--page) 60%, transparent) right / 2rem 100% no-repeat local,
+    linear-gradient(to right, var(--shadow), transparent) left / 0.7rem 100% no-repeat,
+    linear-gradient(to left, var(--shadow), transparent) right / 0.7rem 100% no-repeat }
 /* sentences in a table use a wide window's room; Streamlit breaks them at 400 px */
 @media (min-width: 1800px) { [data-testid="stTable"] [data-testid="stMarkdownContainer"] { max-width: 45rem } }
 /* on a browser's first visit the sidebar is narrower than requested; three windows would not fit side by side */

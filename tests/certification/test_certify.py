@@ -139,7 +139,10 @@ def test_a_metric_that_no_pulse_is_long_enough_for_leaves_the_others_judged(camp
     assert slow.reason.startswith("The record is too short to predict the OLC")
     assert (found.waived, found.run_first) == ({}, None)
     [condition] = found.matrix.ids
-    assert f"The record is too short to tell: {condition} (slow)." in to_test(found)
+    assert (
+        f"Recordings end too early to tell, so a test there has to be recorded for longer: {condition} (slow)."
+        in to_test(found)
+    )
     assert "OLC" in certification_report(found)
 
 
@@ -193,7 +196,8 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
     ]
     assert rating.run == {test.id: trial.measured}
     told = list(to_test(found))
-    assert told[0] == f"Run already: P1 (test {test.id}), P2 (test {test.id})."
+    missed = f"(test {test.id}, which missed peak)"
+    assert told[0] == f"Run already: P1 {missed}, P2 {missed}."
     assert not any("P1" in sentence for sentence in told if sentence.startswith(("Need not be run", "To be tested")))
     assert certification_table(found)["test"].tolist() == [test.id] * 6 + [""] * 3
     assert certification_record(found)["run"]["P1"][test.id]["crush"] == crush.run[test.id]  # type: ignore[index]

@@ -91,6 +91,14 @@ CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
         ),
         (f'{CRUSH}at_most = 650\nname = " "', "expected a name of at most 100 characters in one line"),
         (f"{CRUSH}at_most = 1\n{CRUSH}at_most = 2", "criterion 2: expected each name once, found 'max_crush' a second"),
+        (
+            f'{CRUSH}at_most = 600\n{CRUSH}name = "deep"\nat_least = 700',
+            "that one value can meet, found 'max_crush' with at most 600 mm, 'deep' with at least 700",
+        ),
+        (
+            f'{CRUSH}at_most = 600\n{CRUSH}name = "again"\nat_most = 600',
+            "expected each limit of max_crush once, found 'max_crush' with at most 600 mm, 'again' with at most 600 mm",
+        ),
         ('[[criterion]]\nmetric = "rating"\nat_least = 1.2', "for at_least, up to 1, found 1.2"),
         ('[[criterion]]\nmetric = "rating"\nunit = "g"\nat_least = 0.8', "expected no unit for the rating, found g"),
         ('[[criterion]]\nmetric = "rating"\nwindow_ms = 150\nat_least = 0.8', "expected a window_ms from 10 to 100"),

@@ -45,6 +45,18 @@ def test_speed_is_checked_as_far_as_groups_were_left_out(wide: Campaign, speed_m
     assert found == (() if said is None else (said,))
 
 
+def test_a_wider_gap_below_the_fastest_tests_does_not_widen_what_is_checked(wide: Campaign) -> None:
+    """How far the outermost group is from the others was predicted from one side alone: it counts up to 5 mph."""
+    for fastest in (30.0, 45.0):
+        tests = tuple(
+            CrashTest(f"T{i}", replace(wide.tests[0].condition, speed_mps=v * MPH), wide.tests[0].pulse)
+            for i, v in enumerate((15.0, 18.0, 21.0, fastest))
+        )
+        campaign = replace(wide, tests=tests)
+        assert Domain.of(campaign).reach_mps == pytest.approx(5 * MPH)
+        assert Domain.of(campaign, for_record=True).reach_mps == pytest.approx((fastest - 21) * MPH)
+
+
 def test_a_gap_wider_than_any_that_was_left_out_is_outside(wide: Campaign) -> None:
     """Tests at 15, 18, 21 and 50, 53 mph: the middle of the gap is farther from a test than any left-out test was."""
     speeds = (15.0, 18.0, 21.0, 50.0, 53.0)

@@ -77,9 +77,12 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(
     columns = ["held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"]
     assert list(trials)[:7] == columns
     assert len(trials) == 4 * 2 * 3
+    assert set(trials["unit"].dropna()) == {"mm", "g"}
     crush = trials.query("criterion == 'crush'")
     assert (crush["met"] == (crush["measured"] <= 430)).all()
     record = json.loads((tmp_path / "out" / "certification.json").read_text(encoding="utf-8"))
+    told = record["track_record"]
+    assert sum(trials["counted"]) == sum(told[word]["n"] for word in ("met", "not met", "open", "outside"))
     counts = verdicts["verdict"].value_counts()
     assert record["verdicts"] == {word: int(counts.get(word, 0)) for word in ("met", "not met", "open", "outside")}
     by_criterion = [own["verdicts"] for own in record["by_criterion"].values()]
@@ -87,7 +90,7 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(
     printed = capsys.readouterr().out
     assert f"3 conditions × 3 criteria, confidence 0.8: {record['verdicts']['met']} met" in printed
     assert all(sentence in printed for sentence in record["sentences"])
-    assert "Outside what the tests check: C." in printed
+    assert "Outside what the tests check: C: 7" in printed
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -14,22 +15,20 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
-from crashfuse.reporting.certification_sentences import (
-    brier_sentence,
-    domain_sentences,
-    exceptions,
-    interval_sentence,
-    least_text,
-    record_sentence,
-    summary,
-    support_sentence,
-    waived_sentence,
-)
+from crashfuse.reporting.certification_sentences import exceptions, least_text, summary
 from crashfuse.reporting.certification_tables import counts_table, probability_text, record_counts
+from crashfuse.reporting.domain_sentences import domain_sentences
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import repeats_table
+from crashfuse.reporting.track_record_sentences import (
+    brier_sentence,
+    interval_sentence,
+    record_sentence,
+    support_sentence,
+    waived_sentence,
+)
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.repeatability import repeatability
 
@@ -54,6 +53,7 @@ def certification_report(
         certify_command(certification.config, display.system, since=changes is not None),
         display,
         campaign.test_ids,
+        date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         words=WORDS,
         summary=summary(certification),
         n_conditions=len(certification.matrix.ids),
@@ -70,7 +70,7 @@ def certification_report(
         changes=() if changes is None else change_sentences(changes),
         earlier=None if changes is None else changes.earlier,
         changed=None if changes is None else _shortened(shown_changes(changes, display), "changes.csv"),
-        record=[record_sentence(record), *waived_sentence(record, criteria.items)],
+        record=[record_sentence(record), *waived_sentence(record, criteria)],
         record_figures=list(_record_figures(certification, display)),
         record_counts=_record_counts(record, criteria.items),
         evidence=[*interval_sentence(record), *brier_sentence(record)],

@@ -4,17 +4,17 @@ import pandas as pd
 import streamlit as st
 
 from crashfuse.certification.certify import Certification
-from crashfuse.reporting.certification_sentences import (
+from crashfuse.reporting.certification_sentences import exceptions
+from crashfuse.reporting.certification_tables import record_counts
+from crashfuse.reporting.domain_sentences import domain_sentences
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.track_record_sentences import (
     brier_sentence,
-    domain_sentences,
-    exceptions,
     interval_sentence,
     record_sentence,
     support_sentence,
     waived_sentence,
 )
-from crashfuse.reporting.certification_tables import record_counts
-from crashfuse.reporting.plots.display import Display
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
@@ -32,7 +32,7 @@ def show(judgement: Judgement) -> None:
         "Every test was left out, alone and with all others at about its speed, got its verdicts from the remaining "
         "tests, and is compared with what was measured."
     )
-    waived = waived_sentence(record, certification.criteria.items)
+    waived = waived_sentence(record, certification.criteria)
     evidence = *interval_sentence(record), *brier_sentence(record)
     st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *waived, *evidence)))
     if not record.trials:

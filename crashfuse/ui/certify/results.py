@@ -7,11 +7,12 @@ from pandas.io.formats.style import Styler
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
-from crashfuse.reporting.certification_sentences import at_most, beside_matrix
-from crashfuse.reporting.certification_tables import verdict_counts
+from crashfuse.reporting.certification_sentences import beside_matrix
+from crashfuse.reporting.certification_tables import probability_text, verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
+from crashfuse.reporting.track_record_sentences import at_most
 from crashfuse.ui import explanations
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.figures import show_clickable
@@ -32,21 +33,24 @@ _MEANINGS = {
 def show(judgement: Judgement) -> None:
     """Show the counts of verdicts, the matrix in which a cell can be chosen, and all of them as a table."""
     verdicts, certification, display = judgement.verdicts, judgement.certification, judgement.display
-    counts, columns = verdict_counts(certification), st.columns(len(WORDS) + 1)
-    for column, word in zip(columns, WORDS, strict=False):
+    counts, (answer, wrong, *columns) = verdict_counts(certification), st.columns(len(WORDS) + 2)
+    n, n_waived = len(certification.matrix.ids), len(certification.waived)
+    answer.metric(
+        "Need not be run", f"{n_waived} of {n}", f"{100 * n_waived / n:.0f} %", delta_color="off", delta_arrow="off",
+        help="Conditions at which a test would meet all criteria at once, with the confidence asked for.",
+    )  # fmt: skip
+    _, saved, missed = certification.record.waived(certification.criteria)
+    wrong.metric(
+        "Such answers wrong", f"{missed} of {saved}" if saved else "–", at_most(missed, saved) if saved else None,
+        delta_color="off", delta_arrow="off", help="Of left-out tests that need not have been run by their verdicts, "
+        "those that missed a criterion; with the exact one-sided 95 % bound of their share.",
+    )  # fmt: skip
+    for column, word in zip(columns, WORDS, strict=True):
         share = f"{100 * counts[word] / len(certification.cells):.0f} %"
         column.metric(
             word.capitalize(), f"{counts[word]:,}", share, delta_color="off", delta_arrow="off", help=_MEANINGS[word]
         )
-    decided, wrong = certification.record.telling.decided
-    columns[-1].metric(
-        "Wrong left-out verdicts", f"{wrong} of {decided}" if decided else "–",
-        at_most(wrong, decided) if decided else None, delta_color="off",
-        delta_arrow="off", help="Of verdicts met and not met, one a metric of a test, on limits that some test came "
-        "near; with the exact one-sided 95 % bound of their share.",
-    )  # fmt: skip
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
-    n = len(certification.matrix.ids)
     with st.container(height=46 + 24 * FEW_CONDITIONS if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(
             lambda: verdicts.plot(display=display),
@@ -75,7 +79,7 @@ def _show_table(certification: Certification, display: Display) -> None:
         height=min(36 * len(table) + 40, 560),
         column_config={
             display.title("Speed", "mph"): st.column_config.NumberColumn(format="%.1f"),
-            "Probability": st.column_config.NumberColumn(format="%.3f"),
+            "Probability": st.column_config.TextColumn(alignment="right"),
             "Reason": st.column_config.TextColumn(width="large"),
         },
         alt="Verdicts by condition and criterion, with values, intervals, probabilities and reasons",
@@ -112,7 +116,7 @@ def _table(certification: Certification, display: Display) -> pd.DataFrame:
             "Limit": display.words(verdict.criterion.limits),
             "Expected": display.words(verdict.criterion.shown(verdict.value)),
             "95 % of tests": display.words(verdict.criterion.interval(verdict.lower, verdict.upper)),
-            "Probability": verdict.probability,
+            "Probability": probability_text(verdict.probability),
             "Verdict": verdict.word,
             "Reason": display.words(verdict.reason),
         }

@@ -1,0 +1,101 @@
+"""What the record of left-out tests says of verdicts, in words."""
+
+from collections.abc import Iterator
+
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.wording import Sentence
+
+
+def at_most(wrong: int, n: int) -> str:
+    """The exact 95 % bound of the share of wrong ones: ``at most 4.5 %``."""
+    return f"at most {100 * largest_share(wrong, n):.1f} %"
+
+
+def record_sentence(record: TrackRecord) -> str:
+    """How often the verdicts on left-out tests were wrong, with the exact bound."""
+    if not record.trials:
+        return "There is no record: with a single test, none can be left out."
+    decided, wrong = record.decided
+    if not decided:
+        return f"None of the {counted(len(record.counted), 'verdict')} on left-out tests was met or not met: no record."
+    undecided = len(record.counted) - decided
+    said = (
+        f"Record of left-out tests: {counted(decided, 'verdict')} met or not met, {wrong} wrong "
+        f"({at_most(wrong, decided)}, exact 95 % bound if they did not hang together); {undecided} open or outside."
+    )
+    telling, missed = record.telling.decided
+    if telling == decided:
+        return said
+    rest = f"without them, {missed} of {telling} wrong ({at_most(missed, telling)})" if telling else "none is left"
+    rest_of = f"{decided - telling} of the {decided} show nothing more, on a metric a second time or on limits that no"
+    return f"{said} {rest_of} left-out test came near: {rest}."
+
+
+def waived_sentence(record: TrackRecord, criteria: Criteria) -> Iterator[str]:
+    """How many left-out tests need not have been run, and how many of them missed a criterion, with the exact bound."""
+    left_out, saved, wrong = record.waived(criteria)
+    if not left_out:
+        return
+    times = f"Of {counted(left_out, 'test')}, left out alone and with the speed group,"
+    if saved:
+        yield (
+            f"{times} {saved} need not have been run, as every criterion was met; {wrong} of these missed one all the "
+            f"same ({at_most(wrong, saved)}, exact 95 % bound)."
+        )
+    else:
+        yield (
+            f"{times} none met every criterion by its verdicts. How often a test that need not be run would miss one, "
+            "this record cannot say."
+        )
+
+
+def interval_sentence(record: TrackRecord) -> Iterator[str]:
+    """How many intervals held what left-out tests measured, if there are any."""
+    inside, n = record.intervals
+    if n:
+        yield (
+            f"{inside} of {counted(n, 'interval')} held what the left-out test measured ({100 * inside / n:.0f} %; "
+            "made to hold 95 % of single tests), of left-out tests inside what the others check."
+        )
+
+
+def brier_sentence(record: TrackRecord) -> Iterator[str]:
+    """The Brier score of the left-out probabilities beside that of the raw CAE, if there is one."""
+    if record.brier is not None:
+        ours, cae = (f"{score:.4f}" if score >= 5e-5 else "below 0.0001" for score in record.brier)
+        yield (
+            f"Brier score of the probabilities of metrics, ratings aside (0 is perfect): {ours}; {cae} for the raw CAE "
+            "with its own error as band."
+        )
+
+
+def support_sentence(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
+    """What the record says of a criterion at this confidence."""
+    support = record.support(criterion)
+    if (shortfall := support.shortfall(confidence)) is not None:
+        return shortfall
+    if (reservation := support.reservation(confidence)) is not None:
+        return reservation
+    own = f"{support.own_wrong} of {counted(support.own_decided, 'left-out verdict')} of its own wrong"
+    others = f", {support.wrong} of {support.decided} with those on other criteria"
+    return f"It supports the confidence: {own}{others if support.decided > support.own_decided else ''}."
+
+
+def wrong_sentences(record: TrackRecord) -> Iterator[str]:
+    """Each verdict on a left-out test that it contradicted."""
+    for trial in record.counted:
+        if trial.wrong:
+            verdict = trial.verdict
+            measured = verdict.criterion.shown(trial.measured)
+            way = "alone" if trial.left_out == "test" else "with its speed group"
+            yield Sentence(
+                "{}, left out {}: {} ({}) was said to be {}; measured {}.",
+                trial.held_out, way, verdict.criterion.name, verdict.criterion.limits, verdict.word, measured,
+            )  # fmt: skip
+
+
+def counted(n: int, noun: str) -> str:
+    """A number with its noun: ``3 criteria``."""
+    plural = "criteria" if noun == "criterion" else f"{noun}s"
+    return f"{n:,} {noun if n == 1 else plural}"
