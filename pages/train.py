@@ -76,18 +76,19 @@ def show_models(fitted: Fitted) -> None:
         icon=":material/check_circle:",
     )
     show_link("predict", "Predict a new condition")
-    download_bytes("models.zip", partial(fitted.models, campaign))
+    download_bytes("models.zip", partial(fitted.models, campaign), campaign.name)
     st.caption("The files that `crashfuse train` writes, zipped; `crashfuse predict --models` reads their folder.")
 
 
 def show_predicted_so_far(study: Study) -> None:
-    """Say which approaches have predicted already; if there is one test, it can be compared by them."""
+    """Say which approaches have predicted already; their tests can be compared by them."""
     explanations.show_missing(config, study.config.approaches)
     window_ms = view.display.window_ms
     rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
-    st.markdown(f"Rated already, {page_tables.window_label(window_ms)}: {rated}.")
-    if len(study.folds) == 1:
-        link_to_tests(study)
+    n = len(study.folds)
+    of = plain(study.folds[0].held_out) if n == 1 else f"mean of {n} tests"
+    st.markdown(f"Rated already, {of}, {page_tables.window_label(window_ms)}: {rated}.")
+    link_to_tests(study)
 
 
 def show_predicted(study: Study) -> None:

@@ -31,15 +31,18 @@ class _Shown:
     x: pd.Series
     y: dict[str, FloatArray]
     is_band: bool = False
+    broken: bool = False  # a band with gaps
     beside: dict[str, Sequence[object]] = field(default_factory=dict)
+    plot: str = ""  # heading of its plot, of several above each other
 
 
 def figure_table(drawn: Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
     """What a figure shows, one row a position on its x axis; units are in the names of the columns.
 
     Curves over the same positions stand side by side, one column each and two for a band. Where positions differ, or
-    points carry names, the table is long: the first column names the curve. A heat map is a table of its cells. The
-    edges of a band are drawn through fewer points than its curve; between these points their cells are empty.
+    points carry names, the table is long: the first column names the curve, the next its plot, of several.
+    A heat map is a table of its cells. The edges of a band are drawn through fewer points than its curve; between these
+    they are interpolated, as they are drawn.
 
     Parameters
     ----------
@@ -59,7 +62,8 @@ def figure_table(drawn: Mapping[str, Any], hidden: Collection[int] = ()) -> pd.D
             return _matrix(trace)
     shown = list(_named(shown))
     read = [_band(trace, layout) if trace.get("meta") == BAND else _points(trace, layout) for trace in shown]
-    curves = _named_apart([curve for curve in read if len(curve.x)])
+    headings = _headings(layout)
+    curves = _named_apart([replace(curve, plot=headings.get(curve.axis, "")) for curve in read if len(curve.x)])
     return _side_by_side(curves) if _have_one_axis(curves) else _long(curves)
 
 
@@ -132,6 +136,14 @@ def _positions(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> pd.Series
     return pd.Series(values, name=_title(layout, trace.get("xaxis") or "x"))
 
 
+def _headings(layout: Mapping[str, Any]) -> dict[str, str]:
+    """What stands above each plot, by its y axis, where something does."""
+    tops = {f"y{key[5:]}": axis["domain"][1] for key, axis in layout.items() if key[:5] == "yaxis" and "domain" in axis}
+    texts = {note["y"]: _text(note["text"]) for note in layout.get("annotations", ()) if note.get("yref") == "paper"}
+    found = {"y" if axis == "y1" else axis: texts[top] for axis, top in tops.items() if top in texts}
+    return found if len(found) > 1 else {}
+
+
 def _points(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
     """A curve or points, with the ends of their intervals."""
     axis, x = trace.get("yaxis") or "y", _positions(trace, layout)
@@ -166,7 +178,7 @@ def _band(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
     forth, back = (np.concatenate(places) for places in zip(*((f, b[::-1]) for f, b in halves), strict=True))
     ends = np.minimum(y[forth], y[back]), np.maximum(y[forth], y[back])
     at = pd.Series(_values(trace["x"])[forth], name=_title(layout, trace.get("xaxis") or "x"))
-    return _Shown(trace["name"], axis, at, _ends(_title(layout, axis), *ends), True)
+    return _Shown(trace["name"], axis, at, _ends(_title(layout, axis), *ends), True, broken=len(halves) > 1)
 
 
 def _ends(title: str, lower: FloatArray, upper: FloatArray) -> dict[str, FloatArray]:
@@ -205,15 +217,19 @@ def _side_by_side(curves: Sequence[_Shown]) -> pd.DataFrame:
     columns: dict[str, pd.Series] = {}
     for curve in curves:
         for title, values in curve.y.items():
-            columns[f"{curve.name}: {title}" if curve.name else title] = pd.Series(values, index=curve.x)
+            drawn = pd.Series(values, index=curve.x)
+            if curve.is_band and not curve.broken:
+                drawn = drawn.reindex(longest).interpolate("index", limit_area="inside")
+            columns[f"{curve.name}: {title}" if curve.name else title] = drawn
     table = pd.DataFrame(columns).reindex(longest)
     return table.rename_axis(longest.name).reset_index()
 
 
 def _long(curves: Sequence[_Shown]) -> pd.DataFrame:
     parts = [
-        pd.DataFrame({"Curve": curve.name, str(curve.x.name): curve.x.to_numpy(), **curve.y, **curve.beside})
+        pd.DataFrame({"Curve": curve.name, **plot, str(curve.x.name): curve.x.to_numpy(), **curve.y, **curve.beside})
         for curve in curves
+        for plot in [{"Plot": curve.plot}] * bool(curve.plot) or [{}]
     ]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 

@@ -21,8 +21,75 @@ _HTML = """
 <button type="button" data-format="csv" title="Save the numbers of the curves and bands that are visible">CSV</button>
 </div>
 """
-# the camera of Plotly draws the image; it reads its settings when it is pressed
+# The camera of Plotly draws the image, with its settings when it is pressed. Its words have the room that they take in
+# the page's font, which other programs do not have: so the font goes with them, and their lengths are written down.
 _JS = """
+const SHARP = 3, WAIT_MS = 30000;
+const drawn = (figure, filename) => new Promise((resolve, reject) => {
+  const url = URL.createObjectURL, click = HTMLAnchorElement.prototype.click;
+  let taken;
+  const restore = () => { URL.createObjectURL = url; HTMLAnchorElement.prototype.click = click; };
+  URL.createObjectURL = blob => url.call(URL, taken = blob);
+  HTMLAnchorElement.prototype.click = function () {
+    if (this.download !== `${filename}.svg`) return click.call(this);
+    restore();
+    resolve(taken.text());
+  };
+  setTimeout(() => { restore(); reject(); }, WAIT_MS);
+  Object.assign(figure._context.toImageButtonOptions, { format: "svg", filename, scale: 1 });
+  const tools = [...figure.querySelectorAll(".modebar-btn")];
+  tools.find(tool => /download plot/i.test(tool.dataset.title ?? ""))?.click();
+});
+const address = blob => new Promise(resolve => {
+  const reader = new FileReader();
+  reader.onload = () => resolve(reader.result);
+  reader.readAsDataURL(blob);
+});
+const font = async () => {
+  const rules = [...document.styleSheets].flatMap(sheet => {
+    try { return [...sheet.cssRules]; } catch { return []; }
+  });
+  const rule = rules.find(({ style }) =>
+    /^["']?Source Sans["']?$/.test(style?.fontFamily ?? "") && style.src && style.fontStyle !== "italic");
+  if (!rule) return "";
+  const [, source] = rule.style.src.match(/url\\(["']?([^"')]+)/);
+  const file = await fetch(new URL(source, rule.parentStyleSheet.href ?? location.href));
+  const data = await address(await file.blob());
+  return `@font-face { font-family: "Source Sans"; font-weight: 200 900; src: url(${data}) }`;
+};
+const picture = async (figure, filename) => {
+  const svg = new DOMParser().parseFromString(await drawn(figure, filename), "image/svg+xml").documentElement;
+  const room = document.createElement("div");
+  room.style.cssText = "position: absolute; visibility: hidden";
+  room.append(svg);
+  document.body.append(room);
+  for (const words of svg.querySelectorAll("text, tspan")) {
+    if (words.children.length || !words.textContent.trim()) continue;
+    words.setAttribute("textLength", words.getComputedTextLength());
+    words.setAttribute("lengthAdjust", "spacingAndGlyphs");
+  }
+  room.remove();
+  const style = document.createElementNS(svg.namespaceURI, "style");
+  style.textContent = await font();
+  svg.prepend(style);
+  return new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" });
+};
+const sharp = async blob => {
+  const image = new Image();
+  image.src = await address(blob);
+  await image.decode();
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [image.width * SHARP, image.height * SHARP];
+  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+  return new Promise(resolve => canvas.toBlob(resolve));
+};
+const save = (blob, name) => {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+};
 const STEP = 0.01, WIDE = 0.1, taken = new WeakMap();
 const point = (area, figure, kind) => {
   const box = area.getBoundingClientRect(), [right, down] = figure.cursor;
@@ -49,8 +116,13 @@ const press = event => {
   const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   figure.cursor ??= [0.5, 0.5];
   if (event.key in moves) {
-    const step = event.shiftKey ? WIDE : STEP, within = at => Math.min(Math.max(at, 0.005), 0.995);
-    figure.cursor = figure.cursor.map((at, axis) => within(at + step * moves[event.key][axis]));
+    const cells = figure._fullData?.find(trace => trace.type === "heatmap");
+    const within = at => Math.min(Math.max(at, 0.005), 0.995);
+    figure.cursor = figure.cursor.map((at, axis) => {
+      const move = moves[event.key][axis], n = [cells?.x, cells?.y][axis]?.length;  // from cell to cell, if it has any
+      if (n) return (Math.min(Math.max(Math.floor(at * n) + move, 0), n - 1) + 0.5) / n;
+      return within(at + move * (event.shiftKey ? WIDE : STEP));
+    });
     point(area, figure, "mousemove");
   } else if (event.key === "Enter") {
     for (const kind of ["mousemove", "mousedown", "mouseup"]) point(area, figure, kind);
@@ -68,8 +140,20 @@ const reachable = () => {
     figure.setAttribute("aria-keyshortcuts", "ArrowLeft ArrowRight ArrowUp ArrowDown Enter Escape");
   }
 };
-if (!window.crashfuseKeys) {  // once for all figures, also those that are drawn later
-  window.crashfuseKeys = true;
+// Streamlit opens a page in two steps of history, of which the first has the old page with the choices of the new one:
+// it gets back its own, or Back would return to another view than the one that was left.
+const push = history.pushState.bind(history);
+let last = {};
+const pushed = (state, title, url) => {
+  const from = location.href, to = new URL(url, from);
+  const opens = to.pathname !== location.pathname && to.search === location.search;
+  if (opens && last.to === from && Date.now() - last.at < 3000) history.replaceState(history.state, "", last.from);
+  push(state, title, url);
+  last = { from, to: location.href, at: Date.now() };
+};
+if (!window.crashfuseBegan) {  // once for all figures, also those that are drawn later
+  window.crashfuseBegan = true;
+  history.pushState = pushed;
   document.addEventListener("keydown", press);
   document.addEventListener("focusout", leave);
   setInterval(reachable, 1000);
@@ -79,7 +163,7 @@ const nearest = host => [...document.querySelectorAll(".js-plotly-plot")]
 export default ({ parentElement, data, setTriggerValue }) => {
   const host = parentElement.host ?? parentElement;
   for (const button of parentElement.querySelectorAll("button")) {
-    button.onclick = () => {
+    button.onclick = async () => {
       const figure = nearest(host), format = button.dataset.format;
       if (!figure?._fullData) return;
       if (format === "csv") {
@@ -87,18 +171,13 @@ export default ({ parentElement, data, setTriggerValue }) => {
         setTriggerValue("csv", { hidden, at: Date.now() });
         return;
       }
-      const scale = format === "png" ? 3 : 1, tools = [...figure.querySelectorAll(".modebar-btn")];
-      Object.assign(figure._context.toImageButtonOptions, { format, filename: data.name, scale });
-      tools.find(tool => /download plot/i.test(tool.dataset.title ?? ""))?.click();
+      const svg = await picture(figure, data.name);
+      save(format === "png" ? await sharp(svg) : svg, `${data.name}.${format}`);
     };
   }
   if (data.csv && taken.get(parentElement) !== data.at) {
     taken.set(parentElement, data.at);
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob([data.csv], { type: "text/csv" }));
-    link.download = `${data.name}.csv`;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    save(new Blob([data.csv], { type: "text/csv" }), `${data.name}.csv`);
   }
 };
 """

@@ -13,7 +13,7 @@ from crashfuse.ui.figure_tools import file_name, offer_files
 from crashfuse.ui.sent_figure import SentFigure
 
 _CACHED = 200  # figures of up to half a megabyte
-_DENSITY = 3  # pixels of a PNG for each on the page
+_TOOLS: dict[str, Any] = {"displaylogo": False, "showSendToCloud": False}  # none of those left sends a figure anywhere
 _STREAMLITS = Path(st.__file__).parent / "static" / "static" / "js"
 _EARLY_JS = """
 export default ({ data }) => {
@@ -23,12 +23,6 @@ export default ({ data }) => {
 };
 """
 _early = st.components.v2.component("crashfuse_figures_early", js=_EARLY_JS)
-
-
-def _tools(name: str) -> dict[str, Any]:
-    """The tools beside a figure, none of which sends it anywhere; the camera saves it under its name."""
-    image = {"format": "png", "filename": name, "scale": _DENSITY}
-    return {"displaylogo": False, "showSendToCloud": False, "toImageButtonOptions": image}
 
 
 def choose(
@@ -52,7 +46,7 @@ def show_figure(figure: go.Figure, alt: str, key: str | None = None, name: str =
     """Show a figure with the tools that are useful on a curve; below it is saved, by default under its ``alt`` text."""
     name = name or file_name(alt)
     sent = SentFigure(darkened(figure) if _is_dark() else figure)
-    st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_tools(name))
+    st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_TOOLS)
     offer_files(figure, name, key or alt)
 
 
@@ -62,7 +56,7 @@ def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, 
     ``name`` is that of its files, from :func:`file_name`, where the alternative text would be too long for it.
     """
     name, (figure, sent) = name or file_name(alt), _cached(key, _is_dark(), draw)
-    st.plotly_chart(sent, alt=alt, theme=None, config=_tools(name))
+    st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
     offer_files(figure, name, alt)
 
 
@@ -88,7 +82,7 @@ def show_clickable(
 
     name, (figure, sent) = name or file_name(alt), _cached((widget, *key), _is_dark(), clickable)
     event = st.plotly_chart(
-        sent, alt=alt, key=widget, theme=None, config=_tools(name), on_select=take, selection_mode="points"
+        sent, alt=alt, key=widget, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
     )
     offer_files(figure, name, widget)
     return bool(_points(event))

@@ -118,7 +118,7 @@ def _show(compared: StudyComparison, way: str, display: Display) -> None:
     show_table(comparison_table(compared, approach, window, way), "compared tests")
     with st.container(horizontal=True):
         download_table("comparison.csv", lambda: compared.ratings)
-        download_report(lambda: comparison_report(compared, display), "comparison.html")
+        download_report(lambda: comparison_report(compared, display), "", "comparison.html")
 
 
 def _open(result: PastResult) -> str:

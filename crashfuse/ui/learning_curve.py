@@ -95,5 +95,5 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     with st.expander("All means", icon=":material/table:"):
         show_table(curve_table(curve, view.display), "learning curve")
     with st.container(horizontal=True):
-        download_table("learning_curve.csv", lambda: found.table)
-        download_report(lambda: learning_curve_report(curve, cost, view.display), "learning_curve.html")
+        download_table("learning_curve.csv", lambda: found.table, campaign.name)
+        download_report(lambda: learning_curve_report(curve, cost, view.display), campaign.name, "learning_curve.html")

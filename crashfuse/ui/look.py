@@ -68,6 +68,8 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 @media (min-width: 1800px) { [data-testid="stTable"] [data-testid="stMarkdownContainer"] { max-width: 45rem } }
 /* on a browser's first visit the sidebar is narrower than requested; three windows would not fit side by side */
 [data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }
+/* its camera is pressed by the buttons below, whose images keep the font */
+.modebar-btn[data-title^="Download plot"] { display: none }
 /* what Plotly says of a file that was saved */
 .plotly-notifier .notifier-note { background-color: #262A33 !important; opacity: 1 !important }
 /* the ratings in a row */

@@ -41,7 +41,7 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
                     on_click=_store, args=(view, [other for other in notes if other is not note]),
                 )  # fmt: skip
                 st.markdown(f"**{note.when}** {plain(note.text)}" if note.when else plain(note.text), width="stretch")
-        with st.form(f"note on {test}", border=False, clear_on_submit=True):
+        with st.form(f"note on {test}", border=False):
             left, middle, right = st.columns([4, 1, 1])
             left.text_input("Note", max_chars=LONGEST_TEXT, key="note_text")
             for column, label, key in ((middle, "From (ms)", "note_start"), (right, "To (ms)", "note_end")):
@@ -57,6 +57,7 @@ def _add(view: View, notes: Sequence[Note]) -> None:
     text, start, end = (st.session_state[key] for key in ("note_text", "note_start", "note_end"))
     try:
         _store(view, [*notes, Note(view.held_out.id, text, start, end)])
+        st.session_state.update(note_text="", note_start=None, note_end=None)  # what is refused stays, to be corrected
     except UsageError as error:
         st.session_state[_REFUSED] = str(error)
 

@@ -53,7 +53,8 @@ def offer_pulses(
         except UsageError as error:
             st.warning(str(error), icon=":material/warning:")
             return
-        download_bytes(f"{approach}-{form}.zip", lambda: zipped(export.files(campaign, [estimate], remarks)[form]))
+        files = f"{approach}-{form}.zip"
+        download_bytes(files, lambda: zipped(export.files(campaign, [estimate], remarks)[form]), campaign.name)
 
 
 def _location() -> str:

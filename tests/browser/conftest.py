@@ -236,10 +236,9 @@ class User:
         self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
 
     def arrived(self, name: str) -> Path:
-        """The file of this name, once it is there."""
-        file = self.downloads / name
-        self.wait(file.is_file, f"{name} never arrived.")  # under another name until it is whole
-        return file
+        """The file whose name ends like this, once it is there."""
+        self.wait(lambda: any(self.downloads.glob(f"*{name}")), f"{name} never arrived.")  # until then another name
+        return next(self.downloads.glob(f"*{name}"))
 
     def downloads_file(self, name: str) -> str:
         """Press the button of a file; returns what is in it once it has arrived."""

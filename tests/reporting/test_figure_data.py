@@ -16,11 +16,12 @@ from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import add_corridors, motion, overlay
-from crashfuse.reporting.plots.rating_parts import rating_parts
+from crashfuse.reporting.plots.rating_parts import rated_curves, rating_parts
 from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
 from crashfuse.signals.metrics import Metric
-from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, kinematics
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse, kinematics
 from crashfuse.signals.rating import Rating
+from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.units import MPH, MS, G
 from tests.reporting.conftest import with_and_without_band
 
@@ -53,15 +54,22 @@ def test_curves_over_time_stand_side_by_side_in_the_units_of_the_figure(
 def test_a_band_has_two_columns_with_numbers_where_it_is_drawn(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
-    """Central 95 % of draws from -50 to +50 m/s²: 47.5 below and above; between drawn points the cells are empty."""
+    """Central 95 % of draws from -50 to +50 m/s²: 47.5 below and above; between drawn points along straight lines."""
     shown = table(overlay(test.pulse, predictions))
     lower, upper = (shown[f"Fused: Acceleration, {end} (g)"] for end in ("lower", "upper"))
-    drawn = lower.notna()
-    assert 300 < drawn.sum() < N_SAMPLES
-    np.testing.assert_array_equal(drawn, upper.notna())
-    middle = shown["Fused: Acceleration (g)"][drawn]
-    np.testing.assert_allclose(middle - lower[drawn], 47.5 / G, rtol=1e-4)
-    np.testing.assert_allclose(upper[drawn] - middle, 47.5 / G, rtol=1e-4)
+    assert not shown.isna().any(axis=None)
+    middle = shown["Fused: Acceleration (g)"]
+    np.testing.assert_allclose(middle - lower, 47.5 / G, rtol=0.02)
+    np.testing.assert_allclose(upper - middle, 47.5 / G, rtol=0.02)
+
+
+def test_of_plots_above_each_other_the_table_says_which_is_meant(test: CrashTest) -> None:
+    """What a rating compares: the same two curves as they stand, shifted, warped, and their slopes."""
+    later = Pulse(test.pulse.time_s, np.roll(test.pulse.accel_mps2, 20))
+    shown = table(rated_curves(explain_rating(test.pulse, later), "fused"))
+    curves = shown[shown["Curve"] == "Fused"]
+    parts = [plot.partition(" ")[0] for plot in dict.fromkeys(curves["Plot"])]
+    assert parts == ["Corridor", "Phase", "Magnitude", "Slope"]
 
 
 def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[str, Prediction]) -> None:

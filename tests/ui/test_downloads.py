@@ -13,8 +13,11 @@ def test_a_downloaded_table_is_the_file_of_the_command_line(monkeypatch: pytest.
     """Byte for byte, in as many digits: two files of one certification that differ are a finding in a review."""
     table = pd.DataFrame({"id": ["A"], "value": [24.958261014512296], "lower": [None]})
     offered: dict[str, Callable[[], bytes]] = {}
-    monkeypatch.setattr(
-        "crashfuse.ui.downloads.st.download_button", lambda name, write, **_: offered.update({name: write})
-    )
-    downloads.download_table("certification.csv", lambda: table)
-    assert offered["certification.csv"]() == csv_bytes(table) == b"id,value,lower\nA,24.9583,\n"
+
+    def take(_: str, write: Callable[[], bytes], file_name: str, **__: object) -> None:
+        offered[file_name] = write
+
+    monkeypatch.setattr("crashfuse.ui.downloads.st.download_button", take)
+    for of, name in (("", "certification.csv"), ("my car T09, 56 km/h", "my-car-T09-56-km-h_certification.csv")):
+        downloads.download_table("certification.csv", lambda: table, of)
+        assert offered[name]() == csv_bytes(table) == b"id,value,lower\nA,24.9583,\n"

@@ -41,7 +41,8 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, dict[str, str]]]:
     """Name and texts of each file that the page would hand out, anew at each run."""
     files: list[tuple[str, dict[str, str]]] = []
 
-    def take(name: str, write: object) -> None:
+    def take(name: str, write: object, of: str) -> None:
+        assert of == "Tiny"
         assert callable(write)
         with zipfile.ZipFile(io.BytesIO(write())) as archive:
             files.append((name, {each: archive.read(each).decode("latin-1") for each in archive.namelist()}))
@@ -92,11 +93,10 @@ def test_a_page_hands_out_iso_mme_at_a_location(made: list[tuple[str, dict[str, 
     assert len(made) == before
 
 
-def test_the_camera_saves_a_figure_under_its_name_and_nothing_is_sent_away() -> None:
-    """PNG with three pixels for one; the button that uploads a chart is off."""
-    tools = figures._tools(file_name("T09", "pulses", *Display().in_names))
-    assert tools["toImageButtonOptions"] == {"format": "png", "filename": "T09_pulses_0-60ms_g", "scale": 3}
-    assert tools["showSendToCloud"] is False
+def test_no_tool_sends_a_figure_away() -> None:
+    """The button that uploads a chart is off; files of a figure are named by what it shows."""
+    assert figures._TOOLS["showSendToCloud"] is False
+    assert file_name("T09", "pulses", *Display().in_names) == "T09_pulses_0-60ms_g"
 
 
 @pytest.mark.parametrize(

@@ -414,7 +414,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     assert "Use " not in words(app)  # a recommendation of what happens to be known first
     assert downloads(open_tab(app, "compare", "Files and report")) == ["scores.csv", "pulses.csv", "metrics.csv"]
     go(app, "train")
-    assert "Rated already, 0–60 ms: CAE" in words(app)
+    assert "Rated already, T1, 0–60 ms: CAE" in words(app)
     assert "Compare T1" in [button.label for button in app.button]
     trained.set()
     assert job.wait(SOON)

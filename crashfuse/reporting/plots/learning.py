@@ -8,6 +8,8 @@ import plotly.graph_objects as go
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.palette import CURSOR
 
+_SPARE = 0.05  # decades beside the curves
+
 
 def learning_curves(
     curves: Mapping[str, Sequence[tuple[int, float]]], *, value: str, step: str = "Step", total: int
@@ -30,8 +32,11 @@ def learning_curves(
     figure.update_layout(showlegend=True)
     figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
     figure.update_yaxes(title=value)
-    if all(value > 0 for points in curves.values() for _, value in points):
-        figure.update_yaxes(type="log", tickformat="~g", dtick="D2")
+    known = [value for points in curves.values() for _, value in points]
+    if known and min(known) > 0:
+        # the range is given: Plotly keeps that of the figure before where this one takes its place
+        ends = [np.log10(min(known)) - _SPARE, np.log10(max(known)) + _SPARE]
+        figure.update_yaxes(type="log", tickformat="~g", dtick="D2", range=ends)
     return figure
 
 

@@ -16,12 +16,13 @@ from crashfuse.ui.downloads import download_bytes, download_report, download_tab
 def show(judgement: Judgement) -> None:
     """Offer them; criteria and matrix ask for the same again."""
     verdicts, certification, changes = judgement.verdicts, judgement.certification, changes_of(judgement)
+    of = certification.campaign.name
     with st.container(horizontal=True):
-        download_table("certification.csv", lambda: verdicts.table)
-        download_table("track_record.csv", lambda: verdicts.track_record)
+        download_table("certification.csv", lambda: verdicts.table, of)
+        download_table("track_record.csv", lambda: verdicts.track_record, of)
         if changes is not None:
-            download_table("changes.csv", lambda: changes_table(changes))
+            download_table("changes.csv", lambda: changes_table(changes), of)
         download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode())
         download_bytes("matrix.csv", lambda: csv_bytes(matrix_table(certification.matrix), float_format=None))
         download_bytes("certification.json", lambda: certification_json(certification, changes))
-        download_report(lambda: certification_report(certification, judgement.display, changes))
+        download_report(lambda: certification_report(certification, judgement.display, changes), of)

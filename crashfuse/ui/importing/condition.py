@@ -85,8 +85,13 @@ def _unit(
     numbers: Sequence[str],
     source: Source,
 ) -> str:
-    key = f"{source.key} {label}"
-    was = st.session_state.get(key, usual)
+    key, keys = f"{source.key} {label}", [f"{source.key} {name}" for name in numbers]
+    was, before = st.session_state.get(key, usual), st.session_state.get(f"{key} of the pages", usual)
+    st.session_state[f"{key} of the pages"] = usual
+    if before != usual and was != usual:  # since then the pages' units were switched
+        st.session_state[key] = usual
+        _convert(key, UNITS[quantity][was], quantity, keys)
+        was = usual
     unit: str = place.selectbox(
         label,
         units,
@@ -94,7 +99,7 @@ def _unit(
         key=key,
         persist_state="session",
         on_change=_convert,
-        args=(key, UNITS[quantity][was], quantity, [f"{source.key} {name}" for name in numbers]),
+        args=(key, UNITS[quantity][was], quantity, keys),
     )
     return unit
 

@@ -83,6 +83,15 @@ def leave() -> None:
         shutil.rmtree(source.scratch, ignore_errors=True)
 
 
+def left_aside(source: Source) -> list[str]:
+    """Names of files among the tables of an import that are none, and that nothing is read from."""
+    if source.fmt != TABLES or not source.path.is_dir():
+        return []
+    known = {path.resolve() for path in tables_of(source.path)}
+    files = (path for path in sorted(source.path.rglob("*")) if path.is_file())
+    return [path.name for path in files if path.resolve() not in known]
+
+
 def running() -> Source | None:
     """The source being imported in this session, or before the browser reloaded the page."""
     source: Source | None = st.session_state.get(_SOURCE)

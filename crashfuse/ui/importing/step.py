@@ -22,7 +22,7 @@ from crashfuse.ui.figures import show_figure
 from crashfuse.ui.importing.adding import counted_each, own_class, show_add_form
 from crashfuse.ui.importing.condition import Units
 from crashfuse.ui.importing.fields import choices_of, reading_of
-from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave, records_of, settled_of
+from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave, left_aside, records_of, settled_of
 from crashfuse.ui.problems import advice_on_page, show_problems
 from crashfuse.ui.text import plain
 from crashfuse.units import MS, G
@@ -64,6 +64,11 @@ def _show_step(source: Source, view: frame.View | None) -> None:
         records, unread = records_of(source, reading)
         with taken_as:
             role, cae = _roles(source, records)
+            if aside := left_aside(source):
+                st.caption(
+                    f"Left aside, as {'they are no tables' if len(aside) > 1 else 'it is no table'}: "
+                    f"{plain(listed(aside))}."
+                )
     with right:
         first = _looked_at(source, records)
     if first is None:
@@ -83,11 +88,16 @@ def _show_step(source: Source, view: frame.View | None) -> None:
         if len(records) > 1 and settled:
             _table(settled, units)
         if problems and not settled and (len(records) == 1 or {problem.found for problem in problems} == {"none"}):
-            needs = dict.fromkeys(_need(problem) for problem in problems)
+            several = len({problem.where for problem in problems}) > 1
+            needs = dict.fromkeys(_need(problem, with_file=several) for problem in problems)
             st.warning("Before it can be added:\n\n" + "\n".join(f"- {need}" for need in needs), icon=":material/edit:")
         elif problems:
             can = f"{counted_each(settled)} can be added without." if settled else ""
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
+    if view is not None and (told := view.campaign.notice):
+        st.info(
+            f"{plain(view.campaign.name)} says of itself: “{plain(told)}” That would stand over what is added, too."
+        )
     show_add_form(source, reading, choices, role, cae, settled)
 
 
@@ -163,8 +173,8 @@ def _table(settled: Sequence[Settled], units: Units) -> None:
         st.caption(f"The first {_MOST_ROWS} of {len(settled)}.")
 
 
-def _need(problem: Problem) -> str:
-    told = advice_on_page(problem)
+def _need(problem: Problem, *, with_file: bool) -> str:
+    told = f"{problem.where}: {advice_on_page(problem)}" if with_file else advice_on_page(problem)
     return plain(
         f"{told}." if problem.found == "none" else f"{told}: expected {problem.expected}, found {problem.found}."
     )

@@ -14,13 +14,14 @@ def show(answer: Answer) -> None:
     """Offer the pulses and their metrics; the report, and pulses for others, once every approach is known."""
     campaign, estimates, config = answer.campaign, answer.estimates, answer.config
     prediction, pinned = answer.prediction, answer.pinned
+    of = f"{campaign.name} {answer.view.display.briefly(answer.condition)}"
     with st.container(horizontal=True):
-        download_table("pulses.csv", lambda: prediction.pulses)
-        download_table("metrics.csv", lambda: prediction.metrics)
+        download_table("pulses.csv", lambda: prediction.pulses, of)
+        download_table("metrics.csv", lambda: prediction.metrics, of)
         if pinned:
-            download_table("side_by_side.csv", lambda: conditions_table([estimates, *pinned]))
-        download_bytes("pulses.parquet", lambda: parquet_bytes(prediction.pulses))
+            download_table("side_by_side.csv", lambda: conditions_table([estimates, *pinned]), of)
+        download_bytes("pulses.parquet", lambda: parquet_bytes(prediction.pulses), of)
         if answer.whole:
-            download_report(lambda: prediction_report(campaign, estimates, config, answer.view.display, pinned))
+            download_report(lambda: prediction_report(campaign, estimates, config, answer.view.display, pinned), of)
     if answer.recommended is not None:
         offer_pulses(campaign, estimates, answer.recommended, config.seed)

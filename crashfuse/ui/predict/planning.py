@@ -75,8 +75,8 @@ def show_over_speed(answer: Answer) -> None:
     for sentence in missing_over_speed(found.sweeps, metric):
         st.caption(plain(sentence))
     with st.container(horizontal=True):
-        download_table("sweep.csv", lambda: found.table)
-        download_report(lambda: sweep_report(found, request.config, view.display), "sweep.html")
+        download_table("sweep.csv", lambda: found.table, view.campaign.name)
+        download_report(lambda: sweep_report(found, request.config, view.display), view.campaign.name, "sweep.html")
 
 
 def show_next_test(answer: Answer) -> None:
@@ -104,8 +104,8 @@ def show_next_test(answer: Answer) -> None:
     st.markdown(f"**The best {BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
     show_table(page_tables.next_tests(found.ranked[:BEST], display), "next tests")
     with st.container(horizontal=True):
-        download_table("next_tests.csv", lambda: found.table)
-        download_report(lambda: next_test_report(found, request.config, display), "next_test.html")
+        download_table("next_tests.csv", lambda: found.table, campaign.name)
+        download_report(lambda: next_test_report(found, request.config, display), campaign.name, "next_test.html")
 
 
 @st.cache_data(show_spinner="Ranking candidates …", max_entries=32)

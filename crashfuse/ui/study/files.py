@@ -11,11 +11,12 @@ from crashfuse.ui.study.outcome import Outcome
 def show(outcome: Outcome) -> None:
     """Offer what the study rests on, and the report once every approach is known."""
     study, view = outcome.study, outcome.view
+    of = view.campaign.name
     report = choose_report(view, view.campaign.test_ids)
     with st.container(horizontal=True):
-        download_table("scores.csv", lambda: study.scores)
-        download_table("metrics.csv", lambda: study.metrics)
+        download_table("scores.csv", lambda: study.scores, of)
+        download_table("metrics.csv", lambda: study.metrics, of)
         if (groups := study.speed_groups) is not None:
-            download_table("speed_groups.csv", lambda: groups.scores)
+            download_table("speed_groups.csv", lambda: groups.scores, of)
         if outcome.whole:
-            download_report(lambda: study_report(study, view.display, report))
+            download_report(lambda: study_report(study, view.display, report), of)

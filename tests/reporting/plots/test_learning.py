@@ -12,6 +12,8 @@ def test_a_learning_curve_shows_what_was_reported() -> None:
     assert figure.data[0].y.tolist() == [0.5, 0.25]
     assert figure.layout.yaxis.type == "log"
     assert figure.layout.yaxis.dtick == "D2"  # with powers of ten alone, a loss within a decade had no number beside it
+    low, high = 10.0 ** np.array(figure.layout.yaxis.range)
+    assert 0.2 < low < 0.25 < 0.5 < high < 0.6  # given: taking another figure's place, Plotly would keep that one's
     assert list(figure.layout.xaxis.range) == [0, 10]
     assert figure.layout.xaxis.title.text == "Epoch"
     assert figure.layout.yaxis.title.text == "Mean square error"

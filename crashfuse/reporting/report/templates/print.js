@@ -1,6 +1,6 @@
 // On paper figures are narrower and lower, with smaller words, so that two or three fit a page; afterwards all is as it was.
 const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, SHARE_OF_FEW = 0.5, FEW = 3, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11, IN_CELLS_PX = 9;
-const MARGINS_PX = 110, LETTER_PX = 6;
+const MARGINS_PX = 110, LETTER_PX = 6, PANEL_PX = 92;
 const before = new Map();
 const figures = () => document.querySelectorAll(".plotly-graph-div");
 const cells = figure => figure.data.flatMap((trace, number) => trace.type === "heatmap" ? [number] : []);
@@ -23,13 +23,14 @@ const heightOfCells = (cells, data) => { // their heads may have several lines, 
   const names = data.some(trace => trace.name && trace.showlegend !== false) ? 44 : 0;
   return cells.y.length * ROW_PX + 34 + 15 * lines + names;
 };
+const panels = layout => Object.keys(layout).filter(key => key.startsWith("yaxis")).length; // above each other
 const onPaper = figure => {
   const { layout, data } = figure, usual = layout.height;
   const changes = { autosize: false, width: WIDTH_PX };
   const share = document.querySelector(".dossier") ? SHARE_IN_DOSSIER // its figures stand for themselves
     : figures().length <= FEW ? SHARE_OF_FEW : SHARE;
   const heatMap = data.find(trace => trace.type === "heatmap");
-  const rows = heatMap ? heightOfCells(heatMap, data) : Math.max(usual * share, LOWEST_PX) + underNames(data);
+  const rows = heatMap ? heightOfCells(heatMap, data) : Math.max(usual * share, LOWEST_PX, MARGINS_PX + PANEL_PX * panels(layout)) + underNames(data);
   Object.assign(changes, { height: Math.round(Math.min(usual, rows)), "font.size": WORDS_PX });
   for (const key of Object.keys(layout).filter(key => /^[xy]axis/.test(key) && layout[key].title?.text)) {
     changes[`${key}.title.font.size`] = WORDS_PX;
