@@ -1,9 +1,9 @@
 """How many planned tests have to be run, if each is followed by new verdicts: ``python benchmarks/one_at_a_time.py``.
 
 Each seed is a vehicle of any kind (``benchmarks/vehicles.py``), tested at four speeds evenly over its range; twelve
-further tests are planned. As long as any of them neither need not be run, as every criterion is met, nor is known to
-miss one, the next is run, and all others are judged anew: the fastest or the slowest of those left, or the one that is
-most probable to meet all criteria. The limits on peak, crush, SM25, OLC and VPI are such that a part of 60 further
+further tests are planned. As long as any of them neither need not be run, as all criteria are met at once, nor is known
+to miss one, the next is run, and all others are judged anew: the fastest or the slowest of those left, or the most
+probable to meet all criteria. The limits on peak, crush, SM25, OLC and VPI are such that a part of 60 further
 conditions meets each. Every answer is compared with the test itself. Of a campaign four of its own tests, evenly over
 speed, have been run, all others are planned, and the limits are such that a part of all tests meets each.
 """
@@ -25,7 +25,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.verdict import Verdict, all_met
+from crashfuse.certification.verdict import Verdict, all_met, needs_no_test
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.study.subsets import subsets
@@ -81,10 +81,10 @@ def _settled(plan: _Plan) -> list[dict[str, object]]:
                 rows = zip(matrix.ids, found.verdicts, strict=True)
                 return {i: row for i, row in rows if i not in found.run}
 
-            run = tuple(_needed(plan.planned, judged, key))
-            words = {i: [own.word for own in row] for i, row in judged(run).items()}
-            saved = [i for i, own in words.items() if all(word == "met" for word in own)]
-            missing = [i for i, own in words.items() if "not met" in own]
+            run = tuple(_needed(plan.planned, judged, criteria.confidence, key))
+            last = judged(run)
+            saved = [i for i, row in last.items() if needs_no_test(row, criteria.confidence)]
+            missing = [i for i, row in last.items() if any(own.word == "not met" for own in row)]
             rows.append(
                 {"limits": share, "first": first, "planned": len(plan.planned), "would meet all": int(meets.sum())}
                 | {"run": len(run), "need not be run": len(saved), "missed one": int((~meets[saved]).sum())}
@@ -97,6 +97,7 @@ def _settled(plan: _Plan) -> list[dict[str, object]]:
 def _needed(
     planned: tuple[CrashTest, ...],
     judged: Callable[[tuple[CrashTest, ...]], dict[str, Row]],
+    confidence: float,
     key: Callable[[Row], float],
 ) -> Iterator[CrashTest]:
     """Tests that are run, one after the other, until nothing is open."""
@@ -104,7 +105,7 @@ def _needed(
     while unsettled := {
         i: row
         for i, row in judged(run).items()
-        if any(own.word != "met" for own in row) and all(own.word != "not met" for own in row)
+        if not needs_no_test(row, confidence) and all(own.word != "not met" for own in row)
     }:
         chosen = max(unsettled, key=lambda i: key(unsettled[i]))
         [test] = [test for test in planned if test.id == chosen]

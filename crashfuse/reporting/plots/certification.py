@@ -21,6 +21,7 @@ FEW_CONDITIONS = 40
 
 _MOST_WORDS = 200  # conditions; of more, only colours can be made out
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
+_BELOW_PX = 44  # of the legend
 _LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
 _HEADER_CHARACTERS = 65  # of all columns together, on paper
 _LETTERS = 104  # size in px, times the columns, with which "not met <0.001" fits into a cell
@@ -43,7 +44,8 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
     short = [f"{tick_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
     with_words = len(rows) <= _MOST_WORDS
     row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
-    figure = new_figure(height=110 + row_px * len(rows) if with_words else _ALL_ROWS_PX)
+    above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
+    figure = new_figure(height=above + _BELOW_PX + row_px * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
     figure.add_heatmap(
         z=np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8),
@@ -79,8 +81,8 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
         hoverlabel={"align": "left"},
         margin={
             "l": max(map(len, short), default=0) * _LETTER_PX + 6,
-            "t": max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12,
-            "b": 44,
+            "t": above,
+            "b": _BELOW_PX,
         },
         legend={"y": 0, "yanchor": "bottom"},
     )

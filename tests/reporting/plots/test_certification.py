@@ -130,7 +130,8 @@ def test_many_conditions_become_narrow_rows_and_then_colours(
     assert (heat.text is not None) == words_shown
     assert list(figure.layout.yaxis.range) == [n - 0.5, -0.5]
     if row_px is not None:
-        assert (figure.layout.height - 110) / n == row_px
+        margin = figure.layout.margin
+        assert (figure.layout.height - margin.t - margin.b) / n == row_px
     else:
         assert "<b>M0, crush: not met</b>" in heat.hovertext[0][0]
         assert figure.layout.height < 2000
