@@ -48,7 +48,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
   [data-testid="stSidebar"] { position: fixed !important; height: 100vh; z-index: 999990; box-shadow: 0 0 1rem #0006 }
 }
 /* where the keyboard is; a line outside a figure would be cut off, and one inside lies under what is drawn */
-:is(a, button, summary, [role="tab"]):focus-visible {
+:is(a, button, summary, h1, [role="tab"]):focus-visible {
   outline: 2px solid light-dark(#0B5CAD, #79B8F5) !important; outline-offset: 1px }
 .js-plotly-plot:focus-visible { position: relative; outline: none }
 .js-plotly-plot:focus-visible::after { content: ""; position: absolute; inset: 0; z-index: 1000; pointer-events: none;
@@ -69,7 +69,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 /* on a browser's first visit the sidebar is narrower than requested; three windows would not fit side by side */
 [data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }
 /* its camera is pressed by the buttons below, whose images keep the font */
-.modebar-btn[data-title^="Download plot"] { display: none }
+.modebar-btn[data-title^="Download plot"] { display: none !important }
 /* what Plotly says of a file that was saved */
 .plotly-notifier .notifier-note { background-color: #262A33 !important; opacity: 1 !important }
 /* the ratings in a row */

@@ -61,7 +61,7 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.press("How criteria are declared")
     user.uploads(criteria)
     user.press("Certify", f"{MAIN} button")
-    user.sees("Such answers wrong")
+    user.sees("Wrong so far")
     user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
     user.press("Criteria and conditions", "summary")
     user.fill("Confidence", "0.85")

@@ -109,7 +109,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     waived, record = expected.certification.waived, expected.certification.record
     _, saved, missed = record.waived(expected.certification.criteria)
     assert session.numbers["Need not be run"] == f"{len(waived)} of 3"
-    assert session.numbers["Such answers wrong"] == (f"{missed} of {saved}" if saved else "–")
+    assert session.numbers["Wrong so far"] == (f"{missed} of {saved}" if saved else "–")
     for sentence in to_test(expected.certification):
         assert sentence in session.words
     table, own = shown(session), expected.table
@@ -181,7 +181,7 @@ def test_with_a_single_test_the_page_says_what_cannot_be_said(asking: Path, visi
     session = certified(visit("certify", **LINK))
     assert session.numbers["Outside"] == "6"
     assert session.numbers["Need not be run"] == "0 of 3"
-    assert session.numbers["Such answers wrong"] == "–"
+    assert session.numbers["Wrong so far"] == "–"
     assert session.charts == 1
     assert "One test is too few to check verdicts" in tab(session, "Validated domain").words
     assert session.charts == 1

@@ -41,7 +41,7 @@ def show(judgement: Judgement) -> None:
     )  # fmt: skip
     _, saved, missed = certification.record.waived(certification.criteria)
     wrong.metric(
-        "Such answers wrong", f"{missed} of {saved}" if saved else "–", at_most(missed, saved) if saved else None,
+        "Wrong so far", f"{missed} of {saved}" if saved else "–", at_most(missed, saved) if saved else None,
         delta_color="off", delta_arrow="off", help="Of left-out tests that need not have been run by their verdicts, "
         "those that missed a criterion; with the exact one-sided 95 % bound of their share.",
     )  # fmt: skip
