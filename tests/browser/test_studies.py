@@ -43,19 +43,32 @@ def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", use
     assert "test=T3" in user.browser.current_url
 
 
+def test_back_from_a_cell_leads_to_the_question_that_was_asked(small_server: "Server", user: "User") -> None:
+    """The study with all tests at about a test's speed left out, not that of each test left out alone."""
+    study(user, small_server)
+    asked = "With all tests at about its speed"
+    user.press(asked, '[data-testid="stButtonGroup"] button')
+    user.wait(lambda: "ways=" in user.browser.current_url)
+    user.clicks_cell("Test T3", lambda width, height: (0.15 * width, (2.3 / 5 - 0.5) * height), "Test T3: 26.0 mph")
+    user.browser.back()
+    chosen = '[data-testid="stButtonGroup"] button[aria-checked="true"]'
+    user.wait(lambda: asked in user.texts(chosen), "Back led to another question.")
+
+
 def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: "Server", user: "User") -> None:
-    """Arrows move the cursor, which says where it is; Enter does what a click does."""
+    """Arrows move the cursor from cell to cell, which says where it is; Enter does what a click does."""
     study(user, small_server)
     heat_map = user.find(FIGURE)
     user.wait(lambda: heat_map.get_attribute("tabindex") == "0")
     heat_map.send_keys(Keys.ARROW_UP)
-    user.sees("Test T3", f"{FIGURE} .hoverlayer")
+    user.sees("Test T2", f"{FIGURE} .hoverlayer")  # one row above the middle one of five
     ring = "return getComputedStyle(document.activeElement, '::after').borderTopStyle"  # above what is drawn
     assert user.browser.execute_script(ring) == "solid"
     heat_map.send_keys(Keys.ESCAPE)
-    user.wait(lambda: not user.all(f"{FIGURE} .hoverlayer", "Test T3"), "Escape did not take the cursor away.")
+    user.wait(lambda: not user.all(f"{FIGURE} .hoverlayer", "Test T2"), "Escape did not take the cursor away.")
     heat_map.send_keys(Keys.ENTER)
-    user.sees("Test T3: 26.0 mph")
+    user.sees("Test T2: 25.0 mph")
+    user.wait(lambda: user.browser.switch_to.active_element.tag_name == "h1", "The focus was lost with the figure.")
 
 
 def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> None:
