@@ -54,8 +54,8 @@ verdicts = result_or_none(
     invitation="These conditions have not been judged yet. "
     + explanations.patience(
         config,
-        "Every test is left out in turn, which takes several minutes the first time; after that, other limits and "
-        "another confidence are answered at once.",
+        "Every test is left out in turn, which takes several minutes unless it was done before; after that, other "
+        "limits and another confidence are answered at once.",
     ),
     button="Certify",
 )

@@ -160,7 +160,8 @@ def _strange(member: Member) -> Problem | None:
     if ending in (*_PULSES, *_NOTES, ".toml"):
         return None
     found = f"a file {printable(ending)}" if ending else "a file without an ending"
-    return Problem(member.where, "a format that crashfuse reads (.csv, .parquet, campaign.toml)", found, "leave it out")
+    expected = "a file of a campaign (.csv, .parquet, campaign.toml) or of a format to be imported"
+    return Problem(member.where, expected, found, "leave it out")
 
 
 def _in_a_campaign(path: PurePosixPath) -> bool:

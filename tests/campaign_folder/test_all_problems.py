@@ -100,7 +100,7 @@ def test_a_file_that_does_not_belong_hides_nothing(spoilt: Path, tmp_path: Path)
         lay_out([*files, *strays], tmp_path)
     told = str(raised.value)
     assert all(sentence in told for sentence in TOLD.values())
-    assert "notes.docx: expected a format that crashfuse reads" in told
+    assert "notes.docx: expected a file of a campaign" in told
     assert "T9.csv: expected a pulse named after an id" in told
     assert [path.name for path in tmp_path.iterdir()] == ["campaign"]
 

@@ -112,7 +112,7 @@ BOTH = (("tests.csv", TESTS), ("cae.csv", CAE))
         ([("tests.csv", TESTS), ("prog.exe", b"MZ")], "prog.exe.*\n(.*\n)*cae.csv: expected this file"),
         ([("T1.csv", PULSE)], "T1.csv: expected tests.csv and cae.csv, found neither"),
         ([("a.csv", PULSE), ("b.parquet", b"")], "upload: expected tests.csv and cae.csv, found neither"),
-        ([("prog.exe", b"MZ")], "prog.exe: expected a format that crashfuse reads .*, found a file .exe"),
+        ([("prog.exe", b"MZ")], "prog.exe: expected a file of a campaign .*, found a file .exe"),
         ([("a.pdf", b""), ("b.pdf", b"")], "a.pdf.*found a file .pdf.*\nb.pdf"),
         ([("c.zip", zipped(("inner.zip", zipped(*BOTH))))], "c.zip: inner.zip.*an archive in the upload; unpack it"),
         ([*BOTH, ("../T1.csv", PULSE)], "leaves its folder"),

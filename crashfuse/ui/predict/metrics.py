@@ -34,4 +34,5 @@ def _show_pinned(answer: Answer) -> None:
     show_table(side_by_side(at, answer.campaign, display), "pinned")
     for sentence in cautions(at, answer.campaign, display):
         st.caption(plain(sentence))
-    st.caption(f"Differences are from the first column, {display.briefly(answer.condition)}.")
+    of = display.briefly(answer.condition)
+    st.caption(f"Differences are from the first column, {of}, of values before they are rounded.")
