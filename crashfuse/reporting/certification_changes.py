@@ -152,7 +152,7 @@ def _changed(changes: Changes) -> Iterator[str]:
         if before.decided and now.decided and before.word != now.word
     ]
     withdrawn = [
-        f"{i} ({', '.join(f'{own.criterion.name} {own.word}' for own in rest)})"
+        f"{i} ({', '.join(f'{own.criterion.name} {own.word}' for own in rest) or 'each met, all at once uncertain'})"
         for i, rest in changes.withdrawn.items()
     ]
     for told, some in (

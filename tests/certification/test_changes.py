@@ -177,8 +177,8 @@ def test_statements_that_were_gained_and_withdrawn_are_listed_by_the_ids_of_toda
     """With what stands against them; a condition that was run since is neither, and by other limits none is."""
     row = later.verdicts[-1]
 
-    def today(*words: Word) -> Certification:
-        own = tuple(replace(verdict, word=word) for verdict, word in zip(row, words, strict=True))
+    def today(*words: Word, each: float = 1.0) -> Certification:
+        own = tuple(replace(verdict, word=word, probability=each) for verdict, word in zip(row, words, strict=True))
         return replace(later, verdicts=(*later.verdicts[:-1], own))
 
     others = [OPEN] * (len(later.matrix.ids) - 1)
@@ -190,6 +190,8 @@ def test_statements_that_were_gained_and_withdrawn_are_listed_by_the_ids_of_toda
     assert "Need not be run any more: slow." in said(gained)
     assert "Said then to need no test, and not now: slow (crush open, peak not met)." in said(lost)
     assert "Turned round: slow (then xslow) (peak)." in said(lost)
+    unsure = Changes.of(earlier(later, alike(*others, MET), matrix=renamed), today("met", "met", "met", each=0.9))
+    assert "Said then to need no test, and not now: slow (each met, all at once uncertain)." in said(unsure)
     loose = Criteria((CRUSH, replace(PEAK, at_most=99.0), GOOD), 0.8)
     by_others = Changes.of(earlier(later, alike(*others, OPEN), criteria=loose), today("met", "met", "met"))
     assert by_others.newly_waived == ()

@@ -261,7 +261,7 @@ def test_the_summary_says_where_to_test(certification: Certification) -> None:
     assert f"To be tested, or redesigned: {second_id} ({undecided.criterion.name})." in said
     met = tuple(tuple(replace(own, word="met", probability=0.99) for own in row) for row in certification.verdicts)
     assert "No condition of the matrix needs a test." in summary(replace(certification, verdicts=met))
-    last = f"No other condition of the matrix needs a test; {second_id} take another design."
+    last = "No other condition of the matrix needs a test."
     assert last in summary(replace(certification, verdicts=(met[0], (missed, *met[1][1:]), met[2])))
 
 
