@@ -28,14 +28,18 @@ const SHARP = 3, WAIT_MS = 30000;
 const drawn = (figure, filename) => new Promise((resolve, reject) => {
   const url = URL.createObjectURL, click = HTMLAnchorElement.prototype.click;
   let taken;
-  const restore = () => { URL.createObjectURL = url; HTMLAnchorElement.prototype.click = click; };
+  const restore = () => {
+    clearTimeout(never);
+    URL.createObjectURL = url;
+    HTMLAnchorElement.prototype.click = click;
+  };
+  const never = setTimeout(() => { restore(); reject(); }, WAIT_MS);
   URL.createObjectURL = blob => url.call(URL, taken = blob);
   HTMLAnchorElement.prototype.click = function () {
     if (this.download !== `${filename}.svg`) return click.call(this);
     restore();
     resolve(taken.text());
   };
-  setTimeout(() => { restore(); reject(); }, WAIT_MS);
   Object.assign(figure._context.toImageButtonOptions, { format: "svg", filename, scale: 1 });
   const tools = [...figure.querySelectorAll(".modebar-btn")];
   tools.find(tool => /download plot/i.test(tool.dataset.title ?? ""))?.click();

@@ -63,6 +63,9 @@ def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
     engineer.press("Notes and marks on T1", "summary")
     engineer.fill("Note", "<b>hump</b> comes early")
     engineer.fill("From (ms)", "25")
+    engineer.fill("To (ms)", "20")
+    engineer.press("Add")
+    engineer.sees("its start before its end")  # what was typed in stays, to be corrected
     engineer.fill("To (ms)", "40")
     engineer.press("Add")
     engineer.sees("25–40 ms")

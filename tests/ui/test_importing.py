@@ -307,6 +307,27 @@ def test_another_unit_converts_what_is_typed_in(visit: Visit) -> None:
     assert f"{SPEED_MPS:.1f} m/s, front 454 kg, rear 454 kg" in session.run().words
 
 
+@pytest.mark.usefixtures("open_campaign")
+def test_the_units_of_an_import_follow_those_of_the_pages(visit: Visit) -> None:
+    """Switched in the sidebar while it goes on, until another unit is chosen here."""
+    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    units = session.app.sidebar.button_group(key="system")
+    units.set_value("mph-lb")
+    session.run()
+    field(session, "Speed (mph)").set_value(30.0)
+    session.run()
+    session.app.sidebar.button_group(key="system").set_value("kph-kg")
+    session.run()
+    assert (field(session, "Speed in").value, field(session, "Weights in").value) == ("km/h", "kg")
+    assert field(session, "Speed (km/h)").value == pytest.approx(48.28, abs=0.01)
+
+
+def test_what_is_no_table_among_tables_is_named(visit: Visit) -> None:
+    """A picture dropped along with a pulse does not vanish without a word."""
+    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)}
+    assert "Left aside, as it is no table: photo.png." in drop(visit(), photo_png=b"\x89PNG", **files).words
+
+
 def test_what_follows_from_a_number_is_found(visit: Visit) -> None:
     """The file knows a mass of 1700 kg: 60 % of it in front are 1020 and 680 kg."""
     session = drop(visit(), m_zip=zipped(isomme("M1")))
@@ -419,7 +440,10 @@ def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_p
 @pytest.mark.usefixtures("open_campaign")
 def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> None:
     """It is proposed, and shows the new test at once."""
+    with (open_campaign / "campaign.toml").open("a", encoding="utf-8") as settings:
+        settings.write('\nnotice = "All of it is simulated."\n')
     session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    assert "says of itself: “All of it is simulated.” That would stand over what is added, too." in session.words
     session = session.press("Add as test")
     assert session.numbers["Tests"] == "5"
     assert load_campaign(open_campaign).test_ids[-1] == "00005"
