@@ -51,9 +51,9 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     for form, start in (("svg", b"<svg"), ("png", b"\x89PNG")):
         press_tool(engineer, f'[data-format="{form}"]')
         assert engineer.arrived(f"T1_pulses_0-60ms_g.{form}").read_bytes().startswith(start)
-    drawn = engineer.arrived("T1_pulses_0-60ms_g.svg").read_text(encoding="utf-8")
-    assert "@font-face" in drawn  # which no other program has: without it, and without lengths, words would overlap
-    assert len(re.findall("<(?:text|tspan)[^>]* textLength=", drawn)) > 20
+    saved = engineer.arrived("T1_pulses_0-60ms_g.svg").read_text(encoding="utf-8")
+    assert "@font-face" in saved  # which no other program has: without it, and without lengths, words would overlap
+    assert len(re.findall("<(?:text|tspan)[^>]* textLength=", saved)) > 20
 
 
 def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
