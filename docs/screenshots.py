@@ -30,13 +30,13 @@ _NO_PICTURE = "second study"
 _SHOTS = {  # page, height that shows it, theme, button that starts the computation, text that marks its end
     "data": ("data", 1000, "light", None, "CAE model"),
     "train": ("train", 870, "light", "Start", "are ready"),
-    "compare": ("compare", 1200, "light", "Predict test", "Use the"),
+    "compare": ("compare", 1200, "light", "Predict test", "Recommended was"),
     "study": ("study", 1240, "light", "Leave out each", "Use the"),
     "predict": ("predict", 1280, "light", "Predict", "Use the"),
     "certify": ("certify", 1100, "light", "Certify", "Validated domain"),
     _NO_PICTURE: ("study?seed=1", 1240, "light", "Leave out each", "Use the"),
     "history": ("history", 1420, "light", None, "Each test"),
-    "compare-dark": ("compare", 1200, "dark", None, "Use the"),
+    "compare-dark": ("compare", 1200, "dark", None, "Recommended was"),
 }
 _LONGEST_S = 1200.0
 
