@@ -78,8 +78,7 @@ def _settled(plan: _Plan) -> list[dict[str, object]]:
             def judged(run: tuple[CrashTest, ...], criteria: Criteria = criteria) -> dict[str, Row]:
                 campaign = Campaign(plan.name, plan.cae, (*plan.begun, *run))
                 found = certify_matrix(campaign, criteria, matrix, cache=Cache(), workers=1)
-                rows = zip(matrix.ids, found.verdicts, strict=True)
-                return {i: row for i, row in rows if i not in found.run}
+                return {i: row for i, row in found.rows.items() if i not in found.run}
 
             run = tuple(_needed(plan.planned, judged, criteria.confidence, key))
             last = judged(run)

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.registry import BASELINE
@@ -65,30 +66,35 @@ class Certification:
     @property
     def run(self) -> dict[str, tuple[str, ...]]:
         """Ids of the tests that were run at a condition of the matrix, by its id; of conditions with any."""
-        rows = zip(self.matrix.ids, self.verdicts, strict=True)
-        return {i: tuple(row[0].run) for i, row in rows if row[0].run}
+        return {i: tuple(row[0].run) for i, row in self.rows.items() if row[0].run}
+
+    @cached_property
+    def rows(self) -> dict[str, tuple[Verdict, ...]]:
+        """The verdicts of each condition, by its id."""
+        return dict(zip(self.matrix.ids, self.verdicts, strict=True))
 
     @property
     def cells(self) -> tuple[tuple[str, Verdict], ...]:
         """All verdicts, each with the id of its condition."""
-        return tuple((i, own) for i, row in zip(self.matrix.ids, self.verdicts, strict=True) for own in row)
+        return tuple((i, own) for i, row in self.rows.items() for own in row)
 
     @property
     def waived(self) -> dict[str, tuple[float, float]]:
         """Conditions that need not be run, by :func:`needs_no_test`, and were not; with :func:`all_met` of each."""
-        return {i: both for i, both in self._each_met.items() if i not in self.uncertain}
+        return self._each_met(at_once=True)
 
     @property
     def uncertain(self) -> dict[str, tuple[float, float]]:
         """Conditions, not run, where each criterion is met, but all at once not with the confidence; as ``waived``."""
-        rows = dict(zip(self.matrix.ids, self.verdicts, strict=True))
-        confidence = self.criteria.confidence
-        return {i: both for i, both in self._each_met.items() if not needs_no_test(rows[i], confidence)}
+        return self._each_met(at_once=False)
 
-    @property
-    def _each_met(self) -> dict[str, tuple[float, float]]:
-        rows = zip(self.matrix.ids, self.verdicts, strict=True)
-        return {i: all_met(row) for i, row in rows if all(own.word == "met" and not own.run for own in row)}
+    def _each_met(self, *, at_once: bool) -> dict[str, tuple[float, float]]:
+        return {
+            i: all_met(row)
+            for i, row in self.rows.items()
+            if all(own.word == "met" and not own.run for own in row)
+            and needs_no_test(row, self.criteria.confidence) is at_once
+        }
 
     @property
     def run_first(self) -> str | None:
@@ -100,7 +106,7 @@ class Certification:
         uncertain = self.uncertain
         unsettled = [
             (row[0].condition.speed_mps, i)
-            for i, row in zip(self.matrix.ids, self.verdicts, strict=True)
+            for i, row in self.rows.items()
             if i in uncertain
             or (
                 not row[0].run

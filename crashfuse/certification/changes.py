@@ -164,11 +164,11 @@ class Changes:
     @property
     def newly_waived(self) -> tuple[str, ...]:
         """Conditions that need no test, and did then; by the ids of today. None by other criteria."""
-        then, waived = _by_place(self.earlier.matrix), self.earlier.waived
+        then, before, waived = _by_place(self.earlier.matrix), self.earlier.waived, self.later.waived
         return tuple(
             i
             for place, i in _by_place(self.later.matrix).items()
-            if self.same_criteria and i in self.later.waived and place in then and then[place] not in waived
+            if self.same_criteria and i in waived and place in then and then[place] not in before
         )
 
     @property
@@ -177,14 +177,11 @@ class Changes:
 
         By the ids of today, of those that had no test since; none by other criteria.
         """
-        then, rows = _by_place(self.earlier.matrix), dict(zip(self.later.matrix.ids, self.later.verdicts, strict=True))
+        then, before, waived = _by_place(self.earlier.matrix), self.earlier.waived, self.later.waived
         return {
-            i: tuple(own for own in rows[i] if own.word != "met")
+            i: tuple(own for own in self.later.rows[i] if own.word != "met")
             for place, i in _by_place(self.later.matrix).items()
-            if self.same_criteria
-            and then.get(place) in self.earlier.waived
-            and i not in self.later.waived
-            and i not in self.later.run
+            if self.same_criteria and then.get(place) in before and i not in waived and i not in self.later.run
         }
 
 
@@ -202,7 +199,7 @@ def _place(condition: Condition) -> tuple[object, ...]:
 
 
 def _by_place(matrix: Matrix) -> dict[tuple[object, ...], str]:
-    return {_place(condition): i for i, condition in zip(matrix.ids, matrix.conditions, strict=True)}
+    return {_place(condition): i for i, condition in matrix.items}
 
 
 def _limit(criterion: Criterion) -> tuple[object, ...]:

@@ -11,7 +11,7 @@ from scipy.special import betaincinv
 
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecast import quantity
-from crashfuse.certification.verdict import WORDS, Verdict, needs_no_test
+from crashfuse.certification.verdict import WORDS, Verdict, needs_no_test, reaches
 
 LeftOut = Literal["test", "speed group"]
 
@@ -32,10 +32,6 @@ def share_bounds(count: int, n: int) -> tuple[float, float]:
 def _expected_right(decided: int, wrong: int) -> float:
     """Expected share of right verdicts (Jeffreys' prior)."""
     return 1 - (wrong + 0.5) / (decided + 1)
-
-
-def _reaches(supported: float, confidence: float) -> bool:
-    return supported >= confidence - 1e-12
 
 
 def largest_share(count: int, n: int) -> float:
@@ -155,9 +151,9 @@ class Support:
 
     def shortfall(self, confidence: float) -> str | None:
         """A sentence on what record would support this confidence; None if this one does."""
-        if _reaches(self.confidence, confidence):
+        if reaches(self.confidence, confidence):
             return None
-        if not _reaches(self.most, confidence):
+        if not reaches(self.most, confidence):
             told = "About every tenth verdict on this metric was wrong on random vehicles: whatever the record, it"
             return f"{told} supports a confidence of {self.most:g}, not {confidence:g}."
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
@@ -172,7 +168,7 @@ class Support:
         """A sentence on why a record that supports this confidence says little about the criterion itself."""
         if not self.near:
             return "No left-out test came near this limit: the record says nothing about it."
-        if _reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
+        if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
             return None
         own = "No left-out verdict of its own"
         if self.own_decided:
@@ -196,14 +192,17 @@ class TrackRecord:
 
     @cached_property
     def counted(self) -> tuple[Trial, ...]:
-        """Trials without those that repeat another, because nothing else was left out with the test."""
-        alone = {(t.held_out, t.verdict.criterion.name): t for t in self.trials if t.left_out == "test"}
+        """Trials without those that repeat another."""
+        return tuple(trial for trial in self.trials if not self.repeats(trial))
 
-        def repeats(trial: Trial) -> bool:
-            own = alone.get((trial.held_out, trial.verdict.criterion.name))
-            return trial.left_out != "test" and own is not None and own.verdict == trial.verdict
+    def repeats(self, trial: Trial) -> bool:
+        """Whether a trial is another once more, because nothing else was left out with the test."""
+        own = self._alone.get((trial.held_out, trial.verdict.criterion.name))
+        return trial.left_out != "test" and own is not None and own.verdict == trial.verdict
 
-        return tuple(trial for trial in self.trials if not repeats(trial))
+    @cached_property
+    def _alone(self) -> dict[tuple[str, str], Trial]:
+        return {(t.held_out, t.verdict.criterion.name): t for t in self.trials if t.left_out == "test"}
 
     @property
     def _inside(self) -> list[Trial]:

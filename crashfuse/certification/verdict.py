@@ -82,9 +82,14 @@ def all_met(verdicts: Sequence[Judged]) -> tuple[float, float]:
     return max(1 - sum(1 - own for own in each), 0.0), min(each)
 
 
+def reaches(probability: float, confidence: float) -> bool:
+    """Whether a probability is a confidence or more, whatever the last digits of sums are."""
+    return probability >= confidence - 1e-12
+
+
 def needs_no_test(verdicts: Sequence[Judged], confidence: float) -> bool:
     """Whether every criterion is met at a condition, and all of them at once (:func:`all_met`) with the confidence."""
-    return all(verdict.word == "met" for verdict in verdicts) and all_met(verdicts)[0] >= confidence - 1e-12
+    return all(verdict.word == "met" for verdict in verdicts) and reaches(all_met(verdicts)[0], confidence)
 
 
 def towards_half(probability: float) -> float:

@@ -65,11 +65,11 @@ def certification_record(certification: Certification, *, since: bool = False) -
         "matrix": matrix_table(certification.matrix).to_dict("records"),
         "cells": {
             i: {own.criterion.name: (own.word, own.probability, own.lower, own.upper) for own in row}
-            for i, row in zip(certification.matrix.ids, certification.verdicts, strict=True)
+            for i, row in certification.rows.items()
         },
         "run": {
             i: {test: {own.criterion.name: own.run[test] for own in row} for test in row[0].run}
-            for i, row in zip(certification.matrix.ids, certification.verdicts, strict=True)
+            for i, row in certification.rows.items()
             if row[0].run
         },
         "domain": _domain(certification.domain),

@@ -96,7 +96,7 @@ def least_text(all_met: tuple[float, float]) -> str:
 
 def _run(certification: Certification) -> Iterator[str]:
     """Conditions that were run, with the tests there and what these miss."""
-    for i, row in zip(certification.matrix.ids, certification.verdicts, strict=True):
+    for i, row in certification.rows.items():
         tests = []
         for test in row[0].run:
             values = [(own.criterion, own.run[test]) for own in row]
@@ -114,10 +114,15 @@ def _with_least(bounds: Mapping[str, tuple[float, float]]) -> list[str]:
 
 def _little_known(certification: Certification) -> Iterator[str]:
     """Which criteria these answers rest on although left-out tests say little of them."""
-    record, criteria = certification.record, certification.criteria
-    weak = [own.name for own in criteria.items if record.support(own).reservation(criteria.confidence) is not None]
-    if weak:
+    if weak := _reservations(certification):
         yield f"Look at the exceptions first: by themselves left-out tests say little or nothing of {', '.join(weak)}."
+
+
+def _reservations(certification: Certification) -> dict[str, str]:
+    """Why the record says little of a criterion by itself, by its name, where it does."""
+    record, criteria = certification.record, certification.criteria
+    told = {own.name: record.support(own).reservation(criteria.confidence) for own in criteria.items}
+    return {name: sentence for name, sentence in told.items() if sentence is not None}
 
 
 def _outside(verdicts: Mapping[str, list[Verdict]]) -> str:
@@ -132,7 +137,7 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     confidence, record = certification.criteria.confidence, certification.record
     supports = {criterion.name: record.support(criterion) for criterion in certification.criteria.items}
     short = {name: s for name, own in supports.items() if (s := own.shortfall(confidence)) is not None}
-    weak = {name: s for name, own in supports.items() if (s := own.reservation(confidence)) is not None}
+    weak = _reservations(certification)
     outside = dict.fromkeys(joined([i, own.reason], ": ") for i, own in certification.cells if own.word == "outside")
     found = {
         "Warnings about the campaign": certification.campaign.remarks,

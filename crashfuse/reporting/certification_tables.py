@@ -62,7 +62,7 @@ def _bases(campaign: Campaign) -> dict[str, str]:
 def matrix_table(matrix: Matrix) -> pd.DataFrame:
     """The conditions, in the form of ``matrix.csv``."""
     factors = factors_of(matrix)
-    return pd.DataFrame(condition_columns(i, c, factors) for i, c in zip(matrix.ids, matrix.conditions, strict=True))
+    return pd.DataFrame(condition_columns(i, c, factors) for i, c in matrix.items)
 
 
 def factors_of(matrix: Matrix) -> tuple[str, ...]:
@@ -86,14 +86,14 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
 
     ``counted`` is false where a speed group is the test alone, whose verdict counts once.
     """
-    basis, counted = _bases(certification.campaign), certification.record.counted
+    basis, record = _bases(certification.campaign), certification.record
     rows = [
         (
             t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
             v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
-            v.criterion.unit, t in counted,
+            v.criterion.unit, not record.repeats(t),
         )
-        for t in certification.record.trials
+        for t in record.trials
         for v in [t.verdict]
     ]  # fmt: skip
     table = pd.DataFrame(rows, columns=list(_TRIAL_COLUMNS))

@@ -118,7 +118,7 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
         mode="markers", hoverinfo="skip",
         name=f"{len(campaign.cae):,} CAE runs", marker=marks_of_runs(len(run_masses[some])),
     )  # fmt: skip
-    rows = list(zip(certification.matrix.ids, certification.verdicts, strict=True))
+    rows = list(certification.rows.items())
     for word in _WORST_FIRST:
         own = [(i, row) for i, row in rows if worst(row) == word]
         if own:
@@ -164,7 +164,7 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
 
 def _by_speed(certification: Certification) -> tuple[list[str], list[tuple[Verdict, ...]]]:
     """Ids of the conditions and their verdicts, slow before fast, in the order of the matrix where as fast."""
-    rows = zip(certification.matrix.ids, certification.verdicts, strict=True)
+    rows = certification.rows.items()
     ids, verdicts = zip(*sorted(rows, key=lambda row: row[1][0].condition.speed_mps), strict=True)
     return list(ids), list(verdicts)
 

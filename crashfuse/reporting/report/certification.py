@@ -100,7 +100,7 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
             "Validated domain": "outside" if domain.outside(condition) else "inside",
             "Need not be run, all met": f"≥ {least_text(waived[i])}" if i in waived else "–",
         }
-        for i, condition in zip(matrix.ids, matrix.conditions, strict=True)
+        for i, condition in matrix.items
     )
 
 

@@ -53,8 +53,7 @@ def choose_matrix(view: View) -> Matrix | None:
 
 def _table(matrix: Matrix, display: Display) -> pd.DataFrame:
     return pd.DataFrame(
-        {"Condition": i, **display.columns(condition), **dict(condition.factors)}
-        for i, condition in zip(matrix.ids, matrix.conditions, strict=True)
+        {"Condition": i, **display.columns(condition), **dict(condition.factors)} for i, condition in matrix.items
     )
 
 
