@@ -216,10 +216,7 @@ def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
 
 def _damaged(where: str, error: Exception) -> DataError:
     found = f"a damaged one ({printable(str(error)) or type(error).__name__})"
-    expected, advice = "a sound zip", "zip the folder anew"
-    if where.lower().endswith((".xlsx", ".xlsm")):  # which are zips of their own kind
-        expected, advice = "a workbook", "open it and save it anew"
-    return DataError(Problem(where, expected, found, advice))
+    return DataError(Problem(where, "a sound zip", found, "zip the folder anew"))
 
 
 def _size(count: int) -> str:

@@ -320,6 +320,12 @@ def test_the_units_of_an_import_follow_those_of_the_pages(visit: Visit) -> None:
     session.run()
     assert (field(session, "Speed in").value, field(session, "Weights in").value) == ("km/h", "kg")
     assert field(session, "Speed (km/h)").value == pytest.approx(48.28, abs=0.01)
+    field(session, "Speed in").set_value("m/s")
+    session.run()
+    session.app.sidebar.button_group(key="system").set_value("mph-lb")
+    session.run()
+    assert (field(session, "Speed in").value, field(session, "Weights in").value) == ("m/s", "lb")
+    assert field(session, "Speed (m/s)").value == pytest.approx(13.41, abs=0.01)
 
 
 def test_what_is_no_table_among_tables_is_named(visit: Visit) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.parsers import expat
-from zipfile import BadZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import pandas as pd
 
@@ -30,6 +30,8 @@ _NO_VALUE = re.compile(rb"<f\b[^<]*(?:/>|</f>)\s*(?:</c>|<v\s*/>|<v></v>)")
 
 def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
     """Read every sheet that holds a table."""
+    if not is_zipfile(path):
+        raise DataError(Problem(path.name, "a sound workbook", "a damaged one (no zip)", _AGAIN))
     with path.open("rb") as stream:
         budget = Budget(limits, path.stat().st_size)
         uncalculated = [_examined(member, budget) for member in zip_members(stream, path.name, limits)]

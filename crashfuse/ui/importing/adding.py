@@ -27,9 +27,15 @@ _adding = threading.Lock()
 
 
 def show_add_form(
-    source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...], settled: Sequence[Settled]
+    source: Source,
+    reading: Reading,
+    choices: Choices,
+    role: Role,
+    cae: tuple[str, ...],
+    settled: Sequence[Settled],
+    notice: str,
 ) -> None:
-    """Show the choice of target campaign and the Add button."""
+    """Show the choice of target campaign, with the notice of the open one if it is that, and the Add button."""
     st.subheader("Add to a campaign")
     if refused := st.session_state.get(REFUSED):
         show_problems(refused, "Nothing was added", "The campaign is as it was.")
@@ -39,9 +45,9 @@ def show_add_form(
             "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session"
         )
         with right:
-            _ask_folder()
+            _ask_folder(notice)
     else:
-        _ask_folder()
+        _ask_folder(notice)
     _ask_factors(source, role, settled)
     st.button(
         f"Add as {WHAT[settled[0].role][0]}" if len(settled) == 1 else f"Add {counted_each(settled, role)}",
@@ -59,7 +65,7 @@ def counted_each(settled: Sequence[Settled], role: Role = "tests") -> str:
     return " and ".join(counted(n, own) for own, n in numbers.items())
 
 
-def _ask_folder() -> None:
+def _ask_folder(notice: str) -> None:
     open_one = _open_folder()
     if open_one is not None:
         labels = {"open": f"{st.session_state['campaign']}, which is open", "folder": "Another folder"}
@@ -79,6 +85,9 @@ def _ask_folder() -> None:
             placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
             help="A new folder, which will be made, or a campaign that is there already.",
         )
+    elif notice:
+        said = f"{plain(st.session_state['campaign'])} says of itself: “{plain(notice)}”"
+        st.info(f"{said} That would stand over what is added, too.", icon=":material/info:")
 
 
 def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:

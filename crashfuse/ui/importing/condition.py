@@ -9,6 +9,7 @@ from streamlit.delta_generator import DeltaGenerator
 from crashfuse.condition import Condition
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.unit_spelling import UNITS
+from crashfuse.ui import address
 from crashfuse.ui.importing.session import Source
 from crashfuse.ui.text import chosen_units
 from crashfuse.wording import KPH_KG
@@ -86,22 +87,19 @@ def _unit(
     source: Source,
 ) -> str:
     key, keys = f"{source.key} {label}", [f"{source.key} {name}" for name in numbers]
-    was, before = st.session_state.get(key, usual), st.session_state.get(f"{key} of the pages", usual)
-    st.session_state[f"{key} of the pages"] = usual
-    if before != usual and was != usual:  # since then the pages' units were switched
-        st.session_state[key] = usual
+    was = st.session_state.get(key, usual)
+    address.default(key, usual)
+    if (unit := st.session_state[key]) != was:  # since then the pages' units were switched
         _convert(key, UNITS[quantity][was], quantity, keys)
-        was = usual
-    unit: str = place.selectbox(
+    found: str = place.selectbox(
         label,
         units,
-        units.index(usual),
         key=key,
         persist_state="session",
         on_change=_convert,
-        args=(key, UNITS[quantity][was], quantity, keys),
+        args=(key, UNITS[quantity][unit], quantity, keys),
     )
-    return unit
+    return found
 
 
 def _convert(unit_key: str, was: float, quantity: str, keys: Sequence[str]) -> None:

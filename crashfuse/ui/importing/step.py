@@ -94,11 +94,8 @@ def _show_step(source: Source, view: frame.View | None) -> None:
         elif problems:
             can = f"{counted_each(settled)} can be added without." if settled else ""
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
-    if view is not None and (told := view.campaign.notice):
-        st.info(
-            f"{plain(view.campaign.name)} says of itself: “{plain(told)}” That would stand over what is added, too."
-        )
-    show_add_form(source, reading, choices, role, cae, settled)
+    notice = "" if view is None else view.campaign.notice
+    show_add_form(source, reading, choices, role, cae, settled, notice)
 
 
 def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:

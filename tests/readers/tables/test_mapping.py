@@ -182,7 +182,7 @@ def test_conditions_that_cannot_be_understood_are_refused(tmp_path: Path, text: 
         ("x.csv", b"\x00\x01\x02,\x00", "bytes that are no text"),
         ("x.csv", b"t_s,a_g\n" + b"0,1\n" * 500 + b"0,1,2,3\n", "2 cells in each row"),
         ("x.xls", b"\xd0\xcf\x11\xe0", r"save it as \.xlsx"),
-        ("x.xlsx", b"PK\x03\x04", "a workbook"),
+        ("x.xlsx", b"PK\x03\x04", "a sound workbook"),
     ],
 )
 def test_what_is_no_table_is_refused(tmp_path: Path, name: str, content: bytes, message: str) -> None:
