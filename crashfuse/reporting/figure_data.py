@@ -35,6 +35,11 @@ class _Shown:
     beside: dict[str, Sequence[object]] = field(default_factory=dict)
     plot: str = ""  # heading of its plot, of several above each other
 
+    @property
+    def names(self) -> dict[str, str]:
+        """What it is, and in which of several plots."""
+        return {"Curve": self.name, **({"Plot": self.plot} if self.plot else {})}
+
 
 def figure_table(drawn: Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
     """What a figure shows, one row a position on its x axis; units are in the names of the columns.
@@ -227,9 +232,8 @@ def _side_by_side(curves: Sequence[_Shown]) -> pd.DataFrame:
 
 def _long(curves: Sequence[_Shown]) -> pd.DataFrame:
     parts = [
-        pd.DataFrame({"Curve": curve.name, **plot, str(curve.x.name): curve.x.to_numpy(), **curve.y, **curve.beside})
+        pd.DataFrame({**curve.names, str(curve.x.name): curve.x.to_numpy(), **curve.y, **curve.beside})
         for curve in curves
-        for plot in [{"Plot": curve.plot}] * bool(curve.plot) or [{}]
     ]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 

@@ -37,4 +37,4 @@ def download_bytes(name: str, write: Callable[[], bytes], of: str = "", mime: st
 
 
 def _named(name: str, of: str) -> str:
-    return f"{file_name(of)}_{name}" if file_name(of) else name
+    return "_".join(filter(None, (file_name(of), name)))

@@ -144,20 +144,8 @@ const reachable = () => {
     figure.setAttribute("aria-keyshortcuts", "ArrowLeft ArrowRight ArrowUp ArrowDown Enter Escape");
   }
 };
-// Streamlit opens a page in two steps of history, of which the first has the old page with the choices of the new one:
-// it gets back its own, or Back would return to another view than the one that was left.
-const push = history.pushState.bind(history);
-let last = {};
-const pushed = (state, title, url) => {
-  const from = location.href, to = new URL(url, from);
-  const opens = to.pathname !== location.pathname && to.search === location.search;
-  if (opens && last.to === from && Date.now() - last.at < 3000) history.replaceState(history.state, "", last.from);
-  push(state, title, url);
-  last = { from, to: location.href, at: Date.now() };
-};
-if (!window.crashfuseBegan) {  // once for all figures, also those that are drawn later
-  window.crashfuseBegan = true;
-  history.pushState = pushed;
+if (!window.crashfuseKeys) {  // once for all figures, also those that are drawn later
+  window.crashfuseKeys = true;
   document.addEventListener("keydown", press);
   document.addEventListener("focusout", leave);
   setInterval(reachable, 1000);

@@ -19,6 +19,7 @@ from crashfuse.ui import address, campaigns, login
 from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.figures import load_early
 from crashfuse.ui.folding import fold_when_narrow
+from crashfuse.ui.going_back import keep_views
 from crashfuse.ui.look import STYLE
 from crashfuse.ui.navigation import navigate, show_link, show_links
 from crashfuse.ui.panel import forget_panels
@@ -183,6 +184,7 @@ def _sidebar(page: str) -> _Choice:
         login.show_account()
         fold_when_narrow()
         follow_theme()
+        keep_views()
         if choice.view is None:  # nor is there a figure
             load_early()
     with links:
