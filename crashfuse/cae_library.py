@@ -7,13 +7,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.condition import Condition
+from crashfuse.condition import SAME_CONDITION, Condition
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, speed, weight
 
-SAME_CONDITION = 2e-3
-"""Relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more."""
 _AXES = (("speed", speed), ("front weight", weight), ("rear weight", weight))
 
 

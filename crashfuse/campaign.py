@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from crashfuse.cae_library import SAME_CONDITION, CaeLibrary
+from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest, at_the_speed_of, evenly_over_speed
 from crashfuse.errors import UsageError
@@ -238,13 +238,7 @@ class Campaign:
 
     def tests_at(self, condition: Condition) -> tuple[CrashTest, ...]:
         """The tests at this speed and these weights (to a relative 2e-3) that no factor tells from it."""
-
-        def is_there(own: Condition) -> bool:
-            factors = dict(own.factors)
-            alike = all(not value or factors.get(name, value) in ("", value) for name, value in condition.factors)
-            return alike and bool((abs(own.vector - condition.vector) <= SAME_CONDITION * condition.vector).all())
-
-        return tuple(test for test in self.tests if is_there(test.condition))
+        return tuple(test for test in self.tests if test.condition.is_at(condition))
 
     @property
     def factors(self) -> dict[str, tuple[str, ...]]:

@@ -15,6 +15,8 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, LB, MASS, MPH, SPEED
 from crashfuse.wording import UnitSystem, speed, weight
 
+SAME_CONDITION = 2e-3
+"""Relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more."""
 _QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 
 
@@ -76,6 +78,15 @@ class Condition:
     def vector(self) -> FloatArray:
         """The paper's x = [v0, wf, wr] (Eq. 3) in m/s and kg, shape (3,)."""
         return np.array([self.speed_mps, self.front_weight_kg, self.rear_weight_kg])
+
+    def may_be(self, other: "Condition") -> bool:
+        """Whether no factor tells this condition from another: each has the same value in both, or none in one."""
+        known = dict(other.factors)
+        return all(not value or known.get(name, value) in ("", value) for name, value in self.factors)
+
+    def is_at(self, other: "Condition") -> bool:
+        """Whether it is another's, to a relative 2e-3 in speed and weights, and no factor tells them apart."""
+        return self.may_be(other) and bool((np.abs(self.vector / other.vector - 1) <= SAME_CONDITION).all())
 
     def in_units(self, system: UnitSystem) -> str:
         """Speed and weights with their units, in words."""

@@ -64,4 +64,7 @@ if (verdicts is not None) != st.session_state.get(_JUDGED, False):  # the choice
     st.rerun()
 if verdicts is None:
     st.stop()
-show_tabs(TABS, Judgement(verdicts, config, view.display, request.key), key="certify_tab")
+verdicts = earlier.beside(verdicts)
+since = verdicts.certification.since
+key = request.key, None if since is None else since.earlier.digest
+show_tabs(TABS, Judgement(verdicts, config, view.display, key), key="certify_tab")

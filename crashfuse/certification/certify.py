@@ -3,17 +3,28 @@
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria
 from crashfuse.certification.domain import Domain
+from crashfuse.certification.earlier import Earlier
 from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge, needs_no_test
+from crashfuse.certification.verdict import (
+    Verdict,
+    Word,
+    all_met,
+    beside_gone_tests,
+    beside_tests,
+    judge,
+    needs_no_test,
+)
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
@@ -37,12 +48,15 @@ class Certification:
     config : StudyConfig
         With the approach whose predictions were judged as its only one, the windows of the criteria, and both ways of
         leaving tests out.
-    verdicts : tuple of tuple of Verdict
-        By condition of the matrix, then by criterion.
+    judged, verdicts : tuple of tuple of Verdict
+        By condition of the matrix, then by criterion: as the prediction alone has them, and held against the record and
+        against tests at the condition, open where these contradict.
     record : TrackRecord
         Empty for a campaign of a single test.
     seconds : dict of str to float
         Time taken to learn, leaving tests out included, and to judge the matrix.
+    since : TestedSince or None
+        An earlier certification, with what tests that were run after it say of it.
     """
 
     campaign: Campaign
@@ -50,9 +64,11 @@ class Certification:
     matrix: Matrix
     config: StudyConfig
     domain: Domain
+    judged: tuple[tuple[Verdict, ...], ...]
     verdicts: tuple[tuple[Verdict, ...], ...]
     record: TrackRecord
     seconds: dict[str, float]
+    since: TestedSince | None = None
 
     def __repr__(self) -> str:
         size = f"{len(self.criteria.items)} × {len(self.matrix.ids)} verdicts"
@@ -62,6 +78,26 @@ class Certification:
     def approach(self) -> str:
         """Name of the approach."""
         return self.config.approaches[0]
+
+    def beside(self, earlier: Earlier) -> Self:
+        """The same beside an earlier certification, whose verdicts on tests that were run since are part of the record.
+
+        Raises
+        ------
+        DataError
+            If the campaign has none of the tests that the earlier one learned from: it is another vehicle's.
+        """
+        earlier.require_of(self.campaign)
+        since = TestedSince(earlier, self.campaign)
+        record = replace(self.record, since=since.trials(self.criteria))
+        verdicts = tuple(
+            tuple(
+                beside_gone_tests(own, since.shown_by_gone(own.condition, own.criterion))
+                for own in _held(row, self.campaign, record, self.criteria.confidence)
+            )
+            for row in self.judged
+        )
+        return replace(self, verdicts=verdicts, record=record, since=since)
 
     @property
     def run(self) -> dict[str, tuple[str, ...]]:
@@ -77,6 +113,11 @@ class Certification:
     def cells(self) -> tuple[tuple[str, Verdict], ...]:
         """All verdicts, each with the id of its condition."""
         return tuple((i, own) for i, row in self.rows.items() for own in row)
+
+    def of_word(self, word: Word) -> dict[str, list[Verdict]]:
+        """Verdicts of one kind, by the id of their condition."""
+        found = {i: [verdict for verdict in row if verdict.word == word] for i, row in self.rows.items()}
+        return {i: own for i, own in found.items() if own}
 
     @property
     def waived(self) -> dict[str, tuple[float, float]]:
@@ -171,7 +212,7 @@ def certify_matrix(
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     record = _record(campaign, criteria, approach, forecasts)
     domain = Domain.of(campaign)
-    verdicts = [
+    judged = [
         judge(
             forecasts[cell],
             cell.condition,
@@ -181,11 +222,8 @@ def certify_matrix(
         )
         for cell in cells
     ]
-    supported = tuple(
-        tuple(_beside_tests(_supported(own, record, criteria.confidence), campaign, record) for own in row)
-        for row in verdicts
-    )
-    return Certification(campaign, criteria, matrix, config, domain, supported, record, seconds)
+    verdicts = tuple(_held(row, campaign, record, criteria.confidence) for row in judged)
+    return Certification(campaign, criteria, matrix, config, domain, tuple(judged), verdicts, record, seconds)
 
 
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, cache: Cache) -> bool:
@@ -232,6 +270,13 @@ def _record(campaign: Campaign, criteria: Criteria, approach: str, forecasts: di
             if measured is not None:
                 trials.append(Trial(test_id, way, verdict, measured, raw))
     return TrackRecord(tuple(trials))
+
+
+def _held(
+    judged: tuple[Verdict, ...], campaign: Campaign, record: TrackRecord, confidence: float
+) -> tuple[Verdict, ...]:
+    """Verdicts at one condition, held against the record and against the tests that were run there."""
+    return tuple(_beside_tests(_supported(own, record, confidence), campaign, record) for own in judged)
 
 
 def _beside_tests(verdict: Verdict, campaign: Campaign, record: TrackRecord) -> Verdict:

@@ -10,8 +10,10 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.earlier import Earlier, EarlierVerdict
 from crashfuse.certification.forecast import quantity
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.verdict import Verdict
+from crashfuse.certification.tested_since import TestedSince
+from crashfuse.certification.verdict import Verdict, needs_no_test
 from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
 
 _DIGITS = 5  # of m/s and kg: conditions go through mph and lb
 
@@ -61,26 +63,27 @@ class Changes:
     """An earlier certification beside a later one; conditions and limits are the same if their numbers are."""
 
     earlier: Earlier
+    since: TestedSince
     later: Certification
     cells: tuple[Change, ...]
 
     @classmethod
-    def of(cls, earlier: Earlier, later: Certification) -> Self:
-        """Compare them: what the earlier one said, in its order, then what only the later one says.
+    def of(cls, later: Certification) -> Self:
+        """Compare one with that which it is beside: what that said, in its order, then what only this one says.
 
         Raises
         ------
-        DataError
-            If the campaign has none of the tests that the earlier one learned from: it is another vehicle's.
+        UsageError
+            If it is beside none.
         """
-        campaign, new = later.campaign, earlier.unknown_of(later.campaign)
-        ids = _by_place(later.matrix)
+        if later.since is None:
+            raise UsageError("Nothing to compare: give an earlier certification.")
+        earlier, ids = later.since.earlier, _by_place(later.matrix)
         now = {_key(own.condition, own.criterion): own for _, own in later.cells}
         cells, asked = [], set()
-        for i, condition, row in zip(earlier.matrix.ids, earlier.matrix.conditions, earlier.verdicts, strict=True):
-            tests = [test for test in campaign.tests_at(condition) if test.id in new]
-            shown = {test.id: {m.name: m.value for m in campaign.metrics_of(test)} for test in tests}
-            for criterion, before in zip(earlier.criteria.items, row, strict=True):
+        for i, condition in earlier.matrix.items:
+            shown = {test: later.since.shown[test] for test, place in later.since.at.items() if place == i}
+            for criterion, before in zip(earlier.criteria.items, earlier.rows[i], strict=True):
                 of = criterion.metric if criterion.window_ms is None else None
                 measured = {} if of is None else {test: own[of] for test, own in shown.items()}
                 key = _key(condition, criterion)
@@ -92,21 +95,10 @@ class Changes:
             for i, own in later.cells
             if _key(own.condition, own.criterion) not in asked
         ]
-        return cls(earlier, later, tuple(cells))
+        return cls(earlier, later.since, later, tuple(cells))
 
     def __repr__(self) -> str:
         return f"<Changes of {len(self.compared)} verdicts since {self.earlier!r}>"
-
-    @property
-    def new_tests(self) -> tuple[str, ...]:
-        """Tests whose record the earlier certification did not know, by whatever id."""
-        return self.earlier.unknown_of(self.later.campaign)
-
-    @property
-    def gone_tests(self) -> tuple[str, ...]:
-        """Tests that the earlier certification learned from and that are not used any more, by their ids then."""
-        used = {test.digest for test in self.later.campaign.tests}
-        return tuple(test for test, digest in self.earlier.tests.items() if digest not in used)
 
     @property
     def compared(self) -> tuple[tuple[Change, EarlierVerdict, Verdict], ...]:
@@ -145,7 +137,7 @@ class Changes:
         found: dict[str, dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {}
         for name, tests in self.tested.items():
             own = [cell for cell in self.cells if cell.name == name and cell.measured]
-            if own[0].earlier_id in self.earlier.waived:
+            if own[0].earlier_id in self._waived:
                 found[name] = {
                     test: (
                         tuple(cell.criterion.name for cell in own if cell.came_true.get(test) is False),
@@ -156,33 +148,37 @@ class Changes:
         return found
 
     @property
-    def same_criteria(self) -> bool:
-        """Whether both have the same limits."""
-        then, now = ({_limit(own) for own in each.criteria.items} for each in (self.earlier, self.later))
-        return then == now
-
-    @property
     def newly_waived(self) -> tuple[str, ...]:
         """Conditions that need no test, and did then; by the ids of today. None by other criteria."""
-        then, before, waived = _by_place(self.earlier.matrix), self.earlier.waived, self.later.waived
-        return tuple(
-            i
-            for place, i in _by_place(self.later.matrix).items()
-            if self.same_criteria and i in waived and place in then and then[place] not in before
-        )
+        then, now = ({_limit(own) for own in each.criteria.items} for each in (self.earlier, self.later))
+        if then != now:
+            return ()
+        return tuple(i for i, before in self._both.items() if i in self.later.waived and before not in self._waived)
 
     @property
     def withdrawn(self) -> dict[str, tuple[Verdict, ...]]:
         """Conditions of which it is not said any more that they need no test, with the verdicts that are not met.
 
-        By the ids of today, of those that had no test since; none by other criteria.
+        By the ids of today, of those that had no test since, and by the criteria that both have.
         """
-        then, before, waived = _by_place(self.earlier.matrix), self.earlier.waived, self.later.waived
-        return {
-            i: tuple(own for own in self.later.rows[i] if own.word != "met")
-            for place, i in _by_place(self.later.matrix).items()
-            if self.same_criteria and then.get(place) in before and i not in waived and i not in self.later.run
-        }
+        both = {_limit(own) for own in self.earlier.criteria.items}
+        found = {}
+        for i, before in self._both.items():
+            if before in self._waived and i not in self.later.run:
+                own = [verdict for verdict in self.later.rows[i] if _limit(verdict.criterion) in both]
+                if own and not needs_no_test(own, self.later.criteria.confidence):
+                    found[i] = tuple(verdict for verdict in own if verdict.word != "met")
+        return found
+
+    @cached_property
+    def _both(self) -> dict[str, str]:
+        """Conditions that both have: the id of today, and that of then."""
+        then = _by_place(self.earlier.matrix)
+        return {i: then[place] for place, i in _by_place(self.later.matrix).items() if place in then}
+
+    @cached_property
+    def _waived(self) -> frozenset[str]:
+        return frozenset(self.earlier.waived)
 
 
 def _one_a_metric(told: Iterable[tuple[str, Change, bool]]) -> dict[tuple[str, str], bool]:

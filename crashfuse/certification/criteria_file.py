@@ -12,6 +12,7 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.toml_text import read_toml, shown, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 
+LEAST_SURE, MOST_SURE = 0.5, 0.999999
 _MOST_CRITERIA = 100
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
@@ -51,8 +52,8 @@ def criteria_text(criteria: Criteria) -> str:
 
 
 def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
-    if not _is_number(confidence) or not 0.5 <= confidence < 1:
-        expected, advice = "a confidence from 0.5 to below 1", "0.95 is usual; no prediction is certain"
+    if not _is_number(confidence) or not LEAST_SURE <= confidence <= MOST_SURE:
+        expected, advice = f"a confidence from {LEAST_SURE} to {MOST_SURE}", "0.95 is usual; no prediction is certain"
         problems.append(Problem(where, expected, shown(confidence), advice))
     if not items:
         problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))

@@ -1,5 +1,6 @@
 """The validated domain of a campaign: the conditions at which its tests, left out one speed at a time, check it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -8,7 +9,7 @@ import numpy as np
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.crash_test import SPEED_STEP_MPS
+from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight
 
@@ -29,8 +30,8 @@ class Domain:
     speeds_mps : tuple of float
         Of the tests, ascending.
     reach_mps : float
-        Largest distance in speed from a left-out group to the nearest remaining test; that of the slowest and of the
-        fastest group up to 5 mph.
+        Largest distance in speed from a left-out test to the nearest of another group, of those that lay inside the
+        domain of the others.
     below_mps, above_mps : float
         How far below the slowest and above the fastest test a condition may be: as far as the group there was from the
         others, but not more than 5 mph.
@@ -61,8 +62,8 @@ class Domain:
         groups, gaps = [campaign.speed_group(test.id) for test in tests], []
         for test, group in zip(tests, groups, strict=True):
             rest = [t.condition.speed_mps for t in tests if t.id not in group]
-            gap = float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0
-            gaps.append(min(gap, FARTHEST_BEYOND_MPS) if group in (groups[0], groups[-1]) and not for_record else gap)
+            gaps.append(float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0)
+        told = gaps if for_record else _of_those_inside(campaign, tests, groups, gaps)
         masses = np.array([test.condition.mass_kg for test in tests])
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
         below, above = (min(max(gap, SPEED_STEP_MPS), FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
@@ -70,7 +71,7 @@ class Domain:
         return cls(
             len(tests),
             tuple(speeds.tolist()),
-            max(*gaps, SPEED_STEP_MPS),
+            max((*told, SPEED_STEP_MPS)),
             below,
             above,
             ends,
@@ -142,3 +143,15 @@ class Domain:
             return []
         checked = weight(low, high, between=" to ")
         return [Sentence("{} in all; checked from {}.", weight(condition.mass_kg), checked)]
+
+
+def _of_those_inside(
+    campaign: Campaign, tests: Sequence[CrashTest], groups: Sequence[tuple[str, ...]], gaps: Sequence[float]
+) -> list[float]:
+    """The gaps of tests whose speed lay inside what the others check, when their group was left out."""
+    others = {group: Domain.of(campaign.without(group), for_record=True) for group in groups if len(group) < len(tests)}
+    return [
+        gap
+        for test, group, gap in zip(tests, groups, gaps, strict=True)
+        if group in others and not others[group]._speed(test.condition)
+    ]

@@ -11,12 +11,14 @@ from typing import Any, NamedTuple, Self
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.ids import id_trouble
+from crashfuse.campaign_folder.occupant_settings import occupant_settings
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.criteria_file import criteria_of
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.verdict import WORDS, Word, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable
+from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.estimate import is_beyond
 
 FILE = "certification.json"
@@ -24,6 +26,7 @@ FILE = "certification.json"
 
 _LARGEST = 64 << 20  # bytes
 _LONGEST = 200  # characters of a setting
+_SHORT = 12  # characters of the fingerprint of the CAE runs among the settings
 _WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, CrashfuseError
 
 
@@ -61,6 +64,10 @@ class Earlier:
         What decides verdicts besides tests, criteria and matrix, by the names that a reader knows.
     tests : mapping of str to str
         Those that it learned from: :attr:`crashfuse.crash_test.CrashTest.digest` by id.
+    occupant : OccupantModel
+        Of its OLC and VPI.
+    run : mapping of str to mapping
+        What tests at its conditions showed: by condition, test and criterion; None if a record is too short.
     verdicts : tuple of tuple of EarlierVerdict
         By condition of its matrix, then by criterion.
     """
@@ -71,7 +78,8 @@ class Earlier:
     tests: Mapping[str, str]
     criteria: Criteria
     matrix: Matrix
-    run: frozenset[str]
+    occupant: OccupantModel
+    run: Mapping[str, Mapping[str, Mapping[str, float | None]]]
     verdicts: tuple[tuple[EarlierVerdict, ...], ...]
 
     def __repr__(self) -> str:
@@ -80,30 +88,38 @@ class Earlier:
     @property
     def waived(self) -> tuple[str, ...]:
         """Conditions that needed no test, by :func:`needs_no_test`, and had none."""
-        rows, confidence = zip(self.matrix.ids, self.verdicts, strict=True), self.criteria.confidence
-        return tuple(i for i, row in rows if i not in self.run and needs_no_test(row, confidence))
+        confidence = self.criteria.confidence
+        return tuple(i for i, row in self.rows.items() if i not in self.run and needs_no_test(row, confidence))
+
+    @property
+    def rows(self) -> dict[str, tuple[EarlierVerdict, ...]]:
+        """The verdicts of each condition, by its id."""
+        return dict(zip(self.matrix.ids, self.verdicts, strict=True))
 
     @property
     def said(self) -> Hashable:
         """Equal for equal verdicts from equal tests, criteria, conditions and settings, whenever they were given."""
         given = frozenset(self.settings.items()), frozenset(self.tests.items())
-        return *given, self.criteria, self.matrix, self.run, self.verdicts
+        return *given, self.criteria, self.matrix, frozenset(self.run), self.verdicts
 
-    def unknown_of(self, campaign: Campaign) -> tuple[str, ...]:
-        """The tests of a campaign whose records it did not know, by whatever id.
+    def require_of(self, campaign: Campaign) -> None:
+        """Raise unless it is of the vehicle of this campaign.
 
         Raises
         ------
         DataError
-            If it knew none of them: it is of another vehicle.
+            If :meth:`is_of` says no.
         """
-        known = set(self.tests.values())
-        new = tuple(test.id for test in campaign.tests if test.digest not in known)
-        if len(new) == len(campaign.tests):
+        if not self.is_of(campaign):
             found = f"one of {self.settings['campaign']}, none of whose tests is in {campaign.name}"
             advice = "give one that was made from tests of this vehicle"
             raise DataError(Problem(FILE, "a certification of this campaign", found, advice))
-        return new
+
+    def is_of(self, campaign: Campaign) -> bool:
+        """Whether it knew a test of a campaign: its record by whatever id, or, beside the same CAE runs, its id."""
+        same_runs = campaign.cae.fingerprint[:_SHORT] in self.settings.get("CAE runs", "")
+        known = {*self.tests.values(), *(self.tests if same_runs else ())}
+        return any({test.id, test.digest} & known for test in campaign.tests)
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -147,7 +163,8 @@ class Earlier:
             dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),
             criteria,
             matrix,
-            frozenset({*matrix.ids} & values["run"].keys()),
+            _occupant(values),
+            {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
             tuple(tuple(_verdict(*cells[i][own.name]) for own in criteria.items) for i in matrix.ids),
         )
 
@@ -165,9 +182,29 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
     return checked
 
 
+def _occupant(values: dict[str, Any]) -> OccupantModel:
+    problems: list[Problem] = []
+    found = occupant_settings({"occupant": values.get("occupant", {})}, problems)
+    if problems:
+        raise ValueError("no occupant model")
+    return found
+
+
+def _shown(tests: dict[str, dict[str, float | None]]) -> Mapping[str, Mapping[str, float | None]]:
+    """What tests at a condition showed, by criterion."""
+    found = dict(zip(_ids(tests), ({_text(name): v for name, v in own.items()} for own in tests.values()), strict=True))
+    if not all(value is None or _is_number(value) for own in found.values() for value in own.values()):
+        raise ValueError("no number")
+    return found
+
+
+def _is_number(value: Any) -> bool:  # noqa: ANN401 - anything that a file may hold
+    return type(value) in (int, float) and math.isfinite(value)
+
+
 def _verdict(word: Word, probability: float | None, lower: float | None, upper: float | None) -> EarlierVerdict:
     numbers = [own for own in (probability, lower, upper) if own is not None]
-    if word not in WORDS or not all(type(own) in (int, float) and math.isfinite(own) for own in numbers):
+    if word not in WORDS or not all(map(_is_number, numbers)):
         raise ValueError("no verdict")
     if not 0 <= (probability or 0) <= 1 or (lower is not None and upper is not None and lower > upper):
         raise ValueError("no probability, or no interval")

@@ -69,12 +69,12 @@ def _content(name: str) -> bytes | None:
 
 
 def certifications(campaign: Campaign) -> dict[str, Earlier]:
-    """Those kept that learned from a test of this campaign, by name, the latest first."""
-    own, found = {test.digest for test in campaign.tests}, {}
+    """Those kept that knew a test of this campaign, by name, the latest first."""
+    found = {}
     for path in _home().glob("*"):
         with suppress(OSError):  # another server may remove it between two looks
             earlier = _certification(path.name, path.stat().st_mtime_ns)
-            if earlier is not None and own & set(earlier.tests.values()):
+            if earlier is not None and earlier.is_of(campaign):
                 found[path.name] = earlier
     return dict(sorted(found.items(), key=lambda kept: kept[1].date, reverse=True))
 

@@ -13,10 +13,12 @@ from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecast import quantity
 from crashfuse.certification.verdict import WORDS, Verdict, needs_no_test, reaches
 
-LeftOut = Literal["test", "speed group"]
+LeftOut = Literal["test", "speed group", "planned"]
 
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 _LEVEL = 0.95
+_MOST_OF_A_TEST = 5
+"""Verdicts of one left-out test that count: its metrics vary together, so no test supports 0.95 alone."""
 _SUPPORTED_AT_ALL = {"rebound_velocity": 0.85, "restitution": 0.85}
 """By metric: 9 and 12 % of decided verdicts on random vehicles are wrong (``benchmarks/certification.py``)."""
 
@@ -41,16 +43,17 @@ def largest_share(count: int, n: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A left-out test's verdict on one criterion, and what was measured.
+    """The verdict on one criterion of a test that was left out, or only planned, and what was measured.
 
     Attributes
     ----------
-    left_out : {"test", "speed group"}
-        What was left out with it.
+    left_out : {"test", "speed group", "planned"}
+        What was left out with it; *planned*: an earlier certification gave the verdict before the test was run.
     measured : float
         In the criterion's unit.
     cae_probability : float or None
-        That the raw CAE model gives, with the error that it had in the other tests as its band; None for ratings.
+        That the raw CAE model gives, with the error that it had in the other tests as its band; None for ratings, and
+        of planned tests.
     """
 
     held_out: str
@@ -93,6 +96,14 @@ def _one_a_metric(trials: Sequence[Trial]) -> tuple[Trial, ...]:
     return tuple({(t.held_out, t.left_out, quantity(t.verdict.criterion)): t for t in worst_last}.values())
 
 
+def _most_of_each(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+    """Of each left-out test no more verdicts than it tells independently, the wrong ones first, then decided ones."""
+    told: dict[tuple[str, LeftOut], list[Trial]] = {}
+    for trial in sorted(trials, key=lambda trial: (not trial.wrong, not trial.verdict.decided)):
+        told.setdefault((trial.held_out, trial.left_out), []).append(trial)
+    return tuple(trial for own in told.values() for trial in own[:_MOST_OF_A_TEST])
+
+
 @dataclass(frozen=True, slots=True)
 class Bin:
     """Left-out verdicts whose probabilities lie in one bin.
@@ -123,7 +134,8 @@ class Bin:
 class Support:
     """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
 
-    Of several criteria on one metric one verdict a left-out test counts, a wrong one first.
+    Of several criteria on one metric one verdict a left-out test counts, of all metrics five, wrong ones first; with
+    them count verdicts on tests that were only planned then.
 
     Attributes
     ----------
@@ -158,10 +170,10 @@ class Support:
             return f"{told} supports a confidence of {self.most:g}, not {confidence:g}."
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
         supported = np.floor(1000 * self.confidence + 1e-9) / 1000  # rounded up, it would reach what it falls short of
-        of = f"{self.wrong} of {self.decided} left-out verdicts wrong" if self.decided else "no left-out verdict"
+        of = f"{self.wrong} of {self.decided} verdicts wrong" if self.decided else "no verdict"
         return (
-            f"The campaign's record ({of}) supports a confidence of {supported:g}, not {confidence:g}; "
-            f"it would take {needed} left-out verdicts with no more than {self.wrong} wrong."
+            f"The campaign's record ({of}, at most {_MOST_OF_A_TEST} a left-out test) supports a confidence of "
+            f"{supported:g}, not {confidence:g}; it would take {needed} verdicts with no more than {self.wrong} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:
@@ -170,13 +182,13 @@ class Support:
             return "No left-out test came near this limit: the record says nothing about it."
         if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
             return None
-        own = "No left-out verdict of its own"
+        own = "No left-out verdict on this metric"
         if self.own_decided:
             count = f"{self.own_decided} left-out verdict{'s' * (self.own_decided > 1)}"
             most = f"at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %"
-            own = f"Only {count} of its own, 0 wrong ({most}): too few to support the confidence"
+            own = f"Only {count} on this metric, 0 wrong ({most}): too few to support the confidence"
         if self.own_wrong:
-            own = f"{self.own_wrong} of its own {count} wrong ({most}): too many to support the confidence"
+            own = f"{self.own_wrong} of {count} on this metric wrong ({most}): too many to support the confidence"
         return f"{own}; with those on other criteria, {self.wrong} of {self.decided} wrong."
 
 
@@ -185,6 +197,8 @@ class TrackRecord:
     """All trials of a campaign. Groups of a single test, whose verdict is the test's own, count once."""
 
     trials: tuple[Trial, ...]
+    since: tuple[Trial, ...] = ()
+    """Of tests that were run after an earlier certification had judged them; part of what is supported alone."""
 
     def __repr__(self) -> str:
         decided, wrong = self.decided
@@ -239,10 +253,15 @@ class TrackRecord:
         return sum(trial.held for trial in known), len(known)
 
     def waived(self, criteria: Criteria) -> tuple[int, int, int]:
-        """How many tests were left out, how many need not have been run, and how many of these missed a criterion.
+        """How many tests were left out, how many need not have been run, and how many of these missed a criterion."""
+        saved = self.saved(criteria)
+        return len({trial.held_out for trial in self.counted}), len(saved), sum(saved.values())
 
-        A test need not have been run by :func:`needs_no_test` of its verdicts, left out alone or with its speed group;
-        it counts once. A limit on what its record is too short to show is not known to be met.
+    def saved(self, criteria: Criteria) -> dict[str, bool]:
+        """Tests that need not have been run, and whether each missed a criterion.
+
+        By :func:`needs_no_test` of its verdicts, left out alone or with its speed group; a test counts once. A limit on
+        what its record is too short to show is not known to be met.
         """
         left_out: dict[tuple[str, LeftOut], list[Trial]] = {}
         for trial in self.counted:
@@ -251,14 +270,16 @@ class TrackRecord:
         for (test, _), own in left_out.items():
             if len(own) == len(criteria.items) and needs_no_test([t.verdict for t in own], criteria.confidence):
                 saved[test] = saved.get(test, False) or any(trial.wrong for trial in own)
-        return len({test for test, _ in left_out}), len(saved), sum(saved.values())
+        return saved
 
     def support(self, criterion: Criterion) -> Support:
         """What the record says of a criterion."""
         own = self.of(criterion)
-        every = _one_a_metric((*own, *self.telling.trials))
+        later = [trial for trial in self.since if quantity(trial.verdict.criterion) == quantity(criterion)]
+        every = _most_of_each(_one_a_metric((*own, *self.telling.trials, *self.since)))
         most = _SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
-        return Support(*_decided(every), *_decided(own), any(trial.near for trial in own), most)
+        of_its_own = _decided((*own, *_one_a_metric(later)))
+        return Support(*_decided(every), *of_its_own, any(trial.near for trial in own), most)
 
     @property
     def brier(self) -> tuple[float, float] | None:

@@ -114,6 +114,22 @@ def beside_tests(verdict: Verdict, run: Mapping[str, float | None]) -> Verdict:
     return replace(verdict, word=word, reason=joined([verdict.reason, *told]), run=run)
 
 
+def beside_gone_tests(verdict: Verdict, shown: Mapping[str, float]) -> Verdict:
+    """The verdict beside what tests that are not used any more had shown there; open if one of them contradicts it."""
+    if not shown:
+        return verdict
+    met = {test: verdict.criterion.is_met_by(value) for test, value in shown.items()}
+    told = [
+        Sentence(
+            f"Test {{}}, which is not used any more, {'met' if met[test] else 'missed'} it there with {{}}.", test, own
+        )
+        for test, value in shown.items()
+        for own in [verdict.criterion.shown(value)]
+    ]
+    against = verdict.decided and any(own is not (verdict.word == "met") for own in met.values())
+    return replace(verdict, word="open" if against else verdict.word, reason=joined([verdict.reason, *told]))
+
+
 def judge(
     forecast: Forecast,
     condition: Condition,

@@ -1,6 +1,7 @@
 """The command that judges acceptance criteria at conditions, and its own record."""
 
 import argparse
+import hashlib
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -38,25 +39,28 @@ def certify(arguments: argparse.Namespace) -> None:
     campaign = load_campaign(arguments.campaign)
     criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     if earlier is not None:
-        earlier.unknown_of(campaign)  # or another vehicle's would be told only once all is computed
+        earlier.require_of(campaign)  # or another vehicle's would be told only once all is computed
     matrix = _matrix(arguments, campaign)
     with watching() as watch:
         judged = verdicts.certify(
             campaign, criteria, matrix, approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
-    certification, display = judged.certification, display_of(arguments, campaign)
-    with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
-        write_certification(certification, folder, display, earlier)
-    with suppress(DataError):  # where nothing can be kept, the page does not list it
-        kept_files.keep_certification((arguments.out / FILE).read_bytes(), campaign)
-    print(counts_table(certification, display.units).to_string(index=False))
-    print(*map(display.words, summary(certification)), sep="\n")
+    display, certification = display_of(arguments, campaign), judged.certification
     if earlier is not None:
-        print(*map(display.words, change_sentences(Changes.of(earlier, certification))), sep="\n")
+        certification = certification.beside(earlier)
+    with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
+        write_certification(certification, folder, display)
+    content = (arguments.out / FILE).read_bytes()
+    with suppress(DataError):  # where nothing can be kept, the page does not list it
+        kept_files.keep_certification(content, campaign)
+    print(counts_table(certification, display.units).to_string(index=False))
+    since = () if earlier is None else change_sentences(Changes.of(certification))
+    print(*map(display.words, dict.fromkeys((*summary(certification), *since))), sep="\n")
     if campaign.notice:
         print(campaign.notice)
     say_written(arguments.out, "certification")
+    print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
 
 
 def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":

@@ -4,15 +4,16 @@ from collections.abc import Iterator
 
 import pandas as pd
 
+from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Change, Changes
 from crashfuse.certification.earlier import EarlierVerdict
+from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.verdict import Verdict
-from crashfuse.reporting.certification_sentences import listed
 from crashfuse.reporting.certification_tables import condition_columns, factors_of, probability_text
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certification_settings
-from crashfuse.reporting.track_record_sentences import at_most, counted
-from crashfuse.wording import Sentence
+from crashfuse.reporting.track_record_sentences import at_most, counted, is_too_narrow, listed
+from crashfuse.wording import Sentence, joined
 
 _DIGEST = 12  # characters of it in a sentence
 
@@ -74,7 +75,25 @@ def shown_changes(changes: Changes, display: Display = DEFAULT) -> pd.DataFrame:
 
 def change_sentences(changes: Changes) -> tuple[str, ...]:
     """Whether what was said came true, and what is said otherwise today, in a few sentences."""
-    return (*_beside(changes), *_outcomes(changes), *_changed(changes))
+    return (
+        *_beside(changes),
+        *_tested(changes),
+        *outcome_sentences(changes),
+        *wrong_since(changes),
+        *_changed(changes),
+    )
+
+
+def saved_and_missed(certification: Certification) -> tuple[int, int]:
+    """How many tests need not have been run by what was said without them, and how many of these missed a criterion.
+
+    Of tests that were left out, and of those that were run after an earlier certification; each counts once.
+    """
+    told = certification.record.saved(certification.criteria)
+    if certification.since is not None:
+        for own in Changes.of(certification).waived_outcomes.values():
+            told |= {test: told.get(test, False) or bool(missed) for test, (missed, _) in own.items()}
+    return len(told), sum(told.values())
 
 
 def _word(verdict: EarlierVerdict | Verdict | None) -> str:
@@ -85,9 +104,14 @@ def _beside(changes: Changes) -> Iterator[str]:
     """Which certification is compared, and what was otherwise besides the tests."""
     earlier, later = changes.earlier, changes.later
     of = f"{counted(len(earlier.matrix.ids), 'condition')} from {counted(len(earlier.tests), 'test')}"
+    since = changes.since
     tests = [
         f"{told}: {listed(some)}"
-        for told, some in (("tests that it did not know", changes.new_tests), ("no longer used", changes.gone_tests))
+        for told, some in (
+            ("tests that it did not know", since.new),
+            ("tests whose record or filter class is another since, which it had learned from", since.changed),
+            ("no longer used", since.gone),
+        )
         if some
     ]
     yield (
@@ -100,31 +124,88 @@ def _beside(changes: Changes) -> Iterator[str]:
         yield f"Made otherwise: {'; '.join(differ)}."
 
 
-def _outcomes(changes: Changes) -> Iterator[str]:
-    """Whether tests that the earlier certification did not know showed what it said."""
-    if not changes.tested:
-        yield "None of these tests was run where it judged a metric, so none tells whether its verdicts came true."
-        return
-    there = [f"{i} (test {' and '.join(tests)})" for i, tests in changes.tested.items()]
-    yield f"Tested since: {listed(there)}. Ratings aside, which would be those of other predictions:"
-    n, wrong, tests = changes.outcomes
-    if n:
-        yield (
-            f"Verdicts met or not met on {counted(n, 'metric')} of {counted(tests, 'test')}, {wrong} wrong "
-            f"({at_most(wrong, n)}, exact 95 % bound, as if metrics of a test were independent)."
-        )
+def _tested(changes: Changes) -> Iterator[str]:
+    """Which tests tell whether verdicts came true, and which do not."""
+    since = changes.since
+    if changes.tested:
+        there = [
+            joined([f"{name} (", joined([_named(since, test) for test in tests], " and "), ")"], "")
+            for name, tests in changes.tested.items()
+        ]
+        yield joined(["Tested since: ", joined(there, ", "), "."], "")
     else:
-        yield "No verdict was met or not met there."
+        yield "None of these tests was run where it judged a metric, so none tells whether its verdicts came true."
+    if since.repeats:
+        known = [f"{i} (test {test})" for test, i in since.repeats.items()]
+        yield f"Run where it knew a test already, and not counted: {listed(known)}."
+    if since.elsewhere:
+        yield f"Run at none of its conditions (to 1 km/h and 2 % of each weight): {listed(since.elsewhere)}."
+
+
+def _named(since: TestedSince, test: str) -> str:
+    """A test, with its speed and weights if they are not quite those of the condition that it was made for."""
+    off = [since.campaign.test(test).condition] if since.is_off(test) else []
+    return Sentence("test {}" + ", at {}" * len(off), test, *off)
+
+
+def outcome_sentences(changes: Changes) -> tuple[str, ...]:
+    """How often tests that were run since contradict what was said, and what conditions that needed none showed."""
+    n, wrong, tests = changes.outcomes
+    found = []
+    if n:
+        found.append(
+            f"Tests run since, ratings aside: verdicts met or not met on {counted(n, 'metric')} of "
+            f"{counted(tests, 'test')}, {wrong} wrong ({at_most(wrong, n)}, exact 95 % bound, as if metrics of a test "
+            "were independent)."
+        )
+    elif changes.tested:
+        found.append("Tests run since: no verdict was met or not met there.")
     inside, intervals = changes.intervals
     if intervals:
-        yield f"{inside} of {counted(intervals, 'interval')} held what was measured (made to hold 95 %)."
+        held = f"{inside} of {counted(intervals, 'interval')} held what tests run since measured (made to hold 95 %)."
+        found.append(next(narrow_sentence(changes), held))
     for name, own in changes.waived_outcomes.items():
         for test, (missed, unknown) in own.items():
             parts = [f"missed {', '.join(missed)}"] if missed else []
             parts += [f"cannot tell {', '.join(unknown)}"] if unknown else []
-            yield f"{name} needed no test by it; {test} {' and '.join(parts) or 'met every criterion'}."
+            found.append(f"{name} needed no test by it; {test} {' and '.join(parts) or 'met every criterion'}.")
+    return tuple(found)
+
+
+def narrow_sentence(changes: Changes) -> Iterator[str]:
+    """Which intervals did not hold what tests run since measured, if these are too many for intervals of 95 %."""
+    inside, n = changes.intervals
+    if not is_too_narrow(inside, n):
+        return
+    missed = [
+        Sentence("{}: {} {}, not {}", test, cell.criterion.name, cell.criterion.shown(value), interval)
+        for cell in changes.cells
+        for test, value in cell.measured.items()
+        if value is not None and cell.before is not None and cell.before.holds(value) is False
+        for interval in [cell.criterion.interval(cell.before.lower, cell.before.upper)]
+    ]
+    told = f"{inside} of {counted(n, 'interval')} held what tests run since measured, made to hold 95 %: they were too "
+    yield joined([f"{told}narrow (", joined(missed, "; "), ")."], "")
+
+
+def wrong_since(changes: Changes) -> Iterator[str]:
+    """Each verdict that a test run since contradicted."""
     for cell in changes.cells:
         yield from (_wrong(cell, test) for test, came_true in cell.came_true.items() if not came_true)
+
+
+def gone_sentences(since: TestedSince) -> Iterator[str]:
+    """What tests had shown at conditions of the earlier certification that are not used any more."""
+    for i, tests in since.earlier.run.items():
+        for test in (test for test in tests if test in since.gone):
+            limits = {own.name: own for own in since.earlier.criteria.items}
+            missed = [
+                name
+                for name, value in tests[test].items()
+                if name in limits and value is not None and not limits[name].is_met_by(value)
+            ]
+            showed = f"it missed {', '.join(missed)}" if missed else "it missed no criterion"
+            yield f"{i} of the earlier certification: {test} was run there and is not used any more; {showed}."
 
 
 def _wrong(cell: Change, test: str) -> str:

@@ -8,17 +8,18 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.domain import Domain
 from crashfuse.reporting.certification_changes import change_sentences
-from crashfuse.reporting.certification_sentences import exceptions, summary
+from crashfuse.reporting.certification_exceptions import exceptions
+from crashfuse.reporting.certification_sentences import summary
 from crashfuse.reporting.certification_tables import bound, counts_table, matrix_table, record_counts, verdict_counts
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
 from crashfuse.units import LB, MPH
 
 
-def certification_json(certification: Certification, changes: Changes | None = None) -> bytes:
+def certification_json(certification: Certification) -> bytes:
     """The file, with what became of an earlier certification if it is beside one."""
-    record = certification_record(certification, since=changes is not None)
-    if changes is not None:
-        record["since"] = _since(changes)
+    record = certification_record(certification)
+    if certification.since is not None:
+        record["since"] = _since(Changes.of(certification))
     return (json.dumps(record, indent=2, ensure_ascii=False) + "\n").encode()
 
 
@@ -28,9 +29,12 @@ def _since(changes: Changes) -> dict[str, object]:
     return {
         "sha256": changes.earlier.digest,
         "date": changes.earlier.date,
-        "new_tests": changes.new_tests,
-        "gone_tests": changes.gone_tests,
+        "new_tests": changes.since.new,
+        "changed_tests": changes.since.changed,
+        "gone_tests": changes.since.gone,
         "tested": changes.tested,
+        "repeats": changes.since.repeats,
+        "elsewhere": changes.since.elsewhere,
         "decided": {"metrics": n, "tests": tests, "wrong": wrong, "wrong_at_most": bound(wrong, n)},
         "intervals": {"n": intervals, "inside": inside},
         "waived_and_tested": {
@@ -43,7 +47,7 @@ def _since(changes: Changes) -> dict[str, object]:
     }
 
 
-def certification_record(certification: Certification, *, since: bool = False) -> dict[str, object]:
+def certification_record(certification: Certification) -> dict[str, object]:
     """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
@@ -54,7 +58,7 @@ def certification_record(certification: Certification, *, since: bool = False) -
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "settings": certification_settings(campaign, config, criteria.confidence),
         "tests_sha256": {test.id: test.digest for test in campaign.tests},
-        "command": certify_command(config, campaign.units, since=since),
+        "command": certify_command(config, campaign.units, since=certification.since is not None),
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
         "criteria": {
             "confidence": criteria.confidence,
@@ -75,6 +79,7 @@ def certification_record(certification: Certification, *, since: bool = False) -
         "domain": _domain(certification.domain),
         "verdicts": verdict_counts(certification),
         "waived": {i: {"at_least": low, "at_most": high} for i, (low, high) in certification.waived.items()},
+        "uncertain": {i: {"at_least": low, "at_most": high} for i, (low, high) in certification.uncertain.items()},
         "run_first": certification.run_first,
         "track_record": {
             **record_counts(record),

@@ -1,41 +1,52 @@
-"""A certification in words: what came of the matrix, what the record says, and every exception to it."""
+"""A certification in words: what came of the matrix, and what the record says."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.changes import Changes
 from crashfuse.certification.verdict import WORDS, Verdict
+from crashfuse.reporting.certification_changes import outcome_sentences
+from crashfuse.reporting.certification_exceptions import (
+    FEW,
+    NARROW_SINCE,
+    NOT_GIVEN,
+    NOT_TOGETHER,
+    NOT_USED,
+    UNSUPPORTED,
+    UNTOUCHED,
+    WRONG_SINCE,
+    exceptions,
+    reservations,
+    reserved,
+)
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.track_record_sentences import (
     brier_sentence,
     counted,
+    listed,
     record_sentence,
     waived_sentence,
-    wrong_sentences,
 )
 from crashfuse.wording import Sentence, joined
 
-_NAMED, _EXPLAINED = 20, 3  # conditions in a sentence, and with a reason each
-_UNSUPPORTED = "Criteria whose record does not support the confidence"
-_UNTOUCHED = "Criteria whose limit no left-out test came near"
-_NOT_GIVEN, _NOT_TOGETHER = "Conditions without a factor that the tests have", "Factors that no test has together"
-_FEW = "Criteria whose own record does not support the confidence alone"
+_EXPLAINED = 3  # conditions in a sentence with a reason each
 
 
 def summary(certification: Certification) -> tuple[str, ...]:
     """What came of the matrix, where a test is needed, and what the record says, in a few sentences."""
     record = certification.record
     said = (matrix_sentence(certification), *to_test(certification), record_sentence(record), *brier_sentence(record))
+    since = () if certification.since is None else outcome_sentences(Changes.of(certification))
     against = exceptions(certification)
-    told = _NOT_GIVEN, _NOT_TOGETHER, _UNSUPPORTED, _UNTOUCHED, _FEW
-    return (*said, *(sentence for subject in told for sentence in against.get(subject, ())))
+    told = NOT_USED, NOT_GIVEN, NOT_TOGETHER, UNSUPPORTED, UNTOUCHED, FEW
+    return (*said, *since, *(sentence for subject in told for sentence in against.get(subject, ())))
 
 
 def beside_matrix(certification: Certification) -> tuple[str, ...]:
-    """What stands beside the matrix: what came of it, on which factors, and why likely criteria are open."""
-    told, subjects = exceptions(certification), (_NOT_GIVEN, _NOT_TOGETHER, _UNSUPPORTED)
+    """What stands beside the matrix: what came of it, what speaks against it, and why likely criteria are open."""
+    told, subjects = exceptions(certification), (WRONG_SINCE, NARROW_SINCE, NOT_USED, UNSUPPORTED)
     return (*to_test(certification), *(sentence for subject in subjects for sentence in told.get(subject, ())))
 
 
@@ -49,20 +60,21 @@ def matrix_sentence(certification: Certification) -> str:
 
 def to_test(certification: Certification) -> Iterator[str]:
     """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
-    rows, run = {word: _by_condition(certification, word) for word in WORDS}, certification.run
+    rows, run = {word: certification.of_word(word) for word in WORDS}, certification.run
+    known_of = reserved(certification)
     if run:
-        yield f"Run already: {listed(list(_run(certification)))}."
+        yield f"Run already: {listed(list(_run(certification, known_of)))}."
     if waived := certification.waived:
         yield (
             "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
-            f"{listed(_with_least(waived))}."
+            f"{listed(_with_least(waived, known_of))}."
         )
         yield from waived_sentence(certification.record, certification.criteria)
         yield from _little_known(certification)
     if uncertain := certification.uncertain:
         yield (
             f"To be tested, as each criterion is met but all at once not with a confidence of "
-            f"{certification.criteria.confidence:g} (in brackets): {listed(_with_least(uncertain))}."
+            f"{certification.criteria.confidence:g} (in brackets): {listed(_with_least(uncertain, known_of))}."
         )
     known, missing = _open(certification, known=True), {i: own for i, own in rows["not met"].items() if i not in run}
     for told, some in (
@@ -94,7 +106,7 @@ def least_text(all_met: tuple[float, float]) -> str:
     return f"{np.floor(1000 * all_met[0] + 1e-9) / 1000:.3f}"
 
 
-def _run(certification: Certification) -> Iterator[str]:
+def _run(certification: Certification, known_of: Mapping[str, str]) -> Iterator[str]:
     """Conditions that were run, with the tests there and what these miss."""
     for i, row in certification.rows.items():
         tests = []
@@ -105,24 +117,18 @@ def _run(certification: Certification) -> Iterator[str]:
             ]
             tests.append(f"{test}, which missed {', '.join(missed)}" if missed else test)
         if tests:
-            yield f"{i} (test {' and '.join(tests)})"
+            yield f"{i} (test {'; '.join(filter(None, (' and '.join(tests), known_of.get(i))))})"
 
 
-def _with_least(bounds: Mapping[str, tuple[float, float]]) -> list[str]:
-    return [f"{i} ({least_text(own)})" for i, own in bounds.items()]
+def _with_least(bounds: Mapping[str, tuple[float, float]], known_of: Mapping[str, str]) -> list[str]:
+    """Conditions with the least probability that a test meets all criteria, and what has to be known of them."""
+    return [f"{i} ({'; '.join(filter(None, (least_text(own), known_of.get(i))))})" for i, own in bounds.items()]
 
 
 def _little_known(certification: Certification) -> Iterator[str]:
     """Which criteria these answers rest on although left-out tests say little of them."""
-    if weak := _reservations(certification):
+    if weak := reservations(certification):
         yield f"Look at the exceptions first: by themselves left-out tests say little or nothing of {', '.join(weak)}."
-
-
-def _reservations(certification: Certification) -> dict[str, str]:
-    """Why the record says little of a criterion by itself, by its name, where it does."""
-    record, criteria = certification.record, certification.criteria
-    told = {own.name: record.support(own).reservation(criteria.confidence) for own in criteria.items}
-    return {name: sentence for name, sentence in told.items() if sentence is not None}
 
 
 def _outside(verdicts: Mapping[str, list[Verdict]]) -> str:
@@ -132,100 +138,14 @@ def _outside(verdicts: Mapping[str, list[Verdict]]) -> str:
     return joined([joined([i, own.reason], ": ") for i, (own, *_) in verdicts.items()])
 
 
-def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
-    """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
-    confidence, record = certification.criteria.confidence, certification.record
-    supports = {criterion.name: record.support(criterion) for criterion in certification.criteria.items}
-    short = {name: s for name, own in supports.items() if (s := own.shortfall(confidence)) is not None}
-    weak = _reservations(certification)
-    outside = dict.fromkeys(joined([i, own.reason], ": ") for i, own in certification.cells if own.word == "outside")
-    found = {
-        "Warnings about the campaign": certification.campaign.remarks,
-        "Conditions outside the validated domain": certification.domain.too_few_tests or tuple(outside),
-        _NOT_GIVEN: tuple(_without_factor(certification)),
-        _NOT_TOGETHER: tuple(_new_together(certification)),
-        "Open, because recordings end too early to predict": tuple(
-            f"{i}: {_names(unknown)}." for i, unknown in _open(certification, known=False).items()
-        ),
-        "Tests outside the range of the CAE runs": tuple(
-            joined([test.id, joined(notes)], ": ")
-            for test in certification.campaign.tests
-            if (notes := certification.campaign.cae.extrapolation(test.condition))
-        ),
-        "Wrong verdicts on left-out tests": tuple(wrong_sentences(record)),
-        "Probabilities that left-out tests contradict": tuple(
-            f"{own.low:g} to {own.high:g}, {own.probability:.3f} on average: {round(own.met * own.n)} of {own.n} met "
-            f"it (exact 95 % bounds {own.lower:.3f} to {own.upper:.3f})."
-            for own in record.reliability
-            if not own.holds
-        ),
-        "Probabilities no better than those of the raw CAE": tuple(brier_sentence(record)) if _no_gain(record) else (),
-        _UNSUPPORTED: _grouped(short),
-        _UNTOUCHED: _grouped({name: s for name, s in weak.items() if record.trials and not supports[name].near}),
-        _FEW: _grouped({name: s for name, s in weak.items() if name not in short and supports[name].near}),
-        "No record": () if record.trials else (record_sentence(record),),
-    }
-    return {subject: sentences for subject, sentences in found.items() if sentences}
-
-
-def _without_factor(certification: Certification) -> Iterator[str]:
-    """Which conditions do not name a factor, and what their verdicts are then on."""
-    for name in certification.domain.factors:
-        some = [i for i, c in certification.matrix.items if not dict(c.factors).get(name)]
-        if some:
-            yield (
-                f"{listed(some)}: no {name} is given, so the verdicts are on a vehicle of which it is not known, not "
-                "on the least favourable one; name it to have its own."
-            )
-
-
-def _new_together(certification: Certification) -> Iterator[str]:
-    """Which conditions have factors of which each was tested, but never with the others."""
-    tested = [dict(test.condition.factors) for test in certification.campaign.tests]
-    found: dict[str, list[str]] = {}
-    for i, condition in certification.matrix.items:
-        given = {name: value for name, value in condition.factors if value and name in certification.domain.factors}
-        known = all(value in certification.domain.factors[name] for name, value in given.items())
-        if known and not any(given.items() <= own.items() for own in tested):
-            found.setdefault(", ".join(f"{name} {value}" for name, value in given.items()), []).append(i)
-    for together, some in found.items():
-        yield f"{listed(some)}: no test has {together}; each was tested with another."
-
-
-def _grouped(sentences: Mapping[str, str]) -> tuple[str, ...]:
-    """Each sentence once, after the names that it is about."""
-    names: dict[str, list[str]] = {}
-    for name, sentence in sentences.items():
-        names.setdefault(sentence, []).append(name)
-    return tuple(joined([", ".join(own), sentence], ": ") for sentence, own in names.items())
-
-
-def _no_gain(record: TrackRecord) -> bool:
-    return record.brier is not None and record.brier[0] >= record.brier[1]
-
-
-def _by_condition(certification: Certification, word: str) -> Mapping[str, list[Verdict]]:
-    found: dict[str, list[Verdict]] = {}
-    for i, verdict in certification.cells:
-        if verdict.word == word:
-            found.setdefault(i, []).append(verdict)
-    return found
-
-
 def _open(certification: Certification, *, known: bool) -> Mapping[str, list[Verdict]]:
     """Open verdicts by condition: with a known probability, or those that a longer record alone can tell."""
     some = {
         i: [verdict for verdict in own if (verdict.probability is not None) is known]
-        for i, own in _by_condition(certification, "open").items()
+        for i, own in certification.of_word("open").items()
     }
     return {i: own for i, own in some.items() if own}
 
 
 def _names(verdicts: Sequence[Verdict]) -> str:
     return ", ".join(verdict.criterion.name for verdict in verdicts)
-
-
-def listed(names: Sequence[str]) -> str:
-    """The first names, and how many there are more."""
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more

@@ -9,7 +9,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, largest_share
-from crashfuse.certification.verdict import WORDS, towards_half
+from crashfuse.certification.verdict import WORDS, all_met, towards_half
 from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH
 from crashfuse.wording import MPH_LB, UnitSystem, said
@@ -25,6 +25,7 @@ _JUDGED = ("met", "not met", "decided")
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
+    waived, all_at_once = certification.waived, {i: all_met(row)[0] for i, row in certification.rows.items()}
     return pd.DataFrame(
         {
             **condition_columns(cell, verdict.condition, factors),
@@ -41,6 +42,8 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             "verdict": verdict.word,
             "reason": verdict.reason,
             "basis": basis[verdict.criterion.metric],
+            "need_not_be_run": cell in waived,
+            "all_met_at_least": all_at_once[cell],
             **({"test": " ".join(verdict.run)} if run else {}),
         }
         for cell, verdict in certification.cells

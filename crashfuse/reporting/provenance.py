@@ -71,7 +71,6 @@ def next_test_command(low: Condition, high: Condition, config: StudyConfig, unit
 def certification_settings(campaign: Campaign, config: StudyConfig, confidence: float) -> dict[str, str]:
     """What decides the verdicts of a certification besides tests, criteria and matrix, by names that readers know."""
     approach = config.approaches[0]
-    occupant = " and ".join(filter(None, (campaign.occupant.olc_words, campaign.occupant.vpi_words)))
     return {
         "campaign": campaign.name,
         "version": __version__,
@@ -81,7 +80,7 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
         "confidence": f"{confidence:g}",
         "CAE runs": f"{len(campaign.cae):,}, fingerprint {campaign.cae.fingerprint[:12]}",
         "tests' filter class": campaign.filter_class or "not given",
-        "occupant model": occupant or "the usual one",
+        "occupant model": campaign.occupant.words,
     }
 
 

@@ -160,8 +160,7 @@ def write_certification(
         If there is no such earlier certification.
     """
     earlier = Earlier.read(Path(since)) if isinstance(since, str | Path) else since
-    changes = None if earlier is None else Changes.of(earlier, certification)
-    _write(_CERTIFICATION, folder, certification, display, changes)
+    _write(_CERTIFICATION, folder, certification if earlier is None else certification.beside(earlier), display)
 
 
 def write_learning_curve(
@@ -217,12 +216,14 @@ _NEXT_TESTS: Mapping[str, Callable[[NextTests, StudyConfig, Display], Content]] 
     "report.html": lambda *result: next_test_report(*result).encode(),
     "next_tests.csv": lambda ranking, *_: csv_bytes(ranking.table),
 }
-_CERTIFICATION: Mapping[str, Callable[[Certification, Display, Changes | None], Content]] = {
-    "certification.csv": lambda certification, *_: csv_bytes(Verdicts(certification).table),
-    "track_record.csv": lambda certification, *_: csv_bytes(Verdicts(certification).track_record),
-    "changes.csv": lambda _, __, changes: None if changes is None else csv_bytes(changes_table(changes)),
+_CERTIFICATION: Mapping[str, Callable[[Certification, Display], Content]] = {
+    "certification.csv": lambda certification, _: csv_bytes(Verdicts(certification).table),
+    "track_record.csv": lambda certification, _: csv_bytes(Verdicts(certification).track_record),
+    "changes.csv": lambda certification, _: (
+        None if certification.since is None else csv_bytes(changes_table(Changes.of(certification)))
+    ),
     "report.html": lambda *result: certification_report(*result).encode(),
-    "certification.json": lambda certification, _, changes: certification_json(certification, changes),
+    "certification.json": lambda certification, _: certification_json(certification),
 }
 _LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None, Display], Content]] = {
     "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),

@@ -1,10 +1,14 @@
 """What the record of left-out tests says of verdicts, in words."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.wording import Sentence
+
+INTERVAL = 0.95
+"""Share of tests that intervals are made to hold."""
+_NAMED = 20  # in a sentence
 
 
 def at_most(wrong: int, n: int) -> str:
@@ -60,6 +64,11 @@ def interval_sentence(record: TrackRecord) -> Iterator[str]:
         )
 
 
+def is_too_narrow(inside: int, n: int) -> bool:
+    """Whether so few intervals held what was measured that they cannot hold 95 % (exact 95 % bound)."""
+    return n > 0 and largest_share(inside, n) < INTERVAL
+
+
 def brier_sentence(record: TrackRecord) -> Iterator[str]:
     """The Brier score of the left-out probabilities beside that of the raw CAE, if there is one."""
     if record.brier is not None:
@@ -77,9 +86,10 @@ def support_sentence(record: TrackRecord, criterion: Criterion, confidence: floa
         return shortfall
     if (reservation := support.reservation(confidence)) is not None:
         return reservation
-    own = f"{support.own_wrong} of {counted(support.own_decided, 'left-out verdict')} of its own wrong"
+    own = f"{support.own_wrong} of {counted(support.own_decided, 'verdict')} of its own wrong"
     others = f", {support.wrong} of {support.decided} with those on other criteria"
-    return f"It supports the confidence: {own}{others if support.decided > support.own_decided else ''}."
+    right = f"{support.confidence:.3f} are expected to be right, as if verdicts were independent"
+    return f"It supports the confidence: {right} ({own}{others if support.decided > support.own_decided else ''})."
 
 
 def wrong_sentences(record: TrackRecord) -> Iterator[str]:
@@ -99,3 +109,9 @@ def counted(n: int, noun: str) -> str:
     """A number with its noun: ``3 criteria``."""
     plural = "criteria" if noun == "criterion" else f"{noun}s"
     return f"{n:,} {noun if n == 1 else plural}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first names, and how many there are more."""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more

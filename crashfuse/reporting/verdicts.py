@@ -62,7 +62,7 @@ class Verdicts:
         DataError
             If there is no such certification.
         """
-        return changes_table(Changes.of(Earlier.read(Path(earlier)), self.certification))
+        return changes_table(Changes.of(self.certification.beside(Earlier.read(Path(earlier)))))
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
         """A figure of the page Certify.

@@ -39,6 +39,11 @@ class OccupantModel:
         """The slack and spring of the VPI, such as ``20 mm, 3000 N/m``; empty if they are the usual ones."""
         return self._unless_usual("{0.vpi_slack_mm:g} mm, {0.vpi_stiffness_npm:g} N/m")
 
+    @property
+    def words(self) -> str:
+        """What is not as usual, of both."""
+        return " and ".join(filter(None, (self.olc_words, self.vpi_words))) or "the usual one"
+
     def _unless_usual(self, words: str) -> str:
         own = words.format(self)
         return "" if own == words.format(USUAL_OCCUPANT) else own

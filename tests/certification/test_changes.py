@@ -20,10 +20,13 @@ from crashfuse.certification.verdict import Word
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_changes import change_sentences, changes_table, shown_changes
+from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_record import certification_json
+from crashfuse.reporting.certification_sentences import summary
 from crashfuse.reporting.report import certification_report
+from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
-from crashfuse.units import MPH
+from crashfuse.units import KPH, MPH
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -48,7 +51,12 @@ def earlier(later: Certification, rows: Sequence[Row], *known: str, **others: An
     """A certification that said this of the same conditions, from these tests, or from the first alone."""
     read, first = Earlier.parse(certification_json(later)), later.campaign.test_ids[0]
     tests = {test: read.tests[test] for test in known or (first,)}
-    return replace(read, **{"tests": tests, "run": frozenset(), "verdicts": tuple(rows), **others})
+    return replace(read, **{"tests": tests, "run": {}, "verdicts": tuple(rows), **others})
+
+
+def compared(before: Earlier, today: Certification) -> Changes:
+    """Today's certification beside an earlier one."""
+    return Changes.of(today.beside(before))
 
 
 def alike(*verdicts: EarlierVerdict) -> list[Row]:
@@ -68,12 +76,12 @@ def measured(later: Certification, test: str) -> dict[str, float]:
 
 def test_a_certification_beside_itself_says_that_nothing_changed(later: Certification) -> None:
     """Read from its own file: all verdicts as they were, and no test since."""
-    changes = Changes.of(Earlier.parse(certification_json(later)), later)
+    changes = compared(Earlier.parse(certification_json(later)), later)
     n = len(later.cells)
     assert [before for _, before, _ in changes.compared] == [
         EarlierVerdict(own.word, own.probability, own.lower, own.upper) for _, own in later.cells
     ]
-    assert (changes.new_tests, changes.gone_tests, changes.tested, changes.outcomes) == ((), (), {}, (0, 0, 0))
+    assert (changes.since.new, changes.since.gone, changes.tested, changes.outcomes) == ((), (), {}, (0, 0, 0))
     assert shown_changes(changes).empty
     told = said(changes)
     assert "it knew every test" in told
@@ -92,8 +100,8 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(later: Certification
     assert found["peak"] > 25
     rows = [(OPEN, OPEN, OPEN)] * len(later.matrix.ids)
     rows[later.campaign.test_ids.index(fastest)] = (OPEN, EarlierVerdict(word, 0.5, 0.0, 1.0), MET)
-    changes = Changes.of(earlier(later, rows, *(test.id for test in tests if test.id != fastest)), later)
-    assert changes.new_tests == (fastest,)
+    changes = compared(earlier(later, rows, *(test.id for test in tests if test.id != fastest)), later)
+    assert changes.since.new == (fastest,)
     assert changes.tested == {f"at {fastest}": (fastest,)}
     assert changes.outcomes == (1, int(wrong), 1)
     assert changes.intervals == (int(10 <= found["max_crush"] <= 500), 2)
@@ -114,10 +122,10 @@ def test_what_is_asked_today_hides_no_wrong_verdict(later: Certification) -> Non
     today = replace(
         later,
         criteria=Criteria((CRUSH,), 0.8),
-        verdicts=tuple(row[:1] for row in later.verdicts),
+        judged=tuple(row[:1] for row in later.judged),
         record=TrackRecord(()),
     )
-    ((missed, unknown),) = Changes.of(before, today).waived_outcomes[f"at {fastest}"].values()
+    ((missed, unknown),) = compared(before, today).waived_outcomes[f"at {fastest}"].values()
     assert "peak" in missed
     assert unknown == ()  # ratings are left aside
 
@@ -129,14 +137,14 @@ def test_two_limits_or_conditions_alike_are_one_metric_of_a_test(later: Certific
     before = earlier(later, [(OPEN, MET, MET)] * n, criteria=Criteria((CRUSH, PEAK, loose), 0.8))
     peaks = [measured(later, test)["peak"] for test in later.campaign.test_ids if test != first]
     wrong = sum(peak > 25.0 for peak in peaks)
-    assert Changes.of(before, later).outcomes == (len(peaks), wrong, len(peaks))
+    assert compared(before, later).outcomes == (len(peaks), wrong, len(peaks))
     twice = replace(
         later.matrix,
         ids=(*later.matrix.ids, "beside"),
         conditions=(*later.matrix.conditions, replace(c := later.matrix.conditions[-2], speed_mps=c.speed_mps * 1.001)),
     )
     before = replace(before, matrix=twice, verdicts=((OPEN, MET, MET),) * (n + 1))
-    assert Changes.of(before, later).outcomes == (len(peaks), wrong, len(peaks))
+    assert compared(before, later).outcomes == (len(peaks), wrong, len(peaks))
 
 
 def test_of_conditions_that_needed_no_test_it_is_told_what_was_missed_and_what_is_unknown(later: Certification) -> None:
@@ -147,7 +155,7 @@ def test_of_conditions_that_needed_no_test_it_is_told_what_was_missed_and_what_i
         later.campaign.test(second), pulse=replace(later.campaign.test(second).pulse, accel_mps2=np.full(1250, -1.0))
     )
     campaign = replace(later.campaign, tests=tuple(short if t.id == second else t for t in later.campaign.tests))
-    changes = Changes.of(earlier(later, alike(*[MET] * (n - 1), MISSED)), replace(later, campaign=campaign))
+    changes = compared(earlier(later, alike(*[MET] * (n - 1), MISSED)), replace(later, campaign=campaign))
     assert changes.waived_outcomes[f"at {second}"] == {second: ((), ("crush",))}
     for test in others:
         missed = tuple(own.name for own in (CRUSH, PEAK) if not own.is_met_by(measured(later, test)[own.metric]))
@@ -158,43 +166,161 @@ def test_of_conditions_that_needed_no_test_it_is_told_what_was_missed_and_what_i
 
 
 def test_a_record_is_known_by_its_content(later: Certification) -> None:
-    """Under another id it is no new test; another record under a known id is one."""
+    """Under another id it is no new test; another vehicle's file is refused."""
     campaign, (first, second, *_) = later.campaign, later.campaign.test_ids
     before = earlier(later, alike(*[OPEN] * len(later.matrix.ids)), first, second)
     renamed = replace(campaign.test(second), id="renamed")
     others = tuple(test for test in campaign.tests if test.id != second)
     same = replace(later, campaign=replace(campaign, tests=(*others, renamed)))
-    assert "renamed" not in Changes.of(before, same).new_tests
-    louder = replace(campaign.test(second), pulse=replace(renamed.pulse, accel_mps2=1.1 * renamed.pulse.accel_mps2))
-    changes = Changes.of(before, replace(later, campaign=replace(campaign, tests=(*others, louder))))
-    assert second in changes.new_tests
-    assert changes.gone_tests == (second,)
+    assert "renamed" not in compared(before, same).since.new
     with pytest.raises(DataError, match="a certification of this campaign, found one of Tiny"):
-        Changes.of(replace(before, tests={"T1": "of another vehicle"}), later)
+        compared(replace(before, tests={"X1": "of another vehicle"}), later)
+
+
+def test_a_record_that_was_retouched_is_no_test_since(later: Certification) -> None:
+    """The earlier certification had learned from it: what it shows proves nothing. A new filter class changes all."""
+    campaign, n = later.campaign, len(later.matrix.ids)
+    before = earlier(later, alike(*[MET] * n), *campaign.test_ids)
+    louder = tuple(
+        replace(test, pulse=replace(test.pulse, accel_mps2=1.1 * test.pulse.accel_mps2)) for test in campaign.tests
+    )
+    for tests in ((louder[0], *campaign.tests[1:]), louder):
+        changes = compared(before, replace(later, campaign=replace(campaign, tests=tests)))
+        assert changes.since.changed == tuple(test.id for test in tests if test in louder)
+        assert (changes.since.new, changes.since.gone, changes.outcomes) == ((), (), (0, 0, 0))
+    assert f"which it had learned from: {', '.join(campaign.test_ids)}" in said(changes)
+    with pytest.raises(DataError):  # beside other CAE runs an id is not enough
+        compared(replace(before, settings={**before.settings, "CAE runs": "24"}), changes.later)
+
+
+def test_a_test_is_made_for_the_nearest_condition_though_a_little_off(later: Certification) -> None:
+    """To 1 km/h and 2 %, and the sentence says where it was run; of one made for none, that it tells nothing."""
+    campaign, first = later.campaign, later.campaign.test_ids[0]
+    at = {test.id: test.condition for test in campaign.tests}
+    rows = alike(*[MET] * len(later.matrix.ids))
+    for off_kph, told in ((0.95, True), (1.1, False)):
+        moved = tuple(
+            replace(test, condition=replace(at[test.id], speed_mps=at[test.id].speed_mps + off_kph * KPH))
+            if test.id != first
+            else test
+            for test in campaign.tests
+        )
+        changes = compared(earlier(later, rows), replace(later, campaign=replace(campaign, tests=moved)))
+        others = campaign.test_ids[1:]
+        assert changes.since.at == ({test: f"at {test}" for test in others} if told else {})
+        assert changes.since.elsewhere == (() if told else others)
+        expected = (
+            f"at {others[0]} (test {others[0]}, at {moved[1].condition})" if told else "Run at none of its conditions"
+        )
+        assert expected in said(changes)
+
+
+def test_a_repeat_of_a_test_that_was_known_counts_for_nothing(later: Certification) -> None:
+    """Its verdict was given by one who had seen the answer."""
+    first, second, *_ = later.campaign.test_ids
+    rows = alike(*[MET] * len(later.matrix.ids))
+    known = {f"at {second}": {first: {"crush": 1.0}}}
+    without, beside = (compared(earlier(later, rows, run=run), later) for run in ({}, known))
+    assert beside.since.repeats == {second: f"at {second}"}
+    assert (without.outcomes[2], beside.outcomes[2]) == (3, 2)
+    assert f"Run where it knew a test already, and not counted: at {second} (test {second})." in said(beside)
+
+
+def test_metrics_are_measured_as_they_were_then(later: Certification) -> None:
+    """An occupant model that was changed since makes no verdict on OLC wrong."""
+    olc, first = Criterion("olc", "olc", at_most=1000.0), later.campaign.test_ids[0]
+    before = earlier(later, [(MET,)] * len(later.matrix.ids), criteria=Criteria((olc,), 0.8))
+    stiffer = replace(later.campaign, occupant=OccupantModel(olc_free_flight_mm=30.0))
+    then, now = compared(before, later), compared(before, replace(later, campaign=stiffer))
+    measured = [cell.measured for cell in then.cells if cell.before]
+    assert any(measured)
+    assert [cell.measured for cell in now.cells if cell.before] == measured
+    assert f"at {first}" not in now.tested
+
+
+def test_wrong_verdicts_of_then_take_support_from_those_of_today(later: Certification) -> None:
+    """They are the strongest evidence that there is; right ones add to it."""
+    right = TrackRecord(tuple(replace(own, verdict=replace(own.verdict, word="met" if own.met else "not met"))
+                              for own in later.record.trials))  # fmt: skip
+    sure = replace(later, record=right)
+    n = len(later.matrix.ids)
+    loose, tight = (Criteria((replace(PEAK, at_most=most),), 0.8) for most in (1e4, 1e-4))
+    one = [(EarlierVerdict("met", 0.99, 1.0, 2.0),)] * n
+    for criteria, wrong in ((loose, 0), (tight, 3)):
+        beside = sure.beside(earlier(later, one, criteria=criteria))
+        own, before = beside.record.support(PEAK), right.support(PEAK)
+        assert (own.own_decided, own.own_wrong) == (before.own_decided + 3, before.own_wrong + wrong)
+        assert (own.confidence < before.confidence) is (wrong > 0)
+    assert right.counts() == beside.record.counts()  # of left-out tests alone
+    unsure = [(EarlierVerdict("met", 0.7, 1.0, 2.0),)] * n
+    assert sure.beside(earlier(later, unsure, criteria=tight)).record.support(PEAK) == right.support(PEAK)
+
+
+def test_intervals_that_hold_too_little_are_an_exception_with_each_miss(later: Certification) -> None:
+    """Three of three missed cannot be intervals of 95 %; that no verdict was wrong hides it not."""
+    first, *others = later.campaign.test_ids
+    narrow = EarlierVerdict("open", 0.5, 1.0, 2.0)
+    beside = later.beside(earlier(later, [(OPEN, narrow, OPEN)] * len(later.matrix.ids)))
+    found = exceptions(beside)["Intervals that tests run since contradict"]
+    assert "held what tests run since measured, made to hold 95 %: they were too narrow" in found[0]
+    peak = measured(later, others[0])["peak"]
+    assert f"{others[0]}: peak {peak:#.4g} g, not 1.000 to 2.000 g" in found[0]
+    assert found[0] in [str(own) for own in summary(beside)]
+    assert first not in found[0]
+
+
+def test_a_test_that_is_not_used_any_more_is_not_forgotten(later: Certification) -> None:
+    """What it had shown is held against today's verdicts on the same metric, whatever the limit was."""
+    second = later.campaign.test_ids[1]
+    place = f"at {second}"
+    campaign = later.campaign.without([second])
+    kept = tuple(tuple(replace(own, run={}, word="met") for own in row) for row in later.judged)
+    everything = TrackRecord(tuple(replace(own, verdict=replace(own.verdict, word="met" if own.met else "not met"))
+                                   for own in later.record.trials))  # fmt: skip
+    today = replace(later, campaign=campaign, judged=kept, record=everything)
+    shown = {second: {"crush": 1e4, "peak": 1.0, "good": 0.1}}
+    beside = today.beside(
+        earlier(later, alike(*[MET] * len(later.matrix.ids)), *later.campaign.test_ids, run={place: shown})
+    )
+    crush, peak, good = beside.rows[place]
+    assert crush.word == "open"
+    assert crush.reason.endswith(f"Test {second}, which is not used any more, missed it there with 1.000e+04 mm.")
+    assert "met it there" in peak.reason
+    assert second not in good.reason  # a rating was another prediction's
+    told = (
+        f"{place} of the earlier certification: {second} was run there and is not used any more; it missed crush, good."
+    )
+    assert told in exceptions(beside)["Tests that are not used"]
+    assert told in [str(own) for own in summary(beside)]
 
 
 def test_statements_that_were_gained_and_withdrawn_are_listed_by_the_ids_of_today(later: Certification) -> None:
-    """With what stands against them; a condition that was run since is neither, and by other limits none is."""
-    row = later.verdicts[-1]
+    """With what stands against them; a condition that was run since is neither. By other limits only what both have."""
+    row = later.judged[-1]
+    right = tuple(
+        replace(t, verdict=replace(t.verdict, word="met" if t.met else "not met")) for t in later.record.trials
+    )
 
     def today(*words: Word, each: float = 1.0) -> Certification:
         own = tuple(replace(verdict, word=word, probability=each) for verdict, word in zip(row, words, strict=True))
-        return replace(later, verdicts=(*later.verdicts[:-1], own))
+        return replace(later, judged=(*later.judged[:-1], own), record=TrackRecord(right))
 
     others = [OPEN] * (len(later.matrix.ids) - 1)
     renamed = replace(later.matrix, ids=tuple(f"x{i}" for i in later.matrix.ids))
-    gained = Changes.of(earlier(later, alike(*others, OPEN), matrix=renamed), today("met", "met", "met"))
+    gained = compared(earlier(later, alike(*others, OPEN), matrix=renamed), today("met", "met", "met"))
     assert (gained.newly_waived, gained.withdrawn) == (("slow",), {})
-    lost = Changes.of(earlier(later, alike(*others, MET), matrix=renamed), today("open", "not met", "met"))
+    lost = compared(earlier(later, alike(*others, MET), matrix=renamed), today("open", "not met", "met"))
     assert lost.newly_waived == ()
     assert "Need not be run any more: slow." in said(gained)
     assert "Said then to need no test, and not now: slow (crush open, peak not met)." in said(lost)
     assert "Turned round: slow (then xslow) (peak)." in said(lost)
-    unsure = Changes.of(earlier(later, alike(*others, MET), matrix=renamed), today("met", "met", "met", each=0.9))
+    unsure = compared(earlier(later, alike(*others, MET), matrix=renamed), today("met", "met", "met", each=0.9))
     assert "Said then to need no test, and not now: slow (each met, all at once uncertain)." in said(unsure)
     loose = Criteria((CRUSH, replace(PEAK, at_most=99.0), GOOD), 0.8)
-    by_others = Changes.of(earlier(later, alike(*others, OPEN), criteria=loose), today("met", "met", "met"))
+    by_others = compared(earlier(later, alike(*others, OPEN), criteria=loose), today("met", "met", "met"))
     assert by_others.newly_waived == ()
+    lost = compared(earlier(later, alike(*others, MET), criteria=loose), today("open", "not met", "met"))
+    assert {i: [own.criterion.name for own in rest] for i, rest in lost.withdrawn.items()} == {"slow": ["crush"]}
 
 
 def test_another_limit_or_condition_is_not_compared(later: Certification) -> None:
@@ -207,7 +333,7 @@ def test_another_limit_or_condition_is_not_compared(later: Certification) -> Non
         matrix=replace(later.matrix, conditions=(*later.matrix.conditions[:-1], slower)),
         criteria=Criteria((CRUSH, replace(PEAK, at_most=24.0), GOOD), 0.8),
     )
-    changes = Changes.of(other, later)
+    changes = compared(other, later)
     assert len(changes.compared) == 2 * (n - 1)
     assert f"another: {n + 2} verdicts of then, {n + 2} of now." in said(changes)
     table = changes_table(changes)
@@ -222,22 +348,22 @@ def test_what_was_made_otherwise_is_told(later: Certification) -> None:
     """Seed, confidence, CAE runs and what metrics rest on decide verdicts as tests do."""
     before = earlier(later, alike(*[OPEN] * len(later.matrix.ids)))
     settings = {**before.settings, "seed": "7", "occupant model": "100 + 200 mm"}
-    told = said(Changes.of(replace(before, settings=settings, tests={**before.tests, "OLD": "x"}), later))
+    told = said(compared(replace(before, settings=settings, tests={**before.tests, "OLD": "x"}), later))
     assert "Made otherwise: seed 0 (then 7); occupant model the usual one (then 100 + 200 mm)." in told
     assert "no longer used: OLD" in told
 
 
 def test_what_became_of_it_stands_in_json_and_report(later: Certification) -> None:
     """With the whole digest of the earlier file; without an earlier one, nothing is said of it."""
-    changes = Changes.of(earlier(later, alike(*[MET] * len(later.matrix.ids))), later)
-    record = json.loads(certification_json(later, changes))
+    beside = later.beside(earlier(later, alike(*[MET] * len(later.matrix.ids))))
+    changes, record = Changes.of(beside), json.loads(certification_json(beside))
     since, (n, wrong, tests) = record["since"], changes.outcomes
     assert wrong > 0
     assert since["decided"] == {"metrics": n, "tests": tests, "wrong": wrong, "wrong_at_most": pytest.approx(1, abs=1)}
     assert since["sha256"] == changes.earlier.digest
     assert since["sentences"] == [str(own) for own in change_sentences(changes)]
     assert "--since EARLIER" in record["command"]
-    report = certification_report(later, changes=changes)
+    report = certification_report(beside)
     assert "<h2>Earlier verdicts, and what became of them</h2>" in report
     assert changes.earlier.digest in report
     assert "Earlier verdicts" not in certification_report(later)

@@ -9,6 +9,7 @@ import pytest
 
 from crashfuse.certification.earlier import FILE, Earlier, EarlierVerdict
 from crashfuse.errors import DataError
+from crashfuse.signals.occupant import USUAL_OCCUPANT
 from crashfuse.units import LB, MPH
 
 RECORD: dict[str, Any] = {
@@ -57,7 +58,8 @@ def test_everything_that_is_compared_is_read(tmp_path: Path) -> None:
         EarlierVerdict("outside", None, None, None),
     )
     assert earlier.tests == {"T1": "a1", "T2": "b2"}
-    assert earlier.run == {"B"}
+    assert earlier.run == RECORD["run"]
+    assert earlier.occupant == USUAL_OCCUPANT
     assert earlier.settings["approach"] == "Fused"
     assert earlier.date == "2026-11-24 12:00 UTC"
     assert earlier.waived == ("A",)
@@ -107,6 +109,10 @@ def test_an_interval_of_which_one_end_is_known_holds_what_is_on_its_side() -> No
         changed(("date",), None),
         changed(("date",), "yesterday"),
         changed(("run",), []),
+        changed(("run", "B", "T2", "crush"), "510"),
+        changed(("run", "B"), {"<b>\n": {}}),
+        changed(("occupant",), {"olc_free_flight_mm": -1}),
+        changed(("occupant",), [65, 235]),
         changed(("criteria", "criterion"), [{"metric": "colour", "at_most": 1}]),
     ],
 )

@@ -163,8 +163,8 @@ def test_a_record_supports_the_confidence_that_it_makes_likely(decided: int, wro
     assert (said is None) is supports
     if said is not None:
         needed = 9 if wrong == 0 else 29
-        assert f"take {needed} left-out verdicts with no more than {wrong} wrong" in said
-        assert f"({wrong} of {decided} left-out verdicts wrong)" in said
+        assert f"take {needed} verdicts with no more than {wrong} wrong" in said
+        assert f"({wrong} of {decided} verdicts wrong, at most 5 a left-out test)" in said
 
 
 def test_a_criterion_counts_on_others_only_if_a_test_came_near_their_limits() -> None:
@@ -229,16 +229,16 @@ def test_few_verdicts_of_its_own_are_told_with_what_they_can_show() -> None:
     said = Support(52, 0, own_decided=2, own_wrong=0, near=True).reservation(0.95)
     assert said is not None
     assert said.startswith(
-        "Only 2 left-out verdicts of its own, 0 wrong (at most 78 %): too few to support the confidence"
+        "Only 2 left-out verdicts on this metric, 0 wrong (at most 78 %): too few to support the confidence"
     )
     assert said.endswith("; with those on other criteria, 0 of 52 wrong.")
     none = Support(50, 0, own_decided=0, own_wrong=0, near=True).reservation(0.95)
-    assert none == "No left-out verdict of its own; with those on other criteria, 0 of 50 wrong."
+    assert none == "No left-out verdict on this metric; with those on other criteria, 0 of 50 wrong."
     assert Support(50, 0, own_decided=9, own_wrong=0, near=True).reservation(0.95) is None
     many = Support(200, 3, own_decided=30, own_wrong=3, near=True).reservation(0.95)
     assert many is not None
     assert many.startswith(
-        "3 of its own 30 left-out verdicts wrong (at most 24 %): too many to support the confidence;"
+        "3 of 30 left-out verdicts on this metric wrong (at most 24 %): too many to support the confidence;"
     )
 
 

@@ -202,7 +202,7 @@ def test_without_criteria_the_page_says_how_to_declare_them(visit: Visit) -> Non
     ("name", "content", "sentence"),
     [
         ("criteria.toml", '[[criterion]]\nmetric = "crush"\nat_most = 3', "expected a metric of peak"),
-        ("criteria.toml", "confidence = 1\n" + CRITERIA[17:], "a confidence from 0.5 to below 1"),
+        ("criteria.toml", "confidence = 1\n" + CRITERIA[17:], "a confidence from 0.5 to 0.999999"),
         ("matrix.csv", MATRIX + "M4,20,2050,1500\n", "found that of M1 a second time"),
         ("matrix.csv", "id,speed_mph,front_weight_lb,rear_weight_lb\n", "matrix.csv"),
     ],

@@ -15,7 +15,8 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
-from crashfuse.reporting.certification_sentences import exceptions, least_text, summary
+from crashfuse.reporting.certification_exceptions import exceptions
+from crashfuse.reporting.certification_sentences import least_text, summary
 from crashfuse.reporting.certification_tables import counts_table, probability_text, record_counts
 from crashfuse.reporting.domain_sentences import domain_sentences
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -38,10 +39,9 @@ _CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
 
 
-def certification_report(
-    certification: Certification, display: Display = DEFAULT, changes: Changes | None = None
-) -> str:
+def certification_report(certification: Certification, display: Display = DEFAULT) -> str:
     """HTML report of a certification, made for paper; with what became of an earlier one, if it is beside one."""
+    changes = None if certification.since is None else Changes.of(certification)
     campaign, criteria, record = certification.campaign, certification.criteria, certification.record
     shown, windows_ms = Verdicts(certification), certification.config.windows_ms
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
@@ -64,6 +64,7 @@ def certification_report(
         conditions=_shortened(_conditions(certification, display), "certification.csv"),
         confidence=criteria.confidence,
         criteria=_criteria(criteria.items, display),
+        occupant=_occupant(certification),
         counts=counts_table(certification, display.units).rename(columns={"criterion": "Criterion", "limit": "Limit"}),
         matrix_figures=list(_matrix_figures(certification, display)),
         verdict_rows=_shortened(_verdicts(certification, display), "certification.csv"),
@@ -116,6 +117,14 @@ def _criteria(criteria: Sequence[Criterion], display: Display) -> pd.DataFrame:
         for own in criteria
     )
     return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
+
+
+def _occupant(certification: Certification) -> list[str]:
+    """The occupant model behind limits on OLC and VPI, if there are any."""
+    own, metrics = certification.campaign.occupant, {criterion.metric for criterion in certification.criteria.items}
+    olc = f"OLC: free flight of {own.olc_free_flight_mm:g} mm, restraint over {own.olc_restraint_mm:g} mm."
+    vpi = f"VPI: slack of {own.vpi_slack_mm:g} mm, spring of {own.vpi_stiffness_npm:g} N/m for 1 kg."
+    return [words for metric, words in (("olc", olc), ("vpi", vpi)) if metric in metrics]
 
 
 def _matrix_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:

@@ -10,7 +10,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria
-from crashfuse.certification.criteria_file import criteria_of, read_criteria
+from crashfuse.certification.criteria_file import LEAST_SURE, MOST_SURE, criteria_of, read_criteria
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
@@ -94,7 +94,7 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     state["criteria"] = editor.said = _texts(rows)
     address.publish()
     confidence = beside.number_input(
-        "Confidence", min_value=0.5, max_value=0.999, step=0.01, format="%.3f", key="confidence",
+        "Confidence", min_value=LEAST_SURE, max_value=MOST_SURE, step=0.01, format="%.6g", key="confidence",
         persist_state="session",
         help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
     )  # fmt: skip
@@ -131,7 +131,11 @@ def _take_declared(view: View) -> DataError | None:
     except DataError as error:
         wrong = error
     address.default("criteria", _texts(_table(declared)))
-    address.default("confidence", declared.confidence if declared else CONFIDENCE)
+    usual, asked = declared.confidence if declared else CONFIDENCE, st.session_state["confidence"]
+    if asked is not None and not LEAST_SURE <= asked <= MOST_SURE:  # the field would show its lowest
+        st.warning(f"A confidence is from {LEAST_SURE:g} to {MOST_SURE:g}, not {asked:g}; {usual:g} is taken.")
+        st.session_state["confidence"] = None
+    address.default("confidence", usual)
     return wrong
 
 

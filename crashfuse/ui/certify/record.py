@@ -4,7 +4,7 @@ import pandas as pd
 import streamlit as st
 
 from crashfuse.certification.certify import Certification
-from crashfuse.reporting.certification_sentences import exceptions
+from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_tables import record_counts
 from crashfuse.reporting.domain_sentences import domain_sentences
 from crashfuse.reporting.plots.display import Display

@@ -7,6 +7,7 @@ from pandas.io.formats.style import Styler
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
+from crashfuse.reporting.certification_changes import saved_and_missed
 from crashfuse.reporting.certification_sentences import beside_matrix
 from crashfuse.reporting.certification_tables import probability_text, verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name
@@ -35,15 +36,17 @@ def show(judgement: Judgement) -> None:
     verdicts, certification, display = judgement.verdicts, judgement.certification, judgement.display
     counts, (answer, wrong, *columns) = verdict_counts(certification), st.columns(len(WORDS) + 2)
     n, n_waived = len(certification.matrix.ids), len(certification.waived)
+    sure = f"confidence {certification.criteria.confidence:g}"
     answer.metric(
-        "Need not be run", f"{n_waived} of {n}", f"{100 * n_waived / n:.0f} %", delta_color="off", delta_arrow="off",
+        "Need not be run", f"{n_waived} of {n}", sure, delta_color="off", delta_arrow="off",
         help="Conditions at which a test would meet all criteria at once, with the confidence asked for.",
     )  # fmt: skip
-    _, saved, missed = certification.record.waived(certification.criteria)
+    saved, missed = saved_and_missed(certification)
     wrong.metric(
         "Wrong so far", f"{missed} of {saved}" if saved else "–", at_most(missed, saved) if saved else None,
         delta_color="off", delta_arrow="off", help="Of left-out tests that need not have been run by their verdicts, "
-        "those that missed a criterion; with the exact one-sided 95 % bound of their share.",
+        "and tests that an earlier certification said need not be run and that were run since, those that missed a "
+        "criterion; with the exact one-sided 95 % bound of their share.",
     )  # fmt: skip
     for column, word in zip(columns, WORDS, strict=True):
         share = f"{100 * counts[word] / len(certification.cells):.0f} %"

@@ -1,0 +1,136 @@
+"""Tests beside an earlier certification: those that were run since, and those that it knew and that are gone."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.earlier import Earlier, EarlierVerdict
+from crashfuse.certification.track_record import Trial
+from crashfuse.certification.verdict import Verdict, reaches
+from crashfuse.condition import Condition
+from crashfuse.units import KPH
+
+_SPEED_MPS, _WEIGHT = 1 * KPH, 0.02
+"""A test is made for a planned condition up to so much from it: what protocols of barrier tests allow in speed, and the
+relative difference in weight of a repeat."""
+
+
+@dataclass(frozen=True, eq=False)
+class TestedSince:
+    """What a campaign's tests have to say of an earlier certification of the same vehicle."""
+
+    __test__ = False  # no test of ours, whatever its name begins with
+
+    earlier: Earlier
+    campaign: Campaign
+
+    @cached_property
+    def _digests(self) -> dict[str, str]:
+        return {test.id: test.digest for test in self.campaign.tests}
+
+    @cached_property
+    def new(self) -> tuple[str, ...]:
+        """Tests that the earlier certification did not know, neither by their record nor by their id."""
+        known = {*self.earlier.tests, *self.earlier.tests.values()}
+        return tuple(test for test, digest in self._digests.items() if not {test, digest} & known)
+
+    @cached_property
+    def changed(self) -> tuple[str, ...]:
+        """Tests that it knew with another record: it learned from them, so they tell nothing of its verdicts."""
+        known = set(self.earlier.tests.values())
+        return tuple(test for test, own in self._digests.items() if test in self.earlier.tests and own not in known)
+
+    @cached_property
+    def gone(self) -> tuple[str, ...]:
+        """Tests that it learned from and that are not used any more, by their ids then."""
+        used = set(self._digests.values())
+        return tuple(
+            test for test, digest in self.earlier.tests.items() if digest not in used and test not in self._digests
+        )
+
+    @cached_property
+    def _made_for(self) -> dict[str, str]:
+        """The condition that each new test was made for, by its id then: the nearest that is near enough."""
+        found = {}
+        for test_id in self.new:
+            test = self.campaign.test(test_id).condition
+            away = {i: _away(test, own) for i, own in self.earlier.matrix.items if own.may_be(test)}
+            if away and min(away.values()) <= 1:
+                found[test_id] = min(away, key=away.__getitem__)
+        return found
+
+    @property
+    def at(self) -> dict[str, str]:
+        """The condition of each test that tells whether verdicts came true, by its id then."""
+        return {test: i for test, i in self._made_for.items() if i not in self.earlier.run}
+
+    @property
+    def repeats(self) -> dict[str, str]:
+        """The condition of each test that was made where the earlier certification knew one already."""
+        return {test: i for test, i in self._made_for.items() if i in self.earlier.run}
+
+    @property
+    def elsewhere(self) -> tuple[str, ...]:
+        """New tests at none of its conditions."""
+        return tuple(test for test in self.new if test not in self._made_for)
+
+    def is_off(self, test_id: str) -> bool:
+        """Whether a test was made for a condition, but not quite there."""
+        planned = dict(self.earlier.matrix.items)[self._made_for[test_id]]
+        return not self.campaign.test(test_id).condition.is_at(planned)
+
+    @cached_property
+    def shown(self) -> dict[str, dict[str, float | None]]:
+        """Metrics of each test that tells, measured with the earlier certification's occupant model."""
+        then = replace(self.campaign, occupant=self.earlier.occupant)
+        return {test: {own.name: own.value for own in then.metrics_of(then.test(test))} for test in self.at}
+
+    def trials(self, criteria: Criteria) -> tuple[Trial, ...]:
+        """The earlier verdicts on metrics of these criteria at tests that tell, as verdicts of today's confidence."""
+        metrics, found = {own.metric for own in criteria.items}, []
+        conditions, rows = dict(self.earlier.matrix.items), self.earlier.rows
+        for test, i in self.at.items():
+            for criterion, before in zip(self.earlier.criteria.items, rows[i], strict=True):
+                value = self.shown[test].get(criterion.metric) if criterion.metric in metrics else None
+                if value is not None:
+                    verdict = _as_of_today(before, conditions[i], criterion, criteria.confidence)
+                    found.append(Trial(test, "planned", verdict, value, None))
+        return tuple(found)
+
+    def gone_at(self, condition: Condition) -> dict[str, Mapping[str, float | None]]:
+        """What tests that are gone had shown at a condition: by their ids then, and criterion."""
+        return {
+            test: shown
+            for i, own in self.earlier.matrix.items
+            if own.is_at(condition)
+            for test, shown in self.earlier.run.get(i, {}).items()
+            if test in self.gone
+        }
+
+    def shown_by_gone(self, condition: Condition, criterion: Criterion) -> dict[str, float]:
+        """What they had shown of a criterion's metric there; nothing of a rating, that of another prediction."""
+        alike = [own.name for own in self.earlier.criteria.items if own.metric == criterion.metric != RATING]
+        return {
+            test: value
+            for test, shown in self.gone_at(condition).items()
+            for name in alike
+            if (value := shown.get(name)) is not None
+        }
+
+
+def _away(test: Condition, planned: Condition) -> float:
+    """How far a test is from a condition; up to 1 it may have been made for it."""
+    off = np.abs(test.vector - planned.vector) / [_SPEED_MPS, *(_WEIGHT * planned.vector[1:])]
+    return float(off.max()) - 1e-9  # to the last digit of units
+
+
+def _as_of_today(before: EarlierVerdict, condition: Condition, criterion: Criterion, confidence: float) -> Verdict:
+    """An earlier verdict; open if it was given with less confidence than is asked for today."""
+    p = before.probability
+    sure = p is not None and reaches(max(p, 1 - p), confidence)
+    word = before.word if sure or not before.decided else "open"
+    return Verdict(condition, criterion, None, before.lower, before.upper, p, word, "")
