@@ -67,7 +67,7 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(
     names = {"certification.csv", "track_record.csv", "certification.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
-    assert list(verdicts) == [*CONTRACT, "basis"]
+    assert list(verdicts) == [*CONTRACT, "basis", "need_not_be_run", "all_met_at_least"]
     assert verdicts["id"].tolist() == [i for i in "ABC" for _ in range(3)]
     assert verdicts["window_ms"].dropna().unique().tolist() == [60.0]
     assert (verdicts["lower"] <= verdicts["value"]).all()
@@ -87,6 +87,7 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(
     assert record["verdicts"] == {word: int(counts.get(word, 0)) for word in ("met", "not met", "open", "outside")}
     by_criterion = [own["verdicts"] for own in record["by_criterion"].values()]
     assert {word: sum(own[word] for own in by_criterion) for word in record["verdicts"]} == record["verdicts"]
+    assert set(verdicts[verdicts["need_not_be_run"]]["id"]) == set(record["waived"])
     printed = capsys.readouterr().out
     assert f"3 conditions × 3 criteria, confidence 0.8: {record['verdicts']['met']} met" in printed
     assert all(sentence in printed for sentence in record["sentences"])
@@ -134,6 +135,7 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     listed = kept_files.certifications(campaign).values()  # by the page
     digest = hashlib.sha256((tmp_path / "first" / "certification.json").read_bytes()).hexdigest()
     assert digest in [own.digest for own in listed]
+    assert set(verdicts[verdicts["need_not_be_run"]]["id"]) == set(record["waived"])
     printed = capsys.readouterr().out
     assert f"from {len(campaign.test_ids) - 1} tests" in printed
     assert f"tests that it did not know: {last}." in printed
@@ -179,6 +181,7 @@ def test_too_few_tests_leave_everything_outside_and_say_why(
     assert verdicts["verdict"].unique().tolist() == ["outside"]
     too_few = "too few to check verdicts by leaving tests out, which takes 4."
     assert verdicts["reason"].str.contains(too_few, regex=False).all()
+    assert set(verdicts[verdicts["need_not_be_run"]]["id"]) == set(record["waived"])
     printed = capsys.readouterr().out
     assert too_few in printed
     assert ("There is no record: with a single test, none can be left out." in printed) is (n == 1)

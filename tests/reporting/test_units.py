@@ -103,7 +103,7 @@ def certification(campaign: Campaign) -> Certification:
     trials = tuple(Trial(tests[0].id, "test", verdict, 62.0, 0.5) for verdict in rows[0])
     matrix = Matrix(("M1", "M2"), (tests[0].condition, far))
     asked = Criteria(criteria, 0.8)
-    return Certification(campaign, asked, matrix, CONFIG, domain, tuple(rows), TrackRecord(trials), {})
+    return Certification(campaign, asked, matrix, CONFIG, domain, tuple(rows), tuple(rows), TrackRecord(trials), {})
 
 
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {

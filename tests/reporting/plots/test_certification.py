@@ -51,6 +51,7 @@ def certification(
         StudyConfig(approaches=("fused",)),
         Domain.of(campaign),
         verdicts,
+        verdicts,
         TrackRecord(()),
         {},
     )
