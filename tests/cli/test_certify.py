@@ -135,8 +135,8 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     listed = kept_files.certifications(campaign).values()  # by the page
     digest = hashlib.sha256((tmp_path / "first" / "certification.json").read_bytes()).hexdigest()
     assert digest in [own.digest for own in listed]
-    assert set(verdicts[verdicts["need_not_be_run"]]["id"]) == set(record["waived"])
     printed = capsys.readouterr().out
+    assert f"SHA-256 of certification.json: {digest}" in printed
     assert f"from {len(campaign.test_ids) - 1} tests" in printed
     assert f"tests that it did not know: {last}." in printed
     assert f"Tested since: M001 (test {last})." in printed
@@ -181,7 +181,6 @@ def test_too_few_tests_leave_everything_outside_and_say_why(
     assert verdicts["verdict"].unique().tolist() == ["outside"]
     too_few = "too few to check verdicts by leaving tests out, which takes 4."
     assert verdicts["reason"].str.contains(too_few, regex=False).all()
-    assert set(verdicts[verdicts["need_not_be_run"]]["id"]) == set(record["waived"])
     printed = capsys.readouterr().out
     assert too_few in printed
     assert ("There is no record: with a single test, none can be left out." in printed) is (n == 1)
