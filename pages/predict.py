@@ -20,7 +20,7 @@ TABS = {
     "Files and report": files.show,
 }
 
-view = frame.enter_with_campaign("Predict", lambda view: f"from all {len(view.campaign.tests)} tests and the CAE runs")
+view = frame.enter_with_campaign("Predict", lambda view: f"from {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()
 request = FitRequest(campaign, config)
 

@@ -16,7 +16,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.signals.metrics import METRIC_LABELS, Metric, metric_values, pulse_metrics
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.pulse import GRID_S, FloatArray
 
 _TAIL = 0.1  # draws beyond the central 80 % do not count: in a mixture they may all be those of one component
 _PRIOR_TESTS = 8.0
@@ -34,6 +34,7 @@ _USUAL_SCALES = {
 _REPEATABILITY = dict.fromkeys(("max_crush", "esw", "centroid_time"), 0.015)  # of the value
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
+_LATEST_MS = dict.fromkeys(("peak_time", "step_time", "centroid_time"), float(GRID_S[-1]) * 1e3)
 _MOST_DRAWS = 1000  # computed at once
 
 Errors = Mapping[str, FloatArray]
@@ -52,6 +53,8 @@ class Distribution:
         Degrees of freedom.
     lowest, highest : float
         Probability that it is smaller, or larger, than the record can show.
+    most : float
+        The largest value that there is: no time within a pulse is later than its end.
     """
 
     centre: float
@@ -59,6 +62,7 @@ class Distribution:
     freedom: float
     lowest: float = 0.0
     highest: float = 0.0
+    most: float = np.inf
 
     @classmethod
     def of(cls, values: FloatArray, errors: FloatArray, metric: str = "") -> Self | None:
@@ -80,7 +84,8 @@ class Distribution:
         usual = _USUAL_SCALES.get(metric, _USUAL_SCALE)
         scale = float(np.sqrt((prior * usual**2 + ((known - moved) ** 2).sum()) / freedom))
         median, unit = spread
-        return cls(median + moved * unit, scale * unit, freedom, _share(values, -np.inf), _share(values, np.inf))
+        lowest, highest = _share(values, -np.inf), _share(values, np.inf)
+        return cls(median + moved * unit, scale * unit, freedom, lowest, highest, _LATEST_MS.get(metric, np.inf))
 
     def cdf(self, x: float) -> float:
         """Probability of a value of at most ``x``."""
@@ -95,15 +100,23 @@ class Distribution:
         return max(upper - lower, 0.0)
 
     def quantile(self, share: float) -> float | None:
-        """The value that a share of tests stays below, not under 0; None if it lies beyond the record."""
+        """The value that a share of tests stays below, from 0 to ``most``; None if it lies beyond the record."""
         within = (share - self.lowest) / (1 - self.lowest - self.highest)
         if not 0 < within < 1:
             return None
-        return max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0)
+        return min(max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0), self.most)
 
-    def interval(self, level: float = _LEVEL) -> tuple[float | None, float | None]:
-        """Central interval; an end is None if it lies beyond the record; so is a lower end of 0 below such a one."""
-        lower, upper = self.quantile((1 - level) / 2), self.quantile((1 + level) / 2)
+    def interval(self, value: float | None = None) -> tuple[float | None, float | None]:
+        """Central 95 % interval; an end is None if it lies beyond the record; so is a lower end of 0 below such a one.
+
+        It reaches to the ``value`` of the predicted pulse, which left-out tests can have moved it away from.
+        """
+        lower, upper = self.quantile((1 - _LEVEL) / 2), self.quantile((1 + _LEVEL) / 2)
+        if value is not None:
+            lower, upper = (
+                (None if lower is None else min(lower, value)),
+                (None if upper is None else max(upper, value)),
+            )
         return (None if upper is None and lower == 0 else lower), upper
 
 
@@ -172,7 +185,9 @@ def calibrated_metrics(
     if prediction.draws_mps2 is None:
         return metrics
     found = metric_distributions(prediction, errors, occupant)
-    intervals = {name: (None, None) if own is None else own.interval() for name, own in found.items()}
+    intervals = {
+        m.name: (None, None) if own is None else own.interval(m.value) for m in metrics for own in [found[m.name]]
+    }
     return tuple(Metric(m.name, m.value, *intervals[m.name], m.unit, drawn=True) for m in metrics)
 
 

@@ -1,7 +1,7 @@
 """Forecasts: what an approach predicts for a single test, as calibrated distributions of all metrics and the rating."""
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from typing import Self
 
 import numpy as np
@@ -19,7 +19,7 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Fit
 from crashfuse.study.rating_distribution import RatingDistribution, agreement
 
-_UNKNOWN = (np.nan,) * 5
+_UNKNOWN = (np.nan,) * len(fields(Distribution))
 
 
 def quantity(criterion: Criterion) -> str:

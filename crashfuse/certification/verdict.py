@@ -155,7 +155,7 @@ def _verdict(
     was_run: bool,
 ) -> Verdict:
     value, own = forecast.values[quantity(criterion)], forecast.distributions[quantity(criterion)]
-    lower, upper = (None, None) if own is None else own.interval()
+    lower, upper = (None, None) if own is None else own.interval(value)
     probability = None if own is None else own.probability(criterion.at_least, criterion.at_most)
     word, reason = _word(criterion, probability, confidence, (value, lower, upper), was_run)
     if outside:

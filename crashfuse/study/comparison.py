@@ -102,7 +102,7 @@ class StudyComparison:
             said.append(f"Their ratings rest on different things: {first.basis}; {second.basis}.")
         for one, other, which in ((first, second, "first"), (second, first, "second")):
             if alone := [test for test in one.tests if test not in other.tests]:
-                said.append(f"Only the {which} left out {', '.join(alone)}.")
+                said.append(f"Rated in the {which} only: {', '.join(alone)}.")
         return tuple(said)
 
     def over(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:

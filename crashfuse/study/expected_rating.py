@@ -15,6 +15,7 @@ from crashfuse.wording import Sentence, speed
 
 _REACH_MPS = 5 * MPH
 _LEAST = 3  # minimum number of tests, at any distance
+_ALIKE_MPS = 0.1 * MPH  # no farther, as speeds are told: a test beside the last one is not left unsaid
 _BESIDE_MPS = 1 * MPH  # a test this near counts as beside the condition
 _SHARES = 0.5, 0.1, 0.9, 0.025, 0.975  # the median, the ends of the range that is told, and of what is no surprise
 
@@ -95,8 +96,8 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     """The rating of an estimate, once there is a test at its condition.
 
     The range rests on all tests that were left out, the nearer the more, and on how well the draws of their predictions
-    and of this one agree. The near tests beside it are those within 5 mph in speed, and at least the three nearest. The
-    result is None if none was left out.
+    and of this one agree. The near tests beside it are those within 5 mph in speed, at least the three nearest and any
+    as near as these. The result is None if none was left out.
 
     Parameters
     ----------
@@ -112,7 +113,8 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
         return None
     tests.sort(key=lambda test: abs(test.condition.speed_mps - speed_mps))
     away = np.array([abs(test.condition.speed_mps - speed_mps) for test in tests])
-    near = tests[: max(int((away <= _REACH_MPS).sum()), _LEAST)]
+    reach = max(_REACH_MPS, away[:_LEAST].max() + _ALIKE_MPS)
+    near = tests[: int((away <= reach).sum())]
     ratings = [_overall(test.pulse, left_out[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in tests]
     agreements = np.array([estimate.agreements.get(test.id, np.nan) for test in tests])
     single = RatingDistribution.learned(np.array(ratings), away, agreements, agreement(estimate.prediction))

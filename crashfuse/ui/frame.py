@@ -103,6 +103,8 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
     view = enter()
     if view is not None:
         show_head(view, title, "" if detail is None else detail(view), chosen_config() if detail else None)
+        if detail is not None:
+            _require_a_seed()
     else:
         st.title(title)
         st.markdown("No campaign is open yet. Open one on the page **Data**, or look around with the sample.")
@@ -110,6 +112,15 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
         show_link("data", "Open a campaign of your own", ":material/folder_open:")
         st.stop()
     return view
+
+
+def _require_a_seed() -> None:
+    """Say where it is chosen if there is no such seed, instead of starting what can only fail."""
+    seed, seeds = chosen_config().seed, address.CHOICES["seed"].options
+    if seed not in seeds:
+        st.error(f"There is no seed {seed}: it is from {seeds[0]} to {seeds[-1]}.", icon=":material/error:")
+        show_link("train", "Choose another seed", ":material/tune:")
+        st.stop()
 
 
 def show_head(view: View, title: str, detail: str = "", config: StudyConfig | None = None) -> None:
@@ -125,6 +136,11 @@ def show_head(view: View, title: str, detail: str = "", config: StudyConfig | No
             colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
             label = f"{config.preset.capitalize()} settings, seed {config.seed}"
             st.badge(label, color=colour, help="As chosen on the page Train.")
+            if view.campaign.unused:
+                names = ", ".join(test for test, _ in view.campaign.unused)
+                st.badge(
+                    f"without {plain(names)}", color="orange", help="Left out of use on the page Data, for everyone."
+                )
             if config.leave_out == "speed group" and address.acts("leave_out", address.here().page):
                 st.badge("All at its speed left out", color="orange")
         if (notice := view.campaign.notice) and config is not None:
@@ -244,6 +260,11 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         )  # fmt: skip
     display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
     return View(campaign, campaigns.folder_of(name), tests[state["test"]], display)
+
+
+def note(sentence: str) -> None:
+    """Tell something at the head of the next page, until the user chooses something else there."""
+    st.session_state[_NOT_FOUND] = sentence
 
 
 def _note(sentence: str, asked: str) -> None:

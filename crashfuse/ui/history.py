@@ -1,5 +1,7 @@
 """Past results: opened again, and two studies compared."""
 
+from contextlib import suppress
+
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
@@ -127,11 +129,10 @@ def _open(result: PastResult) -> str:
     here = st.session_state["campaign"]
     name = here if here in names else next(iter(names), None)
     if name is None:
-        return (
-            f"The campaign {result.campaign} with the data {result.fingerprint[:8]} is not open on this server: open "
-            "its folder on the page Data, then choose this result again."
-        )
+        return _in_the_way(result)
     frame.choose_campaign(name)
+    if name != here:
+        frame.note(f"Opened in {campaigns.label(name)}, which has the data of this result.")
     config = result.config
     st.session_state.update(
         preset=config.preset, seed=config.seed, device=config.device,
@@ -143,6 +144,22 @@ def _open(result: PastResult) -> str:
     if result.condition is not None:
         fill_in(campaigns.load(name), result.condition)
     return ""
+
+
+def _in_the_way(result: PastResult) -> str:
+    """Why no open campaign has the data of a result."""
+    of = f"The campaign {result.campaign} with the data {result.fingerprint[:8]}"
+    for name in campaigns.open_campaigns():
+        with suppress(DataError):
+            campaign = campaigns.load(name)
+            unused = ", ".join(test for test, _ in campaign.unused)
+            if campaign.name == result.campaign and unused:
+                return f"{of} is open with other tests: use {unused} again on the page Data, then choose it again."
+            if campaign.name == result.campaign:
+                return (
+                    f"{of} was changed since: undo that on the page Data, or open a copy of it, then choose it again."
+                )
+    return f"{of} is not open on this server: open its folder on the page Data, then choose this result again."
 
 
 def _page(result: PastResult) -> str:

@@ -13,14 +13,22 @@ def kept_choice(
     The session holds the whole choice under ``key``. A widget of that key would lose what this page does not offer: an
     approach that has not been fitted yet, a test of another campaign.
     """
-    state, whole = st.session_state, st.session_state[key]
-    here = f"{key} in {state['system']} here"  # a browser keeps what is chosen by its label, which may have a unit
+    state = st.session_state
+    chosen, shown = [name for name in options if name in state[key]], f"{key} shown"
+    said, widgets = state.get(shown, (None, 0))
+    if said != chosen:
+        # Set by a link, a button or another page: a widget in a closed popover would not hear of it, and would send
+        # what it showed before with the next click, as if that was chosen. Another widget begins with it.
+        widgets += 1
+    state[shown] = chosen, widgets
+    here = f"{key} {widgets} in {state['system']} here"  # a browser keeps what is chosen by its label, with its unit
     # with every run: in a closed popover there is nothing yet that would keep what is sent
-    state[here] = [name for name in options if name in whole]
+    state[here] = chosen
 
     def keep() -> None:
-        state[key] = [*(name for name in state[key] if name not in options), *state[here]]
+        if state[shown][1] == widgets:
+            now = [name for name in options if name in state[here]]
+            state[key], state[shown] = [*(name for name in state[key] if name not in options), *now], (now, widgets)
 
     widget(label, options, key=here, on_change=keep, **look)
-    chosen = state[here]
-    return [name for name in options if name in chosen]
+    return [name for name in options if name in state[here]]

@@ -43,9 +43,10 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 /* links to the pages, no closer than a finger can tell them apart */
 [data-testid="stSidebar"] [data-testid="stPageLink-NavLink"] { padding-block: 0.1rem }
 [data-testid="stSidebar"] [data-testid="stPageLink"] { margin-block: 0.27rem }
-/* in a narrow window the sidebar lies over the page while it is open */
+/* in a narrow window the sidebar lies over the page while it is open, its header included, and shows how to close it */
 @media (max-width: 1099px) {
-  [data-testid="stSidebar"] { position: fixed !important; height: 100vh; z-index: 999990; box-shadow: 0 0 1rem #0006 }
+  [data-testid="stSidebar"] { position: fixed !important; height: 100vh; z-index: 999991; box-shadow: 0 0 1rem #0006 }
+  [data-testid="stSidebarCollapseButton"] { visibility: visible !important }
 }
 /* where the keyboard is; a line outside a figure would be cut off, and one inside lies under what is drawn */
 :is(a, button, summary, h1, [role="tab"]):focus-visible {

@@ -149,6 +149,21 @@ def test_a_lower_end_is_never_negative() -> None:
     assert spread(DRAWS - 99.0).interval()[0] == 0.0
 
 
+def test_a_time_within_the_pulse_is_no_later_than_its_end() -> None:
+    """The grid ends at 99.92 ms; a mass has no such limit."""
+    late = DRAWS - 3.0
+    assert spread(late).interval()[1] > 105.0  # type: ignore[operator]
+    timed = Distribution.of(late, NONE, "peak_time")
+    assert timed is not None
+    assert timed.interval()[1] == pytest.approx(99.92)
+
+
+@pytest.mark.parametrize(("value", "ends"), [(80.0, (80.0, 109.8)), (130.0, (90.2, 130.0)), (100.0, (90.2, 109.8))])
+def test_an_interval_reaches_to_the_value_of_the_predicted_pulse(value: float, ends: tuple[float, float]) -> None:
+    """A value beside its own interval would be told to be unlikely in the same line."""
+    assert spread().interval(value) == pytest.approx(ends, abs=0.5)
+
+
 def test_an_interval_from_zero_to_beyond_the_record_says_nothing() -> None:
     """At least 0 ms is true of any time: neither end is known; an end above 0 is, and 0 below a known one."""
     wide = Distribution(70.0, 60.0, 8.0, highest=0.05)

@@ -30,8 +30,8 @@ def test_the_difference_is_second_minus_first_with_its_standard_error() -> None:
     assert fused["difference"] == pytest.approx(np.mean([0.05, 0.08, 0.01]))
     assert fused["difference"] / fused["standard_error"] == pytest.approx(paired.statistic)
     assert (fused["higher"], fused["lower"]) == (3, 0)
-    assert "Only the first left out T4." in compared.cautions
-    assert "Only the second left out T5." in compared.cautions
+    assert "Rated in the first only: T4." in compared.cautions
+    assert "Rated in the second only: T5." in compared.cautions
 
 
 def test_a_clear_gain_is_called_one_and_a_lucky_one_is_not() -> None:

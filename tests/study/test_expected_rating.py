@@ -50,6 +50,19 @@ def test_the_nearest_tests_stand_beside_it(campaign: Campaign) -> None:
     assert found.reach_mps == pytest.approx(5.4 * MPH)
 
 
+def test_a_test_as_near_as_the_last_is_not_left_unsaid(campaign: Campaign) -> None:
+    """At 24.95 mph the third is 9.95 mph away, and a fourth, 10.02 mph away, is told to be as near."""
+    speeds = {"T1": 15.0, "T2": 25.0, "T3": 26.0, "T4": 34.97}
+    tests = tuple(
+        replace(test, condition=replace(test.condition, speed_mps=speeds[test.id] * MPH)) for test in campaign.tests
+    )
+    softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in tests}
+    for mph, said in ((24.95, {"T1", "T2", "T3", "T4"}), (24.85, {"T1", "T2", "T3"})):
+        found = expected_rating(at(campaign, mph, softer), replace(campaign, tests=tests))
+        assert found is not None
+        assert set(found.tests) == said
+
+
 def test_the_range_rests_on_all_tests_by_distance_and_on_the_bands(campaign: Campaign) -> None:
     """It is that of the rating's distribution; a band twice as wide as those of the left-out tests lowers it."""
     softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}

@@ -410,6 +410,18 @@ def test_what_is_downloaded_asks_for_the_same(asking: Path, tmp_path: Path) -> N
     assert certification_table(verdicts)["id"].unique().tolist() == list(again.ids)
 
 
+@pytest.mark.parametrize("asked", ["2", "0.3", "1.0", "95", "-1"])
+def test_a_confidence_that_there_is_not_never_becomes_the_lowest(asking: Path, visit: Visit, asked: str) -> None:
+    """The stricter the request, the more lenient would the answer be: the campaign's own is taken, and that is said."""
+    session = visit("certify", **LINK, confidence=asked)
+    assert f"A confidence is from 0.5 to 0.999999, not {float(asked):g}; 0.9 is taken." in session.words
+    (confidence,) = session.app.number_input
+    assert confidence.value == 0.9
+    (asking / "criteria.toml").write_text(CRITERIA.replace("confidence = 0.9", "confidence = 0.9995"))
+    (confidence,) = visit("certify", **LINK).app.number_input
+    assert confidence.value == 0.9995
+
+
 @pytest.mark.usefixtures("asking")
 def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
     """The sample's criteria come with their own."""

@@ -404,7 +404,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     nothing_cached.setattr(computation, "run_study", in_two_parts)
     app = press(start("compare"), "Predict test T1")
     (job,) = computation.jobs().active
-    while job.part is None:
+    while job.part is None or not job.steps:  # shown, and then reported
         assert job.active
     app.run()
     assert not app.exception
@@ -767,6 +767,17 @@ def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPa
     assert app.error[0].value == "There is no CUDA device."
     for page in ("train", "study", "predict"):
         go(app, page)
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.parametrize("page", ["compare", "study", "predict"])
+def test_a_seed_that_there_is_not_starts_nothing(page: str) -> None:
+    """Train lets one type it and says so; elsewhere nothing that can only fail is offered."""
+    app = start("train")
+    (seed,) = [field for field in app.number_input if field.label == "Seed"]
+    seed.set_value(-1).run()
+    assert "There is no seed -1: it is from 0 to 4294967295." in words(go(app, page))
+    assert not [button for button in app.button if button.label.startswith(("Predict", "Leave out"))]
 
 
 @pytest.mark.usefixtures("open_campaign")

@@ -79,10 +79,12 @@ def _field(
     state, values = st.session_state, runs * shown
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
     least, most = max(low / 2, step), 2 * high  # a decimal comma typed by mistake gives ten times the intended value
-    if not least <= (state[name] or 0.0) * in_si * shown <= most:  # nothing yet, or left from another campaign
-        state[name] = None
     address.default(name, round(float(np.median(runs)) / in_si, digits))
-    value = round(state[name] * in_si * shown, DECIMALS)
+    asked = round(state[name] * in_si * shown, DECIMALS)
+    value = min(max(asked, least), most)
+    if asked != value:  # by a link, or left from another campaign
+        st.warning(f"{label} is from {least:g} to {most:g} here, not {asked:g}: {value:g} is taken.")
+        state[name] = round(value / shown / in_si, DECIMALS)
     # A browser sends what its widgets showed before it hears of a new value, as if that was chosen: each value that a
     # widget did not come by itself makes another widget of it, and what the one before still sends does not count.
     own = state.get(f"{name} widgets", {})

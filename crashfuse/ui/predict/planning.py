@@ -101,7 +101,9 @@ def show_next_test(answer: Answer) -> None:
         return
     show_figure(found.plot(display=display), alt="How much each candidate would narrow the band, over its speed")
     st.caption(NEXT_TEST_MEANING)
-    st.markdown(f"**The best {BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
+    named = ", ".join(f"{name} {value}" for name, value in kind if value)
+    usual_kind = "" if answer.condition.factors else ", of which there are most tests"
+    st.markdown(f"**The best {BEST}**" + (f", for {named}{usual_kind}" if named else ""))
     show_table(page_tables.next_tests(found.ranked[:BEST], display), "next tests")
     with st.container(horizontal=True):
         download_table("next_tests.csv", lambda: found.table, campaign.name)
@@ -128,7 +130,7 @@ def _range(
     low, high = _down(max(least / in_si, step), step), _up(most / in_si, step)
     if not _lies_in(state[axis.key], least / 2, 2 * most):  # nothing yet, a link that was cut, or another campaign's
         state[axis.key] = None
-    address.default(axis.key, f"{_down(tests[0] / own, step):g}:{_up(tests[1] / own, step):g} {own_unit}")
+    address.default(axis.key, f"{tests[0] / own:.9g}:{tests[1] / own:.9g} {own_unit}")
     ends = _ends(state[axis.key])
     slider = f"{axis.key}, {low:g} to {high:g} {unit}"  # another range is another widget
     address.put(slider, tuple(round(min(max(end / in_si, low), high), DECIMALS) for end in ends))
