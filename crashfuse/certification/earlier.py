@@ -12,10 +12,11 @@ from typing import Any, NamedTuple, Self
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.ids import id_trouble
 from crashfuse.campaign_folder.occupant_settings import occupant_settings
-from crashfuse.certification.criteria import Criteria
+from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.criteria_file import criteria_of
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.verdict import WORDS, Word, needs_no_test
+from crashfuse.certification.track_record import Trial
+from crashfuse.certification.verdict import WORDS, Verdict, Word, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable
 from crashfuse.signals.occupant import OccupantModel
@@ -43,6 +44,11 @@ class EarlierVerdict(NamedTuple):
         """Whether no test was needed to tell."""
         return self.word in ("met", "not met")
 
+    def trial(self, test: str, condition: Condition, criterion: Criterion, measured: float) -> Trial:
+        """It as one of a test that was only planned then, beside what was measured."""
+        verdict = Verdict(condition, criterion, None, self.lower, self.upper, self.probability, self.word, "")
+        return Trial(test, "planned", verdict, measured, None)
+
     def holds(self, value: float) -> bool | None:
         """Whether the 95 % interval holds a value; None if it was not known."""
         if self.lower is None and self.upper is None:
@@ -66,6 +72,8 @@ class Earlier:
         Those that it learned from: :attr:`crashfuse.crash_test.CrashTest.digest` by id.
     occupant : OccupantModel
         Of its OLC and VPI.
+    trials : tuple of Trial
+        Verdicts of certifications before it on tests that were run since.
     run : mapping of str to mapping
         What tests at its conditions showed: by condition, test and criterion; None if a record is too short.
     verdicts : tuple of tuple of EarlierVerdict
@@ -79,6 +87,7 @@ class Earlier:
     criteria: Criteria
     matrix: Matrix
     occupant: OccupantModel
+    trials: tuple[Trial, ...]
     run: Mapping[str, Mapping[str, Mapping[str, float | None]]]
     verdicts: tuple[tuple[EarlierVerdict, ...], ...]
 
@@ -100,7 +109,7 @@ class Earlier:
     def said(self) -> Hashable:
         """Equal for equal verdicts from equal tests, criteria, conditions and settings, whenever they were given."""
         given = frozenset(self.settings.items()), frozenset(self.tests.items())
-        return *given, self.criteria, self.matrix, frozenset(self.run), self.verdicts
+        return *given, self.criteria, self.matrix, frozenset(self.run), len(self.trials), self.verdicts
 
     def require_of(self, campaign: Campaign) -> None:
         """Raise unless it is of the vehicle of this campaign.
@@ -164,6 +173,7 @@ class Earlier:
             criteria,
             matrix,
             _occupant(values),
+            tuple(_trial(**own) for own in values.get("since", {}).get("verdicts", ())),
             {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
             tuple(tuple(_verdict(*cells[i][own.name]) for own in criteria.items) for i in matrix.ids),
         )
@@ -180,6 +190,13 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
     if any(map(id_trouble, checked)) or len(set(checked)) < len(checked):
         raise ValueError("no ids, or one twice")
     return checked
+
+
+def _trial(test: str, condition: str, criterion: dict[str, Any], said: list[Any], measured: float) -> Trial:
+    (limit,) = criteria_of([criterion]).items
+    if not _is_number(measured) or id_trouble(test):
+        raise ValueError("no measured value of a test")
+    return _verdict(*said).trial(test, Condition.parse(condition), limit, float(measured))
 
 
 def _occupant(values: dict[str, Any]) -> OccupantModel:

@@ -8,7 +8,7 @@ import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criteria, Criterion
-from crashfuse.certification.earlier import Earlier, EarlierVerdict
+from crashfuse.certification.earlier import Earlier
 from crashfuse.certification.track_record import Trial
 from crashfuse.certification.verdict import Verdict, reaches
 from crashfuse.condition import Condition
@@ -89,17 +89,28 @@ class TestedSince:
         then = replace(self.campaign, occupant=self.earlier.occupant)
         return {test: {own.name: own.value for own in then.metrics_of(then.test(test))} for test in self.at}
 
-    def trials(self, criteria: Criteria) -> tuple[Trial, ...]:
-        """The earlier verdicts on metrics of these criteria at tests that tell, as verdicts of today's confidence."""
-        metrics, found = {own.metric for own in criteria.items}, []
+    @cached_property
+    def told(self) -> tuple[Trial, ...]:
+        """The earlier verdicts on metrics of tests that tell, after those of certifications before it.
+
+        So certifying twice forgets nothing that was wrong once.
+        """
         conditions, rows = dict(self.earlier.matrix.items), self.earlier.rows
+        found = list(self.earlier.trials)
         for test, i in self.at.items():
             for criterion, before in zip(self.earlier.criteria.items, rows[i], strict=True):
-                value = self.shown[test].get(criterion.metric) if criterion.metric in metrics else None
-                if value is not None:
-                    verdict = _as_of_today(before, conditions[i], criterion, criteria.confidence)
-                    found.append(Trial(test, "planned", verdict, value, None))
+                if (value := self.shown[test].get(criterion.metric)) is not None:
+                    found.append(before.trial(test, conditions[i], criterion, value))
         return tuple(found)
+
+    def trials(self, criteria: Criteria) -> tuple[Trial, ...]:
+        """Those on metrics of these criteria; open if given with less confidence than is asked for today."""
+        metrics = {own.metric for own in criteria.items}
+        return tuple(
+            replace(trial, verdict=_as_of_today(trial.verdict, criteria.confidence))
+            for trial in self.told
+            if trial.verdict.criterion.metric in metrics
+        )
 
     def gone_at(self, condition: Condition) -> dict[str, Mapping[str, float | None]]:
         """What tests that are gone had shown at a condition: by their ids then, and criterion."""
@@ -128,9 +139,7 @@ def _away(test: Condition, planned: Condition) -> float:
     return float(off.max()) - 1e-9  # to the last digit of units
 
 
-def _as_of_today(before: EarlierVerdict, condition: Condition, criterion: Criterion, confidence: float) -> Verdict:
-    """An earlier verdict; open if it was given with less confidence than is asked for today."""
-    p = before.probability
+def _as_of_today(verdict: Verdict, confidence: float) -> Verdict:
+    p = verdict.probability
     sure = p is not None and reaches(max(p, 1 - p), confidence)
-    word = before.word if sure or not before.decided else "open"
-    return Verdict(condition, criterion, None, before.lower, before.upper, p, word, "")
+    return verdict if sure or not verdict.decided else replace(verdict, word="open")

@@ -133,7 +133,7 @@ def _tested(changes: Changes) -> Iterator[str]:
             for name, tests in changes.tested.items()
         ]
         yield joined(["Tested since: ", joined(there, ", "), "."], "")
-    else:
+    elif since.new:
         yield "None of these tests was run where it judged a metric, so none tells whether its verdicts came true."
     if since.repeats:
         known = [f"{i} (test {test})" for test, i in since.repeats.items()]
@@ -160,6 +160,12 @@ def outcome_sentences(changes: Changes) -> tuple[str, ...]:
         )
     elif changes.tested:
         found.append("Tests run since: no verdict was met or not met there.")
+    if before := [trial for trial in changes.earlier.trials if trial.verdict.decided]:
+        tests = len({trial.held_out for trial in before})
+        found.append(
+            f"Certifications before it: {counted(len(before), 'verdict')} met or not met on {counted(tests, 'test')} "
+            f"run since, {sum(trial.wrong for trial in before)} wrong; they count as well."
+        )
     inside, intervals = changes.intervals
     if intervals:
         held = f"{inside} of {counted(intervals, 'interval')} held what tests run since measured (made to hold 95 %)."
@@ -192,6 +198,13 @@ def wrong_since(changes: Changes) -> Iterator[str]:
     """Each verdict that a test run since contradicted."""
     for cell in changes.cells:
         yield from (_wrong(cell, test) for test, came_true in cell.came_true.items() if not came_true)
+    for trial in changes.earlier.trials:
+        own = trial.verdict
+        if trial.wrong:
+            yield Sentence(
+                "{}, before it was run: {} ({}) was said to be {}; measured {}.",
+                trial.held_out, own.criterion.name, own.criterion.limits, own.word, own.criterion.shown(trial.measured),
+            )  # fmt: skip
 
 
 def gone_sentences(since: TestedSince) -> Iterator[str]:

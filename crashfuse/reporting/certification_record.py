@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
+from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.reporting.certification_changes import change_sentences
 from crashfuse.reporting.certification_exceptions import exceptions
@@ -41,6 +42,17 @@ def _since(changes: Changes) -> dict[str, object]:
             i: {test: {"missed": missed, "unknown": unknown} for test, (missed, unknown) in own.items()}
             for i, own in changes.waived_outcomes.items()
         },
+        "verdicts": [
+            {
+                "test": trial.held_out,
+                "condition": own.condition.text,
+                "criterion": _criterion(own.criterion),
+                "said": (own.word, own.probability, own.lower, own.upper),
+                "measured": trial.measured,
+            }
+            for trial in changes.since.told
+            for own in [trial.verdict]
+        ],
         "newly_waived": changes.newly_waived,
         "withdrawn": list(changes.withdrawn),
         "sentences": change_sentences(changes),
@@ -62,9 +74,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
         "criteria": {
             "confidence": criteria.confidence,
-            "criterion": [
-                {key: value for key, value in asdict(own).items() if value is not None} for own in criteria.items
-            ],
+            "criterion": [_criterion(own) for own in criteria.items],
         },
         "matrix": matrix_table(certification.matrix).to_dict("records"),
         "cells": {
@@ -102,6 +112,10 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "sentences": list(summary(certification)),
         "exceptions": {subject: list(sentences) for subject, sentences in exceptions(certification).items()},
     }
+
+
+def _criterion(criterion: Criterion) -> dict[str, object]:
+    return {key: value for key, value in asdict(criterion).items() if value is not None}
 
 
 def _domain(domain: Domain) -> dict[str, object]:

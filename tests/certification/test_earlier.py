@@ -33,6 +33,13 @@ RECORD: dict[str, Any] = {
         "B": {"crush": ["open", 0.6, None, 610.0], "good": ["outside", None, None, None]},
     },
 }
+TRIAL: dict[str, Any] = {
+    "test": "T1",
+    "condition": "20mph 2000lb 1500lb",
+    "criterion": {"metric": "peak", "at_most": 40.0},
+    "said": ["met", 0.97, 30.0, 38.0],
+    "measured": 41.0,
+}
 
 
 def changed(at: tuple[object, ...], value: object) -> bytes:
@@ -113,6 +120,11 @@ def test_an_interval_of_which_one_end_is_known_holds_what_is_on_its_side() -> No
         changed(("run", "B"), {"<b>\n": {}}),
         changed(("occupant",), {"olc_free_flight_mm": -1}),
         changed(("occupant",), [65, 235]),
+        changed(("since",), {"verdicts": [{"test": "T1"}]}),
+        changed(("since",), {"verdicts": [dict(TRIAL, measured="1")]}),
+        changed(("since",), {"verdicts": [dict(TRIAL, condition="fast")]}),
+        changed(("since",), {"verdicts": [dict(TRIAL, said=["right", 0.9, 1.0, 2.0])]}),
+        changed(("since",), {"verdicts": [dict(TRIAL, test="\x1b")]}),
         changed(("criteria", "criterion"), [{"metric": "colour", "at_most": 1}]),
     ],
 )

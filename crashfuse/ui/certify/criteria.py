@@ -20,6 +20,7 @@ from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
 
 _FILE, _EDITOR = "criteria.toml", "editor of criteria"
+_NO_CONFIDENCE = "confidence that there is not"  # session key: which one is taken, and a sentence
 _LIMIT_HELP = "In the unit beside the metric; shown to four digits."
 _COLUMNS = {"name": "str", "metric": "str", "window_ms": "float", "at_least": "float", "at_most": "float"}
 _METRICS = {
@@ -98,6 +99,9 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
         persist_state="session",
         help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
     )  # fmt: skip
+    taken, told = state.get(_NO_CONFIDENCE, (None, ""))
+    if confidence == taken:  # until another is chosen: the page may be drawn again at once
+        st.warning(told, icon=":material/tune:")
     with help_in.popover("How criteria are declared, or brought as a file", icon=":material/help:"):
         st.markdown(
             "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside the "
@@ -133,8 +137,8 @@ def _take_declared(view: View) -> DataError | None:
     address.default("criteria", _texts(_table(declared)))
     usual, asked = declared.confidence if declared else CONFIDENCE, st.session_state["confidence"]
     if asked is not None and not LEAST_SURE <= asked <= MOST_SURE:  # the field would show its lowest
-        st.warning(f"A confidence is from {LEAST_SURE:g} to {MOST_SURE:g}, not {asked:g}; {usual:g} is taken.")
-        st.session_state["confidence"] = None
+        told = f"A confidence is from {LEAST_SURE:g} to {MOST_SURE:g}, not {asked:g}; {usual:g} is taken."
+        st.session_state.update({"confidence": None, _NO_CONFIDENCE: (usual, told)})
     address.default("confidence", usual)
     return wrong
 
