@@ -60,7 +60,8 @@ class ExpectedRating:
         """A sentence on the expected rating, and the number of tests near the condition."""
         n, within = len(self.tests), speed(self.reach_mps)
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
-        expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {self.grades})"
+        where = "a guess" if self.farther else self.grades  # how errors grow beyond the tests, they cannot tell
+        expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {where})"
         return Sentence(f"{expected}; {tests} within {{}} rated {rated}.", within)
 
     @property

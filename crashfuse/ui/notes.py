@@ -13,6 +13,7 @@ from crashfuse.ui.text import plain
 
 _KEPT = "notes"  # session key: notes by folder, where they cannot be kept in the folder
 _REFUSED = "note refused"  # session key: why the last one was not added
+_DELETED = "note deleted"  # session key: the folder, and the last one that was
 _HERE = "A note with a time is a mark on this test's figures over time. Notes and marks go into the report. "
 
 
@@ -38,9 +39,15 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
             with st.container(horizontal=True, vertical_alignment="center", gap="small"):
                 st.button(
                     "Delete", icon=":material/close:", key=f"delete note {number} of {test}", type="tertiary",
-                    on_click=_store, args=(view, [other for other in notes if other is not note]),
+                    on_click=_delete, args=(view, notes, note),
                 )  # fmt: skip
                 st.markdown(f"**{note.when}** {plain(note.text)}" if note.when else plain(note.text), width="stretch")
+        folder, deleted = st.session_state.get(_DELETED, (None, None))
+        if folder == view.folder and deleted.test == test:
+            st.button(
+                f"Put back “{plain(deleted.text[:40])}”", icon=":material/undo:", type="tertiary", on_click=_put_back,
+                args=(view, notes, deleted),
+            )  # fmt: skip
         with st.form(f"note on {test}", border=False):
             left, middle, right = st.columns([4, 1, 1])
             left.text_input("Note", max_chars=LONGEST_TEXT, key="note_text")
@@ -60,6 +67,17 @@ def _add(view: View, notes: Sequence[Note]) -> None:
         st.session_state.update(note_text="", note_start=None, note_end=None)  # what is refused stays, to be corrected
     except UsageError as error:
         st.session_state[_REFUSED] = str(error)
+
+
+def _delete(view: View, notes: Sequence[Note], note: Note) -> None:
+    """Delete a note, which can be put back until another is deleted."""
+    _store(view, [other for other in notes if other is not note])
+    st.session_state[_DELETED] = view.folder, note
+
+
+def _put_back(view: View, notes: Sequence[Note], note: Note) -> None:
+    _store(view, [*notes, note])
+    del st.session_state[_DELETED]
 
 
 def _store(view: View, notes: Sequence[Note]) -> None:

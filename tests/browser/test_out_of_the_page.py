@@ -85,6 +85,8 @@ def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
     engineer.sees("<b>hump</b> comes early", FIGURE)
     engineer.press("Notes and marks on T1", "summary")
     engineer.presses_until(lambda: not (campaign_on_disk / "notes.csv").exists(), "Delete")
+    engineer.presses_until(lambda: (campaign_on_disk / "notes.csv").exists(), "Put back")
+    engineer.presses_until(lambda: not (campaign_on_disk / "notes.csv").exists(), "Delete")
 
 
 @pytest.fixture(scope="module")

@@ -40,6 +40,7 @@ def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", use
     study(user, small_server)
     # 2 columns; 5 rows: the tests, and their mean
     user.clicks_cell("Test T3", lambda width, height: (0.15 * width, (2.3 / 5 - 0.5) * height), "Test T3: 26.0 mph")
+    user.wait(lambda: "explained=displacement_domain" in user.browser.current_url, "Why would be of another approach.")
     assert "test=T3" in user.browser.current_url
 
 

@@ -51,7 +51,8 @@ def rating_heatmap(
         ygap=2,
         showscale=False,
     )
-    clicked = [test for test in [*tests, ""][: len(rows)] for _ in names]  # the mean belongs to no test
+    columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
+    clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
     heads = [name.replace("<br>", " ") for name in names]
     told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(heads)]
     make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")

@@ -44,10 +44,13 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
     tests = [fold.held_out for fold in study.folds]
     st.markdown(f"**Each test, {outcome.window}**")
 
-    def open_test(test_id: str) -> None:
-        """Open a test as this study left it out."""
+    def open_test(cell: str) -> None:
+        """Open a test as this study left it out; *Why* explains the approach whose cell it was."""
+        test_id, _, approach = cell.partition(":")
         frame.choose_held_out(outcome.view.campaign.test(test_id))
         st.session_state["leave_out"] = leave_out
+        if approach:
+            st.session_state["explained"] = approach
 
     clicked = show_clickable(
         lambda: study.plot(display=outcome.view.display),

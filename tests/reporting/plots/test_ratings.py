@@ -13,7 +13,7 @@ def test_long_names_leave_the_cells_their_room() -> None:
     figure = plots.rating_heatmap({test: {"cae": 0.5}, "T1": {"cae": 0.5}})
     assert list(figure.layout.yaxis.ticktext) == ["Test 2026-11-03_f…ft_repeat_2", "Test T1", "<b>Mean</b>"]
     assert list(figure.layout.yaxis.tickvals) == list(figure.data[0].y)
-    assert figure.data[1].customdata[0] == test
+    assert figure.data[1].customdata[0] == f"{test}:cae"
     spread = plots.rating_spread({test: {"fused": (0.9, 0.8, 0.95)}})
     assert list(spread.layout.xaxis.ticktext) == ["2026-11-03_f…ft_repeat_2"]
 
@@ -39,10 +39,10 @@ def test_the_heat_map_colours_change_where_the_grades_do() -> None:
 
 
 def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
-    """An invisible mark in it names its test, is found from anywhere in it, and says which it is."""
+    """An invisible mark in it names its test and approach, is found from anywhere in it, and says which it is."""
     figure = plots.rating_heatmap({"A": {"cae": 0.5, "fused": 0.9}, "B": {"cae": 0.6, "fused": 0.8}})
     heat, marks = figure.data
-    assert list(marks.customdata) == ["A", "A", "B", "B", "", ""]
+    assert list(marks.customdata) == ["A:cae", "A:fused", "B:cae", "B:fused", "", ""]
     assert list(marks.y) == [row for row in heat.y for _ in range(2)]
     assert list(marks.x) == list(heat.x) * 3
     template = "%{hovertext}<extra></extra>"
