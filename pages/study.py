@@ -42,7 +42,7 @@ explanations.show_missing(config, study.config.approaches)
 if outcome.whole:
     first, *others = map(view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
-    told = others.pop(-1 if tab == "Ratings" and ratings.by_group(study) else 0)
+    told = others.pop(-1 if ratings.by_group(study) else 0)
     longest = max(study.config.windows_ms)
     if outcome.window_ms != longest:  # what is said does not follow the choice in the sidebar
         told += f" This is over {page_tables.window_label(longest)}."

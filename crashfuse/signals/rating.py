@@ -78,8 +78,9 @@ def grade(overall: float) -> str:
 
 
 def graded(overall: float) -> str:
-    """An overall rating with its grade: ``0.871 Good``."""
-    return f"{overall:.3f} {grade(overall)}"
+    """An overall rating with its grade: ``0.871 Good``; with a digit more beside a limit, ``0.8004 Good``."""
+    digits = 3 if grade(round(overall, 3)) == grade(overall) else 4
+    return f"{overall:.{digits}f} {grade(overall)}"
 
 
 def rate_iso18571(reference: FloatArray, comparison: FloatArray, *, dt_s: float) -> Rating:

@@ -15,7 +15,7 @@ import pytest
 
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
-from crashfuse.signals.rating import Rating, grade, rate_iso18571, rate_many, rate_windows
+from crashfuse.signals.rating import Rating, grade, graded, rate_iso18571, rate_many, rate_windows
 from tests.conftest import DATA, SHARED, needs_shared
 
 DT_S = 1e-4
@@ -249,6 +249,13 @@ def test_grades_need_more_than_their_limit(overall: float, name: str) -> None:
     """A rating on the limit has the grade below it."""
     assert grade(overall) == name
     assert (grade(0.5801), grade(0.58), grade(0)) == ("Fair", "Poor", "Poor")
+
+
+def test_a_rating_beside_a_limit_is_told_with_the_digit_that_decides() -> None:
+    """Two cells of 0.800, one Good and one Fair, would contradict each other."""
+    assert [graded(overall) for overall in (0.800439, 0.799906, 0.80, 0.8712)] == [
+        "0.8004 Good", "0.800 Fair", "0.800 Fair", "0.871 Good",
+    ]  # fmt: skip
 
 
 def test_unit_does_not_matter() -> None:

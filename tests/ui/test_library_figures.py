@@ -156,7 +156,9 @@ def test_on_study(open_campaign: Path, visit: "Visit") -> None:
     assert study.speed_groups is not None
     assert drawn(session) == traces(study.speed_groups.plot(display=SHOWN))
     session.app.button_group(key="study_tab").set_value("Bands").run()
-    assert drawn(session) == traces(*(study.plot(figure=name, display=SHOWN) for name in ("draws", "calibration")))
+    for way, label in ((study.speed_groups, "With all tests at about its speed"), (study, "Each test left out alone")):
+        session.app.button_group(key="ways").set_value(label).run()
+        assert drawn(session) == traces(*(way.plot(figure=name, display=SHOWN) for name in ("draws", "calibration")))
 
 
 def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.MonkeyPatch) -> None:

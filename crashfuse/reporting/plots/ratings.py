@@ -9,7 +9,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, name_tests, new_figure, tick_name
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.signals.rating import GRADES, grade
+from crashfuse.signals.rating import GRADES, graded
 from crashfuse.study.repeatability import Repeatability
 
 _ROW_PX, _NAMES_PX, _BELOW_PX = 31, 52, 8  # of a heat map: a row, the names of its columns above, the margin below
@@ -34,7 +34,7 @@ def rating_heatmap(
     if mean:
         z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + mean
-    text = [["" if np.isnan(value) else f"{value:.3f} {grade(value)}" for value in row] for row in z]
+    text = [["" if np.isnan(value) else graded(value) for value in row] for row in z]
     figure = new_figure(height=_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     figure.add_heatmap(
         z=z.astype(np.float32),

@@ -31,7 +31,7 @@ def choose_matrix(view: View) -> Matrix | None:
     """Ask for the conditions; None while there are none or some are wrong, which is said here."""
     own = view.folder / _FILE
     sources = [_OWN, _UPLOAD, _GRID] if own.is_file() else [_UPLOAD, _GRID]
-    left, right = st.columns([2, 5], vertical_alignment="bottom")
+    left, right = st.columns([3, 4], vertical_alignment="bottom")
     with left:
         st.caption("Conditions from")
         source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)

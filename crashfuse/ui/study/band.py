@@ -7,12 +7,13 @@ from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.study.outcome import Outcome
+from crashfuse.ui.study.ratings import choose_way, file_of
 from crashfuse.ui.tables import show_table
 
 
 def show(outcome: Outcome) -> None:
     """Show the ratings of single draws, and how much of the tests lay inside the bands."""
-    study = outcome.study
+    study, leave_out = choose_way(outcome)
     if not study.coverage:
         st.info("None of these approaches has a band.", icon=":material/info:")
         return
@@ -21,8 +22,9 @@ def show(outcome: Outcome) -> None:
         lambda: study.plot(figure="draws", display=outcome.view.display),
         "Rating of each held-out test by approach, with the interval of the ratings of single drawn pulses",
         "draws",
+        leave_out,
         outcome.key,
-        name=file_name("ratings of draws", outcome.window),
+        name=file_name("ratings of draws", outcome.window, file_of(leave_out)),
     )
     st.caption(
         "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
@@ -38,7 +40,8 @@ def show(outcome: Outcome) -> None:
         lambda: study.plot(figure="calibration", display=outcome.view.display),
         "Share of the time up to TTZV at which a(t) lies inside bands of each level, by approach",
         "calibration",
+        leave_out,
         outcome.key,
-        name="coverage_by_level_of_the_band",
+        name=file_name("coverage by level of the band", file_of(leave_out)),
     )
     st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")

@@ -6,13 +6,15 @@ from crashfuse.reporting import glossary
 from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5
 from crashfuse.ui import page_tables
 from crashfuse.ui.study.outcome import Outcome
+from crashfuse.ui.study.ratings import choose_way
 from crashfuse.ui.tables import show_table
 
 
 def show(outcome: Outcome) -> None:
-    """Show both tables."""
+    """Show both tables, by one way of leaving tests out."""
+    study, _ = choose_way(outcome)
     st.subheader("Table 5: approaches against the CAE")
-    show_table(page_tables.paper_table(outcome.study, TABLE_5), "table 5")
+    show_table(page_tables.paper_table(study, TABLE_5), "table 5")
     st.subheader("Table 3: the network before and after the tests")
-    show_table(page_tables.paper_table(outcome.study, TABLE_3), "table 3")
+    show_table(page_tables.paper_table(study, TABLE_3), "table 3")
     st.caption(f"{glossary.LF} MF TCN: multi-fidelity (MF) network, the LF network fine-tuned on tests.")

@@ -22,12 +22,22 @@ def by_group(study: Study) -> bool:
     return study.speed_groups is not None and st.session_state.get("ways") == _GROUP
 
 
+def choose_way(outcome: Outcome) -> tuple[Study, str]:
+    """The study by one way of leaving tests out, and which: what is left out with a test."""
+    study = outcome.study
+    if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
+        return study.speed_groups, "speed group"
+    return study, "speed group" if study.config.leave_out == "speed group" else "test"
+
+
+def file_of(leave_out: str) -> str:
+    """What was left out with a test, in the name of a file."""
+    return "left out with its speed group" if leave_out == "speed group" else "left out alone"
+
+
 def show(outcome: Outcome) -> None:
     """Show the ratings of one way of leaving tests out."""
-    campaign, study = outcome.view.campaign, outcome.study
-    leave_out = "speed group" if study.config.leave_out == "speed group" else "test"
-    if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
-        study, leave_out = study.speed_groups, "speed group"
+    campaign, (study, leave_out) = outcome.view.campaign, choose_way(outcome)
     _show_tests(outcome, study, leave_out)
     if outcome.whole:
         worst = worst_test(study, outcome.window_ms, approach=recommend(outcome.study).approach)
@@ -58,11 +68,7 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         open_test,
         f"heat map {leave_out}",
         outcome.key,
-        name=file_name(
-            "ratings",
-            outcome.window,
-            "left out with its speed group" if leave_out == "speed group" else "left out alone",
-        ),
+        name=file_name("ratings", outcome.window, file_of(leave_out)),
     )
     with st.container(horizontal=True, vertical_alignment="center"):
         st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")
