@@ -116,11 +116,12 @@ def without_clicks(figure: go.Figure) -> go.Figure:
 
 
 def _choose_of(known: Sequence[str]) -> list[str]:
-    return kept_choice(
+    chosen = kept_choice(
         "curves", known, st.pills, "Curves", selection_mode="multi", width="content",
         format_func=lambda name: LABELS.get(name, "Test"),
         help="The choice stays, whatever else you change, and is in the link.",
     )  # fmt: skip
+    return [name for name in known if name in chosen]
 
 
 def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder: str) -> list[str]:

@@ -8,13 +8,13 @@ import streamlit as st
 def kept_choice(
     key: str, options: Sequence[str], widget: Callable[..., object], label: str, **look: object
 ) -> list[str]:
-    """What is chosen of these options, with a widget of Streamlit for several, such as ``st.pills``, and its look.
+    """What is chosen of these options, first what was chosen first, with a widget of Streamlit and its look.
 
     The session holds the whole choice under ``key``. A widget of that key would lose what this page does not offer: an
     approach that has not been fitted yet, a test of another campaign.
     """
     state = st.session_state
-    chosen, shown = [name for name in options if name in state[key]], f"{key} shown"
+    chosen, shown = [name for name in state[key] if name in options], f"{key} shown"
     said, widgets = state.get(shown, (None, 0))
     if said != chosen:
         # Set by a link, a button or another page: a widget in a closed popover would not hear of it, and would send
@@ -27,8 +27,10 @@ def kept_choice(
 
     def keep() -> None:
         if state[shown][1] == widgets:
-            now = [name for name in options if name in state[here]]
-            state[key], state[shown] = [*(name for name in state[key] if name not in options), *now], (now, widgets)
+            now = state[here]
+            before = [name for name in state[key] if name in now or name not in options]
+            state[key] = [*before, *(name for name in now if name not in before)]
+            state[shown] = [name for name in state[key] if name in options], widgets
 
     widget(label, options, key=here, on_change=keep, **look)
-    return [name for name in options if name in state[here]]
+    return [name for name in state[key] if name in options]

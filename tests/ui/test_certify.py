@@ -228,7 +228,7 @@ def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, vis
     (upload,) = session.app.file_uploader
     upload.set_value([("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20", "text/plain")])
     session.run()
-    assert "expected a metric of peak" in session.words
+    assert "mine.toml, criterion 1: expected a metric of peak" in session.words
     assert session.app.session_state["criteria"] == ["peak~~~20~peak"]
     assert (asking / "criteria.toml").read_text() == CRITERIA
 

@@ -15,7 +15,7 @@ from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
 from crashfuse.ui import address
-from crashfuse.ui.certify.uploaded import show_wrong, uploaded
+from crashfuse.ui.certify.uploaded import show_wrong, under_its_name, uploaded
 from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
 
@@ -200,7 +200,7 @@ def _show_upload(view: View) -> None:
         try:
             criteria = uploaded(file.getvalue(), _FILE, read_criteria)
         except DataError as error:
-            st.session_state[wrong] = error
+            st.session_state[wrong] = under_its_name(error, _FILE, file.name)
             return
         st.session_state.update(criteria=_texts(_table(criteria)), confidence=criteria.confidence)
 

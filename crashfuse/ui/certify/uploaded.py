@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -22,6 +23,13 @@ def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
         path = Path(folder, name)
         path.write_bytes(content)
         return read(path)
+
+
+def under_its_name(error: CrashfuseError, file: str, name: str) -> CrashfuseError:
+    """What is wrong with a file that was read under its usual name, under the name that it was uploaded with."""
+    if not isinstance(error, DataError):
+        return error
+    return DataError([replace(problem, where=problem.where.replace(file, name, 1)) for problem in error.problems])
 
 
 def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
@@ -52,7 +60,7 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
             read(content)
             state[choice] = kept_files.keep(content, file)
         except CrashfuseError as error:
-            state[wrong] = error
+            state[wrong] = under_its_name(error, file, given.name)
 
     st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=take)
     if (error := state.get(wrong)) is not None and state[choice] is None:
