@@ -31,4 +31,4 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
                 placeholder="all tests" if form == "whole" else "the worst",
                 help="Means are over all tests, whichever are shown.",
             )  # fmt: skip
-    return ReportOptions(form, tuple(shown), notes_of(view))
+    return ReportOptions(form, tuple(test for test in tests if test in shown), notes_of(view))
