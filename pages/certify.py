@@ -64,7 +64,7 @@ if (verdicts is not None) != st.session_state.get(_JUDGED, False):  # the choice
     st.rerun()
 if verdicts is None:
     st.stop()
-verdicts = earlier.beside(verdicts)
+verdicts = earlier.beside(verdicts, request.key)
 since = verdicts.certification.since
 key = request.key, None if since is None else since.earlier.digest
 show_tabs(TABS, Judgement(verdicts, config, view.display, key), key="certify_tab")

@@ -1,6 +1,7 @@
 """Certification of a campaign: a verdict for every condition and criterion, and the record of left-out tests."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -15,7 +16,7 @@ from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
-from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
+from crashfuse.certification.track_record import LeftOut, Support, TrackRecord, Trial
 from crashfuse.certification.verdict import (
     Verdict,
     Word,
@@ -36,6 +37,7 @@ from crashfuse.wording import joined
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
+Rows = tuple[tuple[Verdict, ...], ...]
 _LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
 
 
@@ -64,8 +66,8 @@ class Certification:
     matrix: Matrix
     config: StudyConfig
     domain: Domain
-    judged: tuple[tuple[Verdict, ...], ...]
-    verdicts: tuple[tuple[Verdict, ...], ...]
+    judged: Rows
+    verdicts: Rows
     record: TrackRecord
     seconds: dict[str, float]
     since: TestedSince | None = None
@@ -91,11 +93,8 @@ class Certification:
         since = TestedSince(earlier, self.campaign)
         record = replace(self.record, since=since.trials(self.criteria))
         verdicts = tuple(
-            tuple(
-                beside_gone_tests(own, since.shown_by_gone(own.condition, own.criterion))
-                for own in _held(row, self.campaign, record, self.criteria.confidence)
-            )
-            for row in self.judged
+            tuple(beside_gone_tests(own, since.shown_by_gone(own.condition, own.criterion)) for own in row)
+            for row in _held(self.judged, self.campaign, self.criteria, record)
         )
         return replace(self, verdicts=verdicts, record=record, since=since)
 
@@ -212,7 +211,7 @@ def certify_matrix(
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     record = _record(campaign, criteria, approach, forecasts)
     domain = Domain.of(campaign)
-    judged = [
+    judged = tuple(
         judge(
             forecasts[cell],
             cell.condition,
@@ -221,9 +220,9 @@ def certify_matrix(
             was_run=bool(campaign.tests_at(cell.condition)),
         )
         for cell in cells
-    ]
-    verdicts = tuple(_held(row, campaign, record, criteria.confidence) for row in judged)
-    return Certification(campaign, criteria, matrix, config, domain, tuple(judged), verdicts, record, seconds)
+    )
+    verdicts = _held(judged, campaign, criteria, record)
+    return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
 
 
 def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, cache: Cache) -> bool:
@@ -272,27 +271,32 @@ def _record(campaign: Campaign, criteria: Criteria, approach: str, forecasts: di
     return TrackRecord(tuple(trials))
 
 
-def _held(
-    judged: tuple[Verdict, ...], campaign: Campaign, record: TrackRecord, confidence: float
-) -> tuple[Verdict, ...]:
-    """Verdicts at one condition, held against the record and against the tests that were run there."""
-    return tuple(_beside_tests(_supported(own, record, confidence), campaign, record) for own in judged)
+def _held(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord) -> Rows:
+    """Verdicts held against the record, and against the tests that were run at their condition."""
+    supports = {own: record.support(own) for own in criteria.items}
+    held = []
+    for row in judged:
+        run = [test.id for test in campaign.tests_at(row[0].condition)]
+        own = (_supported(verdict, supports[verdict.criterion], criteria.confidence) for verdict in row)
+        held.append(tuple(_beside_tests(verdict, run, record) for verdict in own))
+    return tuple(held)
 
 
-def _beside_tests(verdict: Verdict, campaign: Campaign, record: TrackRecord) -> Verdict:
+def _beside_tests(verdict: Verdict, run: Sequence[str], record: TrackRecord) -> Verdict:
     """The verdict beside the tests that were run at its condition, if there are any."""
-    run: dict[str, float | None] = dict.fromkeys(test.id for test in campaign.tests_at(verdict.condition))
+    if not run:
+        return verdict
+    measured: dict[str, float | None] = dict.fromkeys(run)
     for trial in record.trials:
-        if trial.held_out in run and trial.left_out == "test" and trial.verdict.criterion == verdict.criterion:
-            run[trial.held_out] = trial.measured
-    return beside_tests(verdict, run) if run else verdict
+        if trial.held_out in measured and trial.left_out == "test" and trial.verdict.criterion == verdict.criterion:
+            measured[trial.held_out] = trial.measured
+    return beside_tests(verdict, measured)
 
 
-def _supported(verdict: Verdict, record: TrackRecord, confidence: float) -> Verdict:
+def _supported(verdict: Verdict, support: Support, confidence: float) -> Verdict:
     """The verdict, open if the record does not support the confidence, with what the record says of the limit."""
     if not verdict.decided:
         return verdict
-    support = record.support(verdict.criterion)
     if (shortfall := support.shortfall(confidence)) is not None:
         return replace(verdict, word="open", reason=joined([verdict.reason, shortfall]))
     if (reservation := support.reservation(confidence)) is not None:

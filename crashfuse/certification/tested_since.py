@@ -112,15 +112,20 @@ class TestedSince:
             if trial.verdict.criterion.metric in metrics
         )
 
+    @cached_property
+    def _gone_runs(self) -> list[tuple[Condition, str, Mapping[str, float | None]]]:
+        """Where tests that are gone were run, and what they had shown; few of the conditions have any."""
+        conditions = dict(self.earlier.matrix.items)
+        return [
+            (conditions[i], test, shown)
+            for i, tests in self.earlier.run.items()
+            for test, shown in tests.items()
+            if test in self.gone
+        ]
+
     def gone_at(self, condition: Condition) -> dict[str, Mapping[str, float | None]]:
         """What tests that are gone had shown at a condition: by their ids then, and criterion."""
-        return {
-            test: shown
-            for i, own in self.earlier.matrix.items
-            if own.is_at(condition)
-            for test, shown in self.earlier.run.get(i, {}).items()
-            if test in self.gone
-        }
+        return {test: shown for own, test, shown in self._gone_runs if own.is_at(condition)}
 
     def shown_by_gone(self, condition: Condition, criterion: Criterion) -> dict[str, float]:
         """What they had shown of a criterion's metric there; nothing of a rating, that of another prediction."""

@@ -118,15 +118,14 @@ def _not_used(certification: Certification) -> Iterator[str]:
 
 
 def _unused_at(certification: Certification) -> dict[str, list[str]]:
+    """Tests that were run at conditions of the matrix and that are not used, by the id of the condition."""
     unused, since = certification.campaign.unused, certification.since
-    found = {
-        i: [
-            *(test for test, own in unused if own.is_at(condition)),
-            *(() if since is None else since.gone_at(condition)),
-        ]
-        for i, condition in certification.matrix.items
-    }
-    return {i: list(dict.fromkeys(names)) for i, names in found.items() if names}
+    found = {}
+    for i, condition in certification.matrix.items:
+        gone = {} if since is None else since.gone_at(condition)
+        if names := dict.fromkeys([*(test for test, own in unused if own.is_at(condition)), *gone]):
+            found[i] = list(names)
+    return found
 
 
 def reserved(certification: Certification) -> dict[str, str]:

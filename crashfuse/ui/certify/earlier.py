@@ -1,5 +1,7 @@
 """An earlier certification beside the verdicts on the Certify page: what became of what it said."""
 
+from collections.abc import Hashable
+
 import streamlit as st
 
 from crashfuse.campaign import Campaign
@@ -21,15 +23,22 @@ from crashfuse.ui.text import plain
 _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
 
 
-def beside(verdicts: Verdicts) -> Verdicts:
-    """The verdicts beside the earlier certification that was chosen; says so if it cannot be read any more."""
-    certification = verdicts.certification
+def beside(verdicts: Verdicts, key: Hashable) -> Verdicts:
+    """The verdicts beside the earlier certification that was chosen; says so if it cannot be read any more.
+
+    ``key`` is equal for equal verdicts.
+    """
     try:
         earlier = find_kept(FILE, _CHOICE, Earlier.parse)
-        return verdicts if earlier is None else Verdicts(certification.beside(earlier))
+        return verdicts if earlier is None else _beside((key, earlier.digest), verdicts, earlier)
     except CrashfuseError as error:
         show_wrong(error)
         return verdicts
+
+
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _beside(key: Hashable, _verdicts: Verdicts, _earlier: Earlier) -> Verdicts:  # noqa: ARG001
+    return Verdicts(_verdicts.certification.beside(_earlier))
 
 
 def show(judgement: Judgement) -> None:
