@@ -40,6 +40,8 @@ class ExpectedRating:
         Speed difference of the farthest of them.
     farther : bool
         Whether the condition is farther in speed from all tests than any of these was from the others.
+    beyond : bool
+        Whether it is more than 5 mph slower or faster than all tests, where no left-out test says how errors grow.
     """
 
     mean: float
@@ -54,13 +56,14 @@ class ExpectedRating:
     tests: tuple[str, ...]
     reach_mps: float
     farther: bool
+    beyond: bool
 
     @property
     def sentence(self) -> str:
         """A sentence on the expected rating, and the number of tests near the condition."""
         n, within = len(self.tests), speed(self.reach_mps)
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
-        where = "a guess" if self.farther else self.grades  # how errors grow beyond the tests, they cannot tell
+        where = "a guess" if self.beyond else self.grades
         expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {where})"
         return Sentence(f"{expected}; {tests} within {{}} rated {rated}.", within)
 
@@ -134,6 +137,7 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
         tuple(test.id for test in near),
         float(away[len(near) - 1]),
         bool(np.abs(speeds - speed_mps).min() > max(*gaps, _BESIDE_MPS)),
+        bool(max(speeds.min() - speed_mps, speed_mps - speeds.max()) > _REACH_MPS),
     )
 
 

@@ -63,6 +63,16 @@ def test_a_test_as_near_as_the_last_is_not_left_unsaid(campaign: Campaign) -> No
         assert set(found.tests) == said
 
 
+@pytest.mark.parametrize(("mph", "guessed"), [(9.9, True), (10.1, False), (39.9, False), (40.1, True)])
+def test_far_beyond_all_tests_there_is_no_grade(campaign: Campaign, mph: float, guessed: bool) -> None:
+    """The tests, of 15 to 35 mph, say nothing of how errors grow there; a guess that is Excellent is none."""
+    softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
+    found = expected_rating(at(campaign, mph, softer), campaign)
+    assert found is not None
+    assert ("(80 %, a guess)" in found.sentence) is guessed
+    assert (found.grades in found.sentence) is not guessed
+
+
 def test_the_range_rests_on_all_tests_by_distance_and_on_the_bands(campaign: Campaign) -> None:
     """It is that of the rating's distribution; a band twice as wide as those of the left-out tests lowers it."""
     softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
