@@ -125,9 +125,13 @@ class Earlier:
             raise DataError(Problem(FILE, "a certification of this campaign", found, advice))
 
     def is_of(self, campaign: Campaign) -> bool:
-        """Whether it knew a test of a campaign: its record by whatever id, or, beside the same CAE runs, its id."""
+        """Whether it knew a test of a campaign: its record by whatever id, or its id if the campaign is that of then.
+
+        It is by its name or its CAE runs: another filter class changes all records, those of the runs included.
+        """
         same_runs = campaign.cae.fingerprint[:_SHORT] in self.settings.get("CAE runs", "")
-        known = {*self.tests.values(), *(self.tests if same_runs else ())}
+        same = same_runs or self.settings["campaign"] == campaign.name
+        known = {*self.tests.values(), *(self.tests if same else ())}
         return any({test.id, test.digest} & known for test in campaign.tests)
 
     @classmethod

@@ -189,8 +189,10 @@ def test_a_record_that_was_retouched_is_no_test_since(later: Certification) -> N
         assert changes.since.changed == tuple(test.id for test in tests if test in louder)
         assert (changes.since.new, changes.since.gone, changes.outcomes) == ((), (), (0, 0, 0))
     assert f"which it had learned from: {', '.join(campaign.test_ids)}" in said(changes)
-    with pytest.raises(DataError):  # beside other CAE runs an id is not enough
-        compared(replace(before, settings={**before.settings, "CAE runs": "24"}), changes.later)
+    filtered = {**before.settings, "CAE runs": "24, another fingerprint"}
+    assert compared(replace(before, settings=filtered), changes.later).since.changed == campaign.test_ids
+    with pytest.raises(DataError):  # of another name, beside other CAE runs, an id is not enough
+        compared(replace(before, settings={**filtered, "campaign": "Coupe"}), changes.later)
 
 
 def test_a_test_is_made_for_the_nearest_condition_though_a_little_off(later: Certification) -> None:
