@@ -79,11 +79,12 @@ class Changes:
         if later.since is None:
             raise UsageError("Nothing to compare: give an earlier certification.")
         earlier, ids = later.since.earlier, _by_place(later.matrix)
+        rows = earlier.rows
         now = {_key(own.condition, own.criterion): own for _, own in later.cells}
         cells, asked = [], set()
         for i, condition in earlier.matrix.items:
             shown = {test: later.since.shown[test] for test, place in later.since.at.items() if place == i}
-            for criterion, before in zip(earlier.criteria.items, earlier.rows[i], strict=True):
+            for criterion, before in zip(earlier.criteria.items, rows[i], strict=True):
                 of = criterion.metric if criterion.window_ms is None else None
                 measured = {} if of is None else {test: own[of] for test, own in shown.items()}
                 key = _key(condition, criterion)
@@ -153,7 +154,8 @@ class Changes:
         then, now = ({_limit(own) for own in each.criteria.items} for each in (self.earlier, self.later))
         if then != now:
             return ()
-        return tuple(i for i, before in self._both.items() if i in self.later.waived and before not in self._waived)
+        waived = self.later.waived
+        return tuple(i for i, before in self._both.items() if i in waived and before not in self._waived)
 
     @property
     def withdrawn(self) -> dict[str, tuple[Verdict, ...]]:
@@ -162,9 +164,9 @@ class Changes:
         By the ids of today, of those that had no test since, and by the criteria that both have.
         """
         both = {_limit(own) for own in self.earlier.criteria.items}
-        found = {}
+        found, run = {}, self.later.run
         for i, before in self._both.items():
-            if before in self._waived and i not in self.later.run:
+            if before in self._waived and i not in run:
                 own = [verdict for verdict in self.later.rows[i] if _limit(verdict.criterion) in both]
                 if own and not needs_no_test(own, self.later.criteria.confidence):
                     found[i] = tuple(verdict for verdict in own if verdict.word != "met")

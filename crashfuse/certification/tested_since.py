@@ -49,7 +49,7 @@ class TestedSince:
         """Tests that it learned from and that are not used any more, by their ids then."""
         used = set(self._digests.values())
         return tuple(
-            test for test, digest in self.earlier.tests.items() if digest not in used and test not in self._digests
+            test for test, digest in self.earlier.tests.items() if digest not in used and test not in self.changed
         )
 
     @cached_property

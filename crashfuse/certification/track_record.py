@@ -18,7 +18,7 @@ LeftOut = Literal["test", "speed group", "planned"]
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 _LEVEL = 0.95
 _MOST_OF_A_TEST = 5
-"""Verdicts of one left-out test that count: its metrics vary together, so no test supports 0.95 alone."""
+"""Verdicts that count each time a test was left out: its metrics vary together, so none supports 0.95 alone."""
 _SUPPORTED_AT_ALL = {"rebound_velocity": 0.85, "restitution": 0.85}
 """By metric: 9 and 12 % of decided verdicts on random vehicles are wrong (``benchmarks/certification.py``)."""
 
@@ -172,8 +172,8 @@ class Support:
         supported = np.floor(1000 * self.confidence + 1e-9) / 1000  # rounded up, it would reach what it falls short of
         of = f"{self.wrong} of {self.decided} verdicts wrong" if self.decided else "no verdict"
         return (
-            f"The campaign's record ({of}, at most {_MOST_OF_A_TEST} a left-out test) supports a confidence of "
-            f"{supported:g}, not {confidence:g}; it would take {needed} verdicts with no more than {self.wrong} wrong."
+            f"The campaign's record ({of}, at most {_MOST_OF_A_TEST} each time a test was left out) supports a confidence "
+            f"of {supported:g}, not {confidence:g}; it would take {needed} verdicts with no more than {self.wrong} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:

@@ -92,7 +92,8 @@ def saved_and_missed(certification: Certification) -> tuple[int, int]:
     told = certification.record.saved(certification.criteria)
     if certification.since is not None:
         for own in Changes.of(certification).waived_outcomes.values():
-            told |= {test: told.get(test, False) or bool(missed) for test, (missed, _) in own.items()}
+            known = {test: bool(missed) for test, (missed, unknown) in own.items() if missed or not unknown}
+            told |= {test: told.get(test, False) or missed for test, missed in known.items()}
     return len(told), sum(told.values())
 
 
@@ -217,7 +218,9 @@ def gone_sentences(since: TestedSince) -> Iterator[str]:
                 for name, value in tests[test].items()
                 if name in limits and value is not None and not limits[name].is_met_by(value)
             ]
-            showed = f"it missed {', '.join(missed)}" if missed else "it missed no criterion"
+            unknown = [name for name, value in tests[test].items() if name in limits and value is None]
+            showed = f"it missed {', '.join(missed) or 'no criterion'}"
+            showed += f" and cannot tell {', '.join(unknown)}" if unknown else ""
             yield f"{i} of the earlier certification: {test} was run there and is not used any more; {showed}."
 
 

@@ -72,12 +72,14 @@ def _add(view: View, notes: Sequence[Note]) -> None:
 def _delete(view: View, notes: Sequence[Note], note: Note) -> None:
     """Delete a note, which can be put back until another is deleted."""
     _store(view, [other for other in notes if other is not note])
-    st.session_state[_DELETED] = view.folder, note
+    if _REFUSED not in st.session_state:
+        st.session_state[_DELETED] = view.folder, note
 
 
 def _put_back(view: View, notes: Sequence[Note], note: Note) -> None:
     _store(view, [*notes, note])
-    del st.session_state[_DELETED]
+    if _REFUSED not in st.session_state:
+        del st.session_state[_DELETED]
 
 
 def _store(view: View, notes: Sequence[Note]) -> None:

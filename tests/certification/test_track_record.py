@@ -164,7 +164,7 @@ def test_a_record_supports_the_confidence_that_it_makes_likely(decided: int, wro
     if said is not None:
         needed = 9 if wrong == 0 else 29
         assert f"take {needed} verdicts with no more than {wrong} wrong" in said
-        assert f"({wrong} of {decided} verdicts wrong, at most 5 a left-out test)" in said
+        assert f"({wrong} of {decided} verdicts wrong, at most 5 each time a test was left out)" in said
 
 
 def test_a_criterion_counts_on_others_only_if_a_test_came_near_their_limits() -> None:

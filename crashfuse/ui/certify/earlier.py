@@ -108,4 +108,5 @@ def _described(earlier: Earlier) -> str:
     conditions, learned = "1 condition" if n == 1 else f"{n:,} conditions", "1 test" if tests == 1 else f"{tests} tests"
     limits = ", ".join(criterion.name for criterion in earlier.criteria.items)
     asked = f"{limits} at {earlier.criteria.confidence:g}"
-    return f"{earlier.date} · {conditions} from {learned} · {asked} · {earlier.settings['approach']}"
+    approach = earlier.settings.get("approach", "unknown approach")
+    return f"{earlier.date} · {conditions} from {learned} · {asked} · {approach}"
