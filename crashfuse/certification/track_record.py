@@ -172,8 +172,9 @@ class Support:
         supported = np.floor(1000 * self.confidence + 1e-9) / 1000  # rounded up, it would reach what it falls short of
         of = f"{self.wrong} of {self.decided} verdicts wrong" if self.decided else "no verdict"
         return (
-            f"The campaign's record ({of}, at most {_MOST_OF_A_TEST} each time a test was left out) supports a confidence "
-            f"of {supported:g}, not {confidence:g}; it would take {needed} verdicts with no more than {self.wrong} wrong."
+            f"The campaign's record ({of}, at most {_MOST_OF_A_TEST} each time a test was left out) supports a "
+            f"confidence of {supported:g}, not {confidence:g}; it would take {needed} verdicts with no more than "
+            f"{self.wrong} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:
