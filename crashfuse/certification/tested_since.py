@@ -129,6 +129,8 @@ class TestedSince:
 
     def shown_by_gone(self, condition: Condition, criterion: Criterion) -> dict[str, float]:
         """What they had shown of a criterion's metric there; nothing of a rating, that of another prediction."""
+        if not self._gone_runs:  # as nearly always, and this is asked for every verdict
+            return {}
         alike = [own.name for own in self.earlier.criteria.items if own.metric == criterion.metric != RATING]
         return {
             test: value
