@@ -4,12 +4,14 @@ Each seed is a vehicle of any kind (``benchmarks/vehicles.py``), tested at four 
 further tests are planned. As long as any of them neither need not be run, as all criteria are met at once, nor is known
 to miss one, the next is run, and all others are judged anew: the fastest or the slowest of those left, or the most
 probable to meet all criteria. The limits on peak, crush, SM25, OLC and VPI are such that a part of 60 further
-conditions meets each. Every answer is compared with the test itself. Of a campaign four of its own tests, evenly over
-speed, have been run, all others are planned, and the limits are such that a part of all tests meets each.
+conditions meets each. Every answer is compared with the test itself. Each certification is beside the one before it, so
+that what that said of a test is in the record when it has been run, and is counted. Of a campaign four of its own
+tests, evenly over speed, have been run, all others are planned, and the limits are such that a part of all tests meets
+each.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,11 +25,14 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
+from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criteria
+from crashfuse.certification.earlier_file import parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.verdict import Verdict, all_met, needs_no_test
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
+from crashfuse.reporting.certification_record import certification_json
 from crashfuse.study.subsets import subsets
 
 _SHARES = (0.6, 0.9)
@@ -74,42 +79,47 @@ def _settled(plan: _Plan) -> list[dict[str, object]]:
         at_most = limits(plan.shown, share)
         criteria, meets = limiting(at_most), (shown(plan.planned) <= at_most).all(axis=1)
         for first, key in _FIRST.items():
-
-            def judged(run: tuple[CrashTest, ...], criteria: Criteria = criteria) -> dict[str, Row]:
-                campaign = Campaign(plan.name, plan.cae, (*plan.begun, *run))
-                found = certify_matrix(campaign, criteria, matrix, cache=Cache(), workers=1)
-                return {i: row for i, row in found.rows.items() if i not in found.run}
-
-            run = tuple(_needed(plan.planned, judged, criteria.confidence, key))
-            last = judged(run)
+            run, last, said = _one_at_a_time(plan, matrix, criteria, key)
             saved = [i for i, row in last.items() if needs_no_test(row, criteria.confidence)]
             missing = [i for i, row in last.items() if any(own.word == "not met" for own in row)]
             rows.append(
                 {"limits": share, "first": first, "planned": len(plan.planned), "would meet all": int(meets.sum())}
-                | {"run": len(run), "need not be run": len(saved), "missed one": int((~meets[saved]).sum())}
+                | {"run": run, "need not be run": len(saved), "missed one": int((~meets[saved]).sum())}
                 | {"said to miss one": len(missing), "missed none": int(meets[missing].sum())}
+                | dict(zip(("said of those", "wrong", "held", "intervals"), said, strict=True))
             )
             print(plan.name, rows[-1], flush=True)
     return rows
 
 
-def _needed(
-    planned: tuple[CrashTest, ...],
-    judged: Callable[[tuple[CrashTest, ...]], dict[str, Row]],
-    confidence: float,
-    key: Callable[[Row], float],
-) -> Iterator[CrashTest]:
-    """Tests that are run, one after the other, until nothing is open."""
+def _one_at_a_time(
+    plan: _Plan, matrix: Matrix, criteria: Criteria, key: Callable[[Row], float]
+) -> tuple[int, dict[str, Row], np.ndarray]:
+    """How many tests are run until nothing is open, the rows of the others, and what was said of those that were run.
+
+    That is how many verdicts were met or not met, how many of them wrong, how many intervals held what was measured,
+    and of how many.
+    """
     run: tuple[CrashTest, ...] = ()
-    while unsettled := {
-        i: row
-        for i, row in judged(run).items()
-        if not needs_no_test(row, confidence) and all(own.word != "not met" for own in row)
-    }:
+    said, before = np.zeros(4, dtype=int), None
+    while True:
+        campaign = Campaign(plan.name, plan.cae, (*plan.begun, *run))
+        found = certify_matrix(campaign, criteria, matrix, cache=Cache(), workers=1)
+        if before is not None:
+            found = found.beside(before)
+            changes = Changes.of(found)
+            said += [*changes.outcomes[:2], *changes.intervals]
+        before = parse_earlier(certification_json(found))
+        left = {i: row for i, row in found.rows.items() if i not in found.run}
+        unsettled = {
+            i: row
+            for i, row in left.items()
+            if not needs_no_test(row, criteria.confidence) and all(own.word != "not met" for own in row)
+        }
+        if not unsettled:
+            return len(run), left, said
         chosen = max(unsettled, key=lambda i: key(unsettled[i]))
-        [test] = [test for test in planned if test.id == chosen]
-        run = (*run, test)
-        yield test
+        run = (*run, *(test for test in plan.planned if test.id == chosen))
 
 
 def main() -> None:

@@ -1,7 +1,6 @@
 """Certification of a campaign: a verdict for every condition and criterion, and the record of left-out tests."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -12,17 +11,17 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import Earlier
-from crashfuse.certification.forecast import Forecast, quantity
+from crashfuse.certification.evidence import held
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
-from crashfuse.certification.track_record import LeftOut, Support, TrackRecord, Trial
+from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.trials import left_out, record_of
 from crashfuse.certification.verdict import (
     Verdict,
     Word,
     all_met,
     beside_gone_tests,
-    beside_tests,
     judge,
     needs_no_test,
 )
@@ -33,7 +32,6 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.duration import LATE_S, shared_steps
 from crashfuse.study.plan import check_window
 from crashfuse.study.running import workers_at
-from crashfuse.wording import joined
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
@@ -92,9 +90,10 @@ class Certification:
         earlier.require_of(self.campaign)
         since = TestedSince(earlier, self.campaign)
         record = replace(self.record, since=since.trials(self.criteria))
+        rows = held(self.judged, self.campaign, self.criteria, record)
+        gone = [since.gone_at(condition) for condition in self.matrix.conditions]
         verdicts = tuple(
-            tuple(beside_gone_tests(own, since.shown_by_gone(own.condition, own.criterion)) for own in row)
-            for row in _held(self.judged, self.campaign, self.criteria, record)
+            tuple(beside_gone_tests(own, tests) for own in row) for row, tests in zip(rows, gone, strict=True)
         )
         return replace(self, verdicts=verdicts, record=record, since=since)
 
@@ -209,7 +208,7 @@ def certify_matrix(
         learned = time.perf_counter()
         forecasts |= known.all(cells, place, _JUDGE)
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
-    record = _record(campaign, criteria, approach, forecasts)
+    record = record_of(campaign, criteria, approach, forecasts)
     domain = Domain.of(campaign)
     judged = tuple(
         judge(
@@ -221,7 +220,7 @@ def certify_matrix(
         )
         for cell in cells
     )
-    verdicts = _held(judged, campaign, criteria, record)
+    verdicts = held(judged, campaign, criteria, record)
     return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
 
 
@@ -238,67 +237,7 @@ def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[Aske
     names = dict.fromkeys((approach, BASELINE))
     trials = [
         Asked(held_out, name, campaign.test(test_id).condition)
-        for test_id, _, held_out in _left_out(campaign)
+        for test_id, _, held_out in left_out(campaign)
         for name in names
     ]
     return trials, [Asked((), approach, condition) for condition in matrix.conditions]
-
-
-def _left_out(campaign: Campaign) -> list[tuple[str, LeftOut, tuple[str, ...]]]:
-    """Each test with what is left out with it: nothing else, or its speed group if other tests remain."""
-    if len(campaign.tests) < 2:
-        return []
-    groups = [(test, campaign.speed_group(test)) for test in campaign.test_ids]
-    return [
-        *((test, "test", (test,)) for test in campaign.test_ids),
-        *((test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)),
-    ]
-
-
-def _record(campaign: Campaign, criteria: Criteria, approach: str, forecasts: dict[Asked, Forecast]) -> TrackRecord:
-    """Compare the verdicts on left-out tests, each from the others alone, with what was measured."""
-    trials = []
-    for test_id, way, held_out in _left_out(campaign):
-        test, domain = campaign.test(test_id), Domain.of(campaign.without(held_out), for_record=True)
-        own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
-        for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
-            criterion = verdict.criterion
-            measured = own.measured(criterion, test, campaign.occupant)
-            baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
-            raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)
-            if measured is not None:
-                trials.append(Trial(test_id, way, verdict, measured, raw))
-    return TrackRecord(tuple(trials))
-
-
-def _held(judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord) -> Rows:
-    """Verdicts held against the record, and against the tests that were run at their condition."""
-    supports = {own: record.support(own) for own in criteria.items}
-    held = []
-    for row in judged:
-        run = [test.id for test in campaign.tests_at(row[0].condition)]
-        own = (_supported(verdict, supports[verdict.criterion], criteria.confidence) for verdict in row)
-        held.append(tuple(_beside_tests(verdict, run, record) for verdict in own))
-    return tuple(held)
-
-
-def _beside_tests(verdict: Verdict, run: Sequence[str], record: TrackRecord) -> Verdict:
-    """The verdict beside the tests that were run at its condition, if there are any."""
-    if not run:
-        return verdict
-    measured: dict[str, float | None] = dict.fromkeys(run)
-    for trial in record.trials:
-        if trial.held_out in measured and trial.left_out == "test" and trial.verdict.criterion == verdict.criterion:
-            measured[trial.held_out] = trial.measured
-    return beside_tests(verdict, measured)
-
-
-def _supported(verdict: Verdict, support: Support, confidence: float) -> Verdict:
-    """The verdict, open if the record does not support the confidence, with what the record says of the limit."""
-    if not verdict.decided:
-        return verdict
-    if (shortfall := support.shortfall(confidence)) is not None:
-        return replace(verdict, word="open", reason=joined([verdict.reason, shortfall]))
-    if (reservation := support.reservation(confidence)) is not None:
-        return replace(verdict, reason=joined([verdict.reason, reservation]))
-    return verdict

@@ -7,10 +7,11 @@ from typing import Self
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.earlier import Earlier, EarlierVerdict
+from crashfuse.certification.earlier import Earlier, EarlierVerdict, Outcomes
 from crashfuse.certification.forecast import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
+from crashfuse.certification.track_record import one_a_metric
 from crashfuse.certification.verdict import Verdict, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -118,28 +119,45 @@ class Changes:
         However many conditions and limits are alike, a metric of a test counts once, as wrong if any verdict was.
         """
         told = _one_a_metric((test, cell, true) for cell in self.cells for test, true in cell.came_true.items())
-        return len(told), list(told.values()).count(False), len({test for test, _ in told})
+        return len(told), [true for _, true in told.values()].count(False), len({test for test, _ in told})
+
+    @property
+    def outcomes_before(self) -> tuple[int, int, int]:
+        """The same of certifications before the earlier one."""
+        told = [trial for trial in one_a_metric(self.earlier.trials) if trial.verdict.decided]
+        return len(told), sum(trial.wrong for trial in told), len({trial.held_out for trial in told})
 
     @property
     def intervals(self) -> tuple[int, int]:
         """How many earlier 95 % intervals hold what these tests measured, and of how many; one a metric of a test."""
-        held = _one_a_metric(
+        return len(self._held) - len(self.missed), len(self._held)
+
+    @property
+    def missed(self) -> tuple[tuple[str, Change], ...]:
+        """The others: the test, and what was said."""
+        return tuple((test, cell) for (test, _), (cell, holds) in self._held.items() if not holds)
+
+    @cached_property
+    def _held(self) -> dict[tuple[str, str], tuple[Change, bool]]:
+        return _one_a_metric(
             (test, cell, holds)
             for cell in self.cells
             if cell.before is not None and cell.before.word != "outside"
             for test, value in cell.measured.items()
             if value is not None and (holds := cell.before.holds(value)) is not None
         )
-        return sum(held.values()), len(held)
 
     @property
-    def waived_outcomes(self) -> dict[str, dict[str, tuple[tuple[str, ...], tuple[str, ...]]]]:
-        """Of conditions that needed no test and have one, which criteria each test missed, and which it can't tell."""
-        found: dict[str, dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {}
+    def waived_outcomes(self) -> dict[str, Outcomes]:
+        """Of conditions that needed no test and have one, which criteria each test missed, and which it can't tell.
+
+        After those of certifications before the earlier one.
+        """
+        found = dict(self.earlier.waived_before)
         for name, tests in self.tested.items():
             own = [cell for cell in self.cells if cell.name == name and cell.measured]
             if own[0].earlier_id in self._waived:
-                found[name] = {
+                found[name] = {**found.get(name, {})} | {
                     test: (
                         tuple(cell.criterion.name for cell in own if cell.came_true.get(test) is False),
                         tuple(cell.criterion.name for cell in own if test not in cell.came_true),
@@ -183,13 +201,10 @@ class Changes:
         return frozenset(self.earlier.waived)
 
 
-def _one_a_metric(told: Iterable[tuple[str, Change, bool]]) -> dict[tuple[str, str], bool]:
-    """Whether all that is told of one metric of a test is true."""
-    found: dict[tuple[str, str], bool] = {}
-    for test, cell, true in told:
-        key = test, quantity(cell.criterion)
-        found[key] = true and found.get(key, True)
-    return found
+def _one_a_metric(told: Iterable[tuple[str, Change, bool]]) -> dict[tuple[str, str], tuple[Change, bool]]:
+    """Of what is told of one metric of a test something false, if anything is."""
+    false_last = sorted(told, key=lambda own: not own[2])
+    return {(test, quantity(cell.criterion)): (cell, true) for test, cell, true in false_last}
 
 
 def _place(condition: Condition) -> tuple[object, ...]:

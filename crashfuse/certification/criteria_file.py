@@ -52,7 +52,7 @@ def criteria_text(criteria: Criteria) -> str:
 
 
 def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
-    if not _is_number(confidence) or not LEAST_SURE <= confidence <= MOST_SURE:
+    if not is_number(confidence) or not LEAST_SURE <= confidence <= MOST_SURE:
         expected, advice = f"a confidence from {LEAST_SURE} to {MOST_SURE}", "0.95 is usual; no prediction is certain"
         problems.append(Problem(where, expected, shown(confidence), advice))
     if not items:
@@ -70,7 +70,7 @@ def _checked(items: list[dict[str, Any]], confidence: object, where: str, proble
         elif criterion is not None:
             found[criterion.name] = criterion
     problems += [problem for pair in combinations(found.values(), 2) if (problem := _at_odds(*pair, where)) is not None]
-    if problems or not _is_number(confidence):
+    if problems or not is_number(confidence):
         raise DataError(problems)
     return Criteria(tuple(found.values()), float(confidence))
 
@@ -128,7 +128,7 @@ class _Check:
         limit, highest = item.get(key), 1.0 if metric == RATING else math.inf
         if limit is None:
             return None
-        if not _is_number(limit) or not 0 <= limit <= highest:
+        if not is_number(limit) or not 0 <= limit <= highest:
             unit = METRIC_UNITS.get(metric, "")
             scale = f", in {unit}" if unit else ", up to 1" * (metric == RATING)
             self.wrong(f"a number of 0 or more for {key}{scale}", shown(limit), "correct the limit")
@@ -137,14 +137,14 @@ class _Check:
 
     def _window(self, item: dict[str, Any], metric: str) -> float | None:
         window = item.get("window_ms", WINDOW_MS if metric == RATING else None)
-        if metric == RATING and (not _is_number(window) or not 10 <= window <= 100):
+        if metric == RATING and (not is_number(window) or not 10 <= window <= 100):
             self.wrong("a window_ms from 10 to 100", shown(window), "correct the window")
             return None
         if metric != RATING and window is not None:
             self.wrong(
                 f"no window_ms, which only the {RATING} has", window, "remove it: a metric is of the whole pulse"
             )
-        return float(window) if _is_number(window) else None
+        return float(window) if is_number(window) else None
 
 
 def _advice_on(key: str) -> str:
@@ -152,7 +152,8 @@ def _advice_on(key: str) -> str:
     return "remove or rename it" if known is None else f"write {known}, with the limit in the metric's own unit"
 
 
-def _is_number(value: object) -> TypeGuard[float]:
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value that was read is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 

@@ -14,7 +14,7 @@ from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
-FARTHEST_BEYOND_MPS = 5 * MPH
+_FARTHEST_BEYOND_MPS = 5 * MPH
 """A condition is no farther beyond the slowest or fastest test."""
 
 _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
@@ -66,7 +66,7 @@ class Domain:
         told = gaps if for_record else _of_those_inside(campaign, tests, groups, gaps)
         masses = np.array([test.condition.mass_kg for test in tests])
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
-        below, above = (min(max(gap, SPEED_STEP_MPS), FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
+        below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
         ends = float(masses.min()) - slack, float(masses.max()) + slack
         return cls(
             len(tests),
@@ -153,5 +153,5 @@ def _of_those_inside(
     return [
         gap
         for test, group, gap in zip(tests, groups, gaps, strict=True)
-        if group in others and not others[group]._speed(test.condition)
+        if group in others and not others[group].exceeded_by(test.condition)
     ]

@@ -1,34 +1,28 @@
 """An earlier certification, as its ``certification.json`` tells it: what was said of which conditions."""
 
-import hashlib
-import json
-import math
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.ids import id_trouble
-from crashfuse.campaign_folder.occupant_settings import occupant_settings
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.criteria_file import criteria_of
+from crashfuse.certification.forecast import quantity
+from crashfuse.certification.gone import Gone
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import Trial
-from crashfuse.certification.verdict import WORDS, Verdict, Word, needs_no_test
+from crashfuse.certification.verdict import Verdict, Word, needs_no_test
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem, printable
+from crashfuse.errors import DataError, Problem
 from crashfuse.signals.occupant import OccupantModel
-from crashfuse.study.estimate import is_beyond
 
 FILE = "certification.json"
 """The file that an earlier certification is read from."""
 
-_LARGEST = 64 << 20  # bytes
-_LONGEST = 200  # characters of a setting
 _SHORT = 12  # characters of the fingerprint of the CAE runs among the settings
-_WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, CrashfuseError
+
+
+Outcomes = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
+"""By test, the criteria that it missed, and those of which its record is too short to tell."""
 
 
 class EarlierVerdict(NamedTuple):
@@ -74,6 +68,10 @@ class Earlier:
         Of its OLC and VPI.
     trials : tuple of Trial
         Verdicts of certifications before it on tests that were run since.
+    waived_before : mapping of str to Outcomes
+        Of conditions that needed no test by those before it, what tests there showed.
+    gone : tuple of Gone
+        Tests of certifications before it that it did not use any more.
     run : mapping of str to mapping
         What tests at its conditions showed: by condition, test and criterion; None if a record is too short.
     verdicts : tuple of tuple of EarlierVerdict
@@ -88,6 +86,8 @@ class Earlier:
     matrix: Matrix
     occupant: OccupantModel
     trials: tuple[Trial, ...]
+    waived_before: Mapping[str, Outcomes]
+    gone: tuple[Gone, ...]
     run: Mapping[str, Mapping[str, Mapping[str, float | None]]]
     verdicts: tuple[tuple[EarlierVerdict, ...], ...]
 
@@ -109,7 +109,22 @@ class Earlier:
     def said(self) -> Hashable:
         """Equal for equal verdicts from equal tests, criteria, conditions and settings, whenever they were given."""
         given = frozenset(self.settings.items()), frozenset(self.tests.items())
-        return *given, self.criteria, self.matrix, frozenset(self.run), len(self.trials), self.verdicts
+        before = frozenset((own.held_out, own.verdict.criterion, own.verdict.word) for own in self.trials)
+        gone = frozenset(own.digest for own in self.gone)
+        return *given, self.criteria, self.matrix, frozenset(self.run), before, gone, self.verdicts
+
+    @property
+    def records(self) -> tuple[Gone, ...]:
+        """The tests at its conditions, and those that were gone then, with what they showed of metrics."""
+        conditions = dict(self.matrix.items)
+        of = {own.name: quantity(own) for own in self.criteria.items}
+        own = (
+            Gone(test, self.tests[test], conditions[i], {of[name]: shown[name] for name in of.keys() & shown})
+            for i, tests in self.run.items()
+            for test, shown in tests.items()
+            if test in self.tests
+        )
+        return *self.gone, *own
 
     def require_of(self, campaign: Campaign) -> None:
         """Raise unless it is of the vehicle of this campaign.
@@ -133,105 +148,3 @@ class Earlier:
         same = same_runs or self.settings["campaign"] == campaign.name
         known = {*self.tests.values(), *(self.tests if same else ())}
         return any({test.id, test.digest} & known for test in campaign.tests)
-
-    @classmethod
-    def read(cls, path: Path) -> Self:
-        """Read ``certification.json``, or the one in this folder.
-
-        Raises
-        ------
-        DataError
-            If it is not such a file.
-        """
-        path = path / FILE if path.is_dir() else path
-        try:
-            if path.stat().st_size > _LARGEST:
-                raise _no_such_file(path, "at most 64 MB", f"{path.stat().st_size / 2**20:.0f} MB")
-            content = path.read_bytes()
-        except OSError as error:
-            raise _no_such_file(path, "this file", error.strerror or "none that can be read") from None
-        return cls.parse(content, path)
-
-    @classmethod
-    def parse(cls, content: bytes, path: Path = Path(FILE)) -> Self:
-        """The same of a file's content; ``path`` is named where it is wrong."""
-        try:
-            return cls._of(json.loads(content), hashlib.sha256(content).hexdigest())
-        except _WRONG:
-            expected = "the record of a certification"
-            found = "another file, or a damaged one" if content.strip() else "an empty file"
-            raise _no_such_file(path, expected, found) from None
-
-    @classmethod
-    def _of(cls, values: dict[str, Any], digest: str) -> Self:
-        rows, cells = [dict(row) for row in values["matrix"]], values["cells"]
-        criteria = criteria_of(values["criteria"]["criterion"], values["criteria"]["confidence"])
-        matrix = Matrix(_ids(row.pop("id") for row in rows), tuple(Condition.of(**row) for row in rows))
-        if any(map(is_beyond, matrix.conditions)):
-            raise ValueError("a condition beyond any test")
-        return cls(
-            digest,
-            f"{datetime.fromisoformat(values['date']).astimezone(UTC):%Y-%m-%d %H:%M} UTC",
-            {"campaign": "another vehicle", **{name: _text(own) for name, own in values["settings"].items()}},
-            dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),
-            criteria,
-            matrix,
-            _occupant(values),
-            tuple(_trial(**own) for own in values.get("since", {}).get("verdicts", ())),
-            {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
-            tuple(tuple(_verdict(*cells[i][own.name]) for own in criteria.items) for i in matrix.ids),
-        )
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str) or printable(value, _LONGEST) != value:
-        raise ValueError("no text of one line")
-    return value
-
-
-def _ids(ids: Iterable[str]) -> tuple[str, ...]:
-    checked = tuple(ids)
-    if any(map(id_trouble, checked)) or len(set(checked)) < len(checked):
-        raise ValueError("no ids, or one twice")
-    return checked
-
-
-def _trial(test: str, condition: str, criterion: dict[str, Any], said: list[Any], measured: float) -> Trial:
-    (limit,) = criteria_of([criterion]).items
-    if not _is_number(measured) or id_trouble(test):
-        raise ValueError("no measured value of a test")
-    return _verdict(*said).trial(test, Condition.parse(condition), limit, float(measured))
-
-
-def _occupant(values: dict[str, Any]) -> OccupantModel:
-    problems: list[Problem] = []
-    found = occupant_settings({"occupant": values.get("occupant", {})}, problems)
-    if problems:
-        raise ValueError("no occupant model")
-    return found
-
-
-def _shown(tests: dict[str, dict[str, float | None]]) -> Mapping[str, Mapping[str, float | None]]:
-    """What tests at a condition showed, by criterion."""
-    found = dict(zip(_ids(tests), ({_text(name): v for name, v in own.items()} for own in tests.values()), strict=True))
-    if not all(value is None or _is_number(value) for own in found.values() for value in own.values()):
-        raise ValueError("no number")
-    return found
-
-
-def _is_number(value: Any) -> bool:  # noqa: ANN401 - anything that a file may hold
-    return type(value) in (int, float) and math.isfinite(value)
-
-
-def _verdict(word: Word, probability: float | None, lower: float | None, upper: float | None) -> EarlierVerdict:
-    numbers = [own for own in (probability, lower, upper) if own is not None]
-    if word not in WORDS or not all(map(_is_number, numbers)):
-        raise ValueError("no verdict")
-    if not 0 <= (probability or 0) <= 1 or (lower is not None and upper is not None and lower > upper):
-        raise ValueError("no probability, or no interval")
-    return EarlierVerdict(word, probability, lower, upper)
-
-
-def _no_such_file(path: Path, expected: str, found: str) -> DataError:
-    advice = f"give the {FILE} of a certification, as crashfuse certify and the page Certify write it"
-    return DataError(Problem(path.name, expected, found, advice))

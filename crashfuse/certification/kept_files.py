@@ -15,6 +15,7 @@ from pathlib import Path
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.earlier import FILE, Earlier
+from crashfuse.certification.earlier_file import parse_earlier
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
@@ -87,7 +88,7 @@ def keep_certification(content: bytes, campaign: Campaign) -> Earlier:
     DataError
         As :func:`keep`.
     """
-    new = Earlier.parse(content)
+    new = parse_earlier(content)
     before = [own for own in certifications(campaign).values() if own.said == new.said]
     if not before:
         keep(content, FILE)
@@ -98,7 +99,7 @@ def keep_certification(content: bytes, campaign: Campaign) -> Earlier:
 def _certification(name: str, changed_ns: int) -> Earlier | None:  # noqa: ARG001 - of another time it is read again
     """What is kept under this name, if it is a certification."""
     with suppress(DataError):
-        return Earlier.parse(_content(name) or b"")
+        return parse_earlier(_content(name) or b"")
     return None
 
 

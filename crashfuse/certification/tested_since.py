@@ -1,17 +1,18 @@
 """Tests beside an earlier certification: those that were run since, and those that it knew and that are gone."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.earlier import Earlier
+from crashfuse.certification.gone import Gone
 from crashfuse.certification.track_record import Trial
 from crashfuse.certification.verdict import Verdict, reaches
 from crashfuse.condition import Condition
+from crashfuse.signals.metrics import OCCUPANT_METRICS
 from crashfuse.units import KPH
 
 _SPEED_MPS, _WEIGHT = 1 * KPH, 0.02
@@ -113,31 +114,22 @@ class TestedSince:
         )
 
     @cached_property
-    def _gone_runs(self) -> list[tuple[Condition, str, Mapping[str, float | None]]]:
-        """Where tests that are gone were run, and what they had shown; few of the conditions have any."""
-        conditions = dict(self.earlier.matrix.items)
-        return [
-            (conditions[i], test, shown)
-            for i, tests in self.earlier.run.items()
-            for test, shown in tests.items()
-            if test in self.gone
-        ]
+    def gone_runs(self) -> tuple[Gone, ...]:
+        """Tests that are gone since this or a certification before it, where they were run at a condition of these.
 
-    def gone_at(self, condition: Condition) -> dict[str, Mapping[str, float | None]]:
-        """What tests that are gone had shown at a condition: by their ids then, and criterion."""
-        return {test: shown for own, test, shown in self._gone_runs if own.is_at(condition)}
+        Without what rests on the occupant model, if that is another today.
+        """
+        used, changed = set(self._digests.values()), set(self.changed)
+        same = self.campaign.occupant == self.earlier.occupant
+        return tuple(
+            own if same else own.without(OCCUPANT_METRICS)
+            for own in self.earlier.records
+            if own.digest not in used and own.test not in changed
+        )
 
-    def shown_by_gone(self, condition: Condition, criterion: Criterion) -> dict[str, float]:
-        """What they had shown of a criterion's metric there; nothing of a rating, that of another prediction."""
-        if not self._gone_runs:  # as nearly always, and this is asked for every verdict
-            return {}
-        alike = [own.name for own in self.earlier.criteria.items if own.metric == criterion.metric != RATING]
-        return {
-            test: value
-            for test, shown in self.gone_at(condition).items()
-            for name in alike
-            if (value := shown.get(name)) is not None
-        }
+    def gone_at(self, condition: Condition) -> tuple[Gone, ...]:
+        """Those of a condition."""
+        return tuple(own for own in self.gone_runs if own.condition.is_at(condition))
 
 
 def _away(test: Condition, planned: Condition) -> float:

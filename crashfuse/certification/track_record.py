@@ -7,38 +7,15 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from scipy.special import betaincinv
 
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecast import quantity
-from crashfuse.certification.verdict import WORDS, Verdict, needs_no_test, reaches
+from crashfuse.certification.support import MOST_OF_A_TEST, SUPPORTED_AT_ALL, Support, share_bounds
+from crashfuse.certification.verdict import WORDS, Verdict, needs_no_test
 
 LeftOut = Literal["test", "speed group", "planned"]
 
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
-_LEVEL = 0.95
-_MOST_OF_A_TEST = 5
-"""Verdicts that count each time a test was left out: its metrics vary together, so none supports 0.95 alone."""
-_SUPPORTED_AT_ALL = {"rebound_velocity": 0.85, "restitution": 0.85}
-"""By metric: 9 and 12 % of decided verdicts on random vehicles are wrong (``benchmarks/certification.py``)."""
-
-
-def share_bounds(count: int, n: int) -> tuple[float, float]:
-    """Exact two-sided 95 % bounds of a share of which ``count`` in ``n`` were seen (Clopper & Pearson 1934)."""
-    tail = (1 - _LEVEL) / 2
-    lower = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
-    upper = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
-    return lower, upper
-
-
-def _expected_right(decided: int, wrong: int) -> float:
-    """Expected share of right verdicts (Jeffreys' prior)."""
-    return 1 - (wrong + 0.5) / (decided + 1)
-
-
-def largest_share(count: int, n: int) -> float:
-    """Exact one-sided 95 % upper bound of such a share."""
-    return float(betaincinv(count + 1, n - count, _LEVEL)) if count < n else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +67,7 @@ def _decided(trials: tuple[Trial, ...]) -> tuple[int, int]:
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
 
 
-def _one_a_metric(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+def one_a_metric(trials: Sequence[Trial]) -> tuple[Trial, ...]:
     """Of the verdicts on one metric of a left-out test a wrong one, if there is any, or else a decided one."""
     worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
     return tuple({(t.held_out, t.left_out, quantity(t.verdict.criterion)): t for t in worst_last}.values())
@@ -98,10 +75,10 @@ def _one_a_metric(trials: Sequence[Trial]) -> tuple[Trial, ...]:
 
 def _most_of_each(trials: Sequence[Trial]) -> tuple[Trial, ...]:
     """Of each left-out test no more verdicts than it tells independently, the wrong ones first, then decided ones."""
-    told: dict[tuple[str, LeftOut], list[Trial]] = {}
+    told: dict[str, list[Trial]] = {}
     for trial in sorted(trials, key=lambda trial: (not trial.wrong, not trial.verdict.decided)):
-        told.setdefault((trial.held_out, trial.left_out), []).append(trial)
-    return tuple(trial for own in told.values() for trial in own[:_MOST_OF_A_TEST])
+        told.setdefault(trial.held_out, []).append(trial)
+    return tuple(trial for own in told.values() for trial in own[:MOST_OF_A_TEST])
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,69 +105,6 @@ class Bin:
     def holds(self) -> bool:
         """Whether the mean probability lies within the bounds."""
         return self.lower <= self.probability <= self.upper
-
-
-@dataclass(frozen=True, slots=True)
-class Support:
-    """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
-
-    Of several criteria on one metric one verdict a left-out test counts, of all metrics five, wrong ones first; with
-    them count verdicts on tests that were only planned then.
-
-    Attributes
-    ----------
-    decided, wrong : int
-        Verdicts *met* and *not met*, and those that a test contradicted.
-    own_decided, own_wrong : int
-        Those among them on the criterion itself.
-    near : bool
-        Whether a test came near the limit.
-    most : float
-        Highest confidence that any record supports in this metric, by its verdicts on random vehicles.
-    """
-
-    decided: int
-    wrong: int
-    own_decided: int
-    own_wrong: int
-    near: bool
-    most: float = 1.0
-
-    @property
-    def confidence(self) -> float:
-        """Highest confidence that the record supports: the expected share of right verdicts, ``most`` at most."""
-        return min(_expected_right(self.decided, self.wrong), self.most)
-
-    def shortfall(self, confidence: float) -> str | None:
-        """A sentence on what record would support this confidence; None if this one does."""
-        if reaches(self.confidence, confidence):
-            return None
-        if not reaches(self.most, confidence):
-            told = "About every tenth verdict on this metric was wrong on random vehicles: whatever the record, it"
-            return f"{told} supports a confidence of {self.most:g}, not {confidence:g}."
-        needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
-        supported = np.floor(1000 * self.confidence + 1e-9) / 1000  # rounded up, it would reach what it falls short of
-        of = f"{self.wrong} of {self.decided} verdicts wrong" if self.decided else "no verdict"
-        return (
-            f"The campaign's record ({of}, at most {_MOST_OF_A_TEST} each time a test was left out) supports a "
-            f"confidence of {supported:g}, not {confidence:g}; it would take {needed} verdicts with no more than "
-            f"{self.wrong} wrong."
-        )
-
-    def reservation(self, confidence: float) -> str | None:
-        """A sentence on why a record that supports this confidence says little about the criterion itself."""
-        if not self.near:
-            return "No left-out test came near this limit: the record says nothing about it."
-        if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
-            return None
-        own = "No left-out verdict on this metric"
-        if self.own_decided:
-            count = f"{self.own_decided} left-out verdict{'s' * (self.own_decided > 1)}"
-            most = f"at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %"
-            own = f"Only {count} on this metric, 0 wrong ({most}): too few to support the confidence"
-        if self.own_wrong:
-            own = f"{self.own_wrong} of {count} on this metric wrong ({most}): too many to support the confidence"
-        return f"{own}; with those on other criteria, {self.wrong} of {self.decided} wrong."
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,12 +159,12 @@ class TrackRecord:
     def telling(self) -> "TrackRecord":
         """What shows something: verdicts on limits that some left-out test came near, one a metric of a test."""
         names = {trial.verdict.criterion.name for trial in self.counted if trial.near}
-        return TrackRecord(_one_a_metric([t for t in self.counted if t.verdict.criterion.name in names]))
+        return TrackRecord(one_a_metric([t for t in self.counted if t.verdict.criterion.name in names]))
 
     @property
     def intervals(self) -> tuple[int, int]:
         """How many 95 % intervals held what was measured, and of how many; two criteria on one metric share theirs."""
-        known = _one_a_metric([trial for trial in self._inside if trial.verdict.probability is not None])
+        known = one_a_metric([trial for trial in self._inside if trial.verdict.probability is not None])
         return sum(trial.held for trial in known), len(known)
 
     def waived(self, criteria: Criteria) -> tuple[int, int, int]:
@@ -277,10 +191,11 @@ class TrackRecord:
         """What the record says of a criterion."""
         own = self.of(criterion)
         later = [trial for trial in self.since if quantity(trial.verdict.criterion) == quantity(criterion)]
-        every = _most_of_each(_one_a_metric((*own, *self.telling.trials, *self.since)))
-        most = _SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
-        of_its_own = _decided((*own, *_one_a_metric(later)))
-        return Support(*_decided(every), *of_its_own, any(trial.near for trial in own), most)
+        every = _most_of_each(one_a_metric((*own, *self.telling.trials, *self.since)))
+        most = SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
+        of_its_own = _decided((*own, *one_a_metric(later)))
+        near = any(trial.near for trial in (*own, *(trial for trial in later if trial.verdict.criterion == criterion)))
+        return Support(*_decided(every), *of_its_own, near, most)
 
     @property
     def brier(self) -> tuple[float, float] | None:

@@ -7,6 +7,7 @@ from typing import Literal, Protocol, get_args
 
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecast import Forecast, quantity
+from crashfuse.certification.gone import Gone
 from crashfuse.condition import Condition
 from crashfuse.wording import Sentence, joined
 
@@ -114,9 +115,14 @@ def beside_tests(verdict: Verdict, run: Mapping[str, float | None]) -> Verdict:
     return replace(verdict, word=word, reason=joined([verdict.reason, *told]), run=run)
 
 
-def beside_gone_tests(verdict: Verdict, shown: Mapping[str, float]) -> Verdict:
-    """The verdict beside what tests that are not used any more had shown there; open if one of them contradicts it."""
-    if not shown:
+def beside_gone_tests(verdict: Verdict, tests: Sequence[Gone]) -> Verdict:
+    """The verdict beside what tests that are not used any more had shown there; open if one of them contradicts it.
+
+    A rating had been that of another prediction, and says nothing of this one.
+    """
+    of = quantity(verdict.criterion)
+    shown = {own.test: value for own in tests if (value := own.measured.get(of)) is not None}
+    if not shown or verdict.criterion.window_ms is not None:
         return verdict
     met = {test: verdict.criterion.is_met_by(value) for test, value in shown.items()}
     told = [

@@ -22,7 +22,8 @@ def certify(arguments: argparse.Namespace) -> None:
     from crashfuse.certification.certify import APPROACH
     from crashfuse.certification.changes import Changes
     from crashfuse.certification.criteria_file import read_criteria
-    from crashfuse.certification.earlier import FILE, Earlier
+    from crashfuse.certification.earlier import FILE
+    from crashfuse.certification.earlier_file import read_earlier
     from crashfuse.reporting import verdicts
     from crashfuse.reporting.certification_changes import change_sentences
     from crashfuse.reporting.certification_sentences import summary
@@ -35,7 +36,7 @@ def certify(arguments: argparse.Namespace) -> None:
     config = settings(arguments)
     if arguments.since and arguments.out.resolve() in (arguments.since.resolve(), arguments.since.resolve().parent):
         raise UsageError(f"{arguments.out} holds the earlier certification; name another folder for --out.")
-    earlier = Earlier.read(arguments.since) if arguments.since else None
+    earlier = read_earlier(arguments.since) if arguments.since else None
     campaign = load_campaign(arguments.campaign)
     criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     if earlier is not None:

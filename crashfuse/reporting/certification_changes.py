@@ -161,11 +161,11 @@ def outcome_sentences(changes: Changes) -> tuple[str, ...]:
         )
     elif changes.tested:
         found.append("Tests run since: no verdict was met or not met there.")
-    if before := [trial for trial in changes.earlier.trials if trial.verdict.decided]:
-        tests = len({trial.held_out for trial in before})
+    n, wrong, tests = changes.outcomes_before
+    if n:
         found.append(
-            f"Certifications before it: {counted(len(before), 'verdict')} met or not met on {counted(tests, 'test')} "
-            f"run since, {sum(trial.wrong for trial in before)} wrong; they count as well."
+            f"Certifications before it: verdicts met or not met on {counted(n, 'metric')} of {counted(tests, 'test')} "
+            f"run since, {wrong} wrong; those on metrics of today's criteria count as well."
         )
     inside, intervals = changes.intervals
     if intervals:
@@ -185,11 +185,10 @@ def narrow_sentence(changes: Changes) -> Iterator[str]:
     if not is_too_narrow(inside, n):
         return
     missed = [
-        Sentence("{}: {} {}, not {}", test, cell.criterion.name, cell.criterion.shown(value), interval)
-        for cell in changes.cells
-        for test, value in cell.measured.items()
-        if value is not None and cell.before is not None and cell.before.holds(value) is False
-        for interval in [cell.criterion.interval(cell.before.lower, cell.before.upper)]
+        Sentence("{}: {} {}, not {}", test, own.name, own.shown(value), own.interval(before.lower, before.upper))
+        for test, cell in changes.missed
+        for own, value, before in [(cell.criterion, cell.measured[test], cell.before)]
+        if value is not None and before is not None
     ]
     told = f"{inside} of {counted(n, 'interval')} held what tests run since measured, made to hold 95 %: they were too "
     yield joined([f"{told}narrow (", joined(missed, "; "), ")."], "")
@@ -209,19 +208,12 @@ def wrong_since(changes: Changes) -> Iterator[str]:
 
 
 def gone_sentences(since: TestedSince) -> Iterator[str]:
-    """What tests had shown at conditions of the earlier certification that are not used any more."""
-    for i, tests in since.earlier.run.items():
-        for test in (test for test in tests if test in since.gone):
-            limits = {own.name: own for own in since.earlier.criteria.items}
-            missed = [
-                name
-                for name, value in tests[test].items()
-                if name in limits and value is not None and not limits[name].is_met_by(value)
-            ]
-            unknown = [name for name, value in tests[test].items() if name in limits and value is None]
-            showed = f"it missed {', '.join(missed) or 'no criterion'}"
-            showed += f" and cannot tell {', '.join(unknown)}" if unknown else ""
-            yield f"{i} of the earlier certification: {test} was run there and is not used any more; {showed}."
+    """What tests had shown at conditions of earlier certifications that are not used any more."""
+    for gone in since.gone_runs:
+        missed, unknown = (of(since.earlier.criteria.items) for of in (gone.missed, gone.cannot_tell))
+        showed = f"it missed {', '.join(missed) or 'no criterion'} of the earlier certification"
+        showed += f" and cannot tell {', '.join(unknown)}" if unknown else ""
+        yield Sentence(f"{{}} was run at {{}} and is not used any more; {showed}.", gone.test, gone.condition)
 
 
 def _wrong(cell: Change, test: str) -> str:

@@ -33,10 +33,12 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     supports = {criterion.name: record.support(criterion) for criterion in certification.criteria.items}
     short = {name: s for name, own in supports.items() if (s := own.shortfall(confidence)) is not None}
     weak = reservations(certification)
-    outside = dict.fromkeys(joined([i, own.reason], ": ") for i, own in certification.cells if own.word == "outside")
+    domain = certification.domain
+    why = {i: own for i, c in certification.matrix.items if (own := domain.exceeded_by(c))}
+    outside = domain.too_few_tests or tuple(joined([i, joined(own)], ": ") for i, own in why.items())
     found = {
         "Warnings about the campaign": certification.campaign.remarks,
-        "Conditions outside the validated domain": certification.domain.too_few_tests or tuple(outside),
+        "Conditions outside the validated domain": outside,
         NOT_GIVEN: tuple(_without_factor(certification)),
         NOT_TOGETHER: tuple(_new_together(certification)),
         "Open, because recordings end too early to predict": tuple(
@@ -111,10 +113,13 @@ def _together(certification: Certification) -> dict[str, str]:
 
 def _not_used(certification: Certification) -> Iterator[str]:
     """Tests at conditions of the matrix that nothing learned from."""
+    since = certification.since
+    told = set() if since is None else {own.test for own in since.gone_runs}
     for i, names in _unused_at(certification).items():
-        yield f"{i}: {listed(names)} was run there and is left out of use; what it showed is not in the verdicts."
-    if certification.since is not None:
-        yield from gone_sentences(certification.since)
+        if unknown := [name for name in names if name not in told]:
+            yield f"{i}: {listed(unknown)} was run there and is left out of use; what it showed is not in the verdicts."
+    if since is not None:
+        yield from gone_sentences(since)
 
 
 def _unused_at(certification: Certification) -> dict[str, list[str]]:
@@ -122,8 +127,9 @@ def _unused_at(certification: Certification) -> dict[str, list[str]]:
     unused, since = certification.campaign.unused, certification.since
     found = {}
     for i, condition in certification.matrix.items:
-        gone = {} if since is None else since.gone_at(condition)
-        if names := dict.fromkeys([*(test for test, own in unused if own.is_at(condition)), *gone]):
+        gone = () if since is None else since.gone_at(condition)
+        there = *(test for test, own in unused if own.is_at(condition)), *(own.test for own in gone)
+        if names := dict.fromkeys(there):
             found[i] = list(names)
     return found
 

@@ -53,6 +53,10 @@ def _since(changes: Changes) -> dict[str, object]:
             for trial in changes.since.told
             for own in [trial.verdict]
         ],
+        "gone": [
+            {"test": own.test, "sha256": own.digest, "condition": own.condition.text, "measured": dict(own.measured)}
+            for own in changes.since.gone_runs
+        ],
         "newly_waived": changes.newly_waived,
         "withdrawn": list(changes.withdrawn),
         "sentences": change_sentences(changes),

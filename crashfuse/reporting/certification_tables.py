@@ -8,7 +8,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.certification.support import largest_share
+from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS, all_met, towards_half
 from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH

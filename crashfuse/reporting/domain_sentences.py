@@ -1,6 +1,6 @@
 """Where a campaign's tests check predictions, in words."""
 
-from crashfuse.certification.domain import FARTHEST_BEYOND_MPS, Domain
+from crashfuse.certification.domain import Domain
 from crashfuse.wording import Sentence, joined, speed, weight
 
 _ENDS = ", where the CAE runs end,"
@@ -24,10 +24,9 @@ def domain_sentences(domain: Domain) -> tuple[str, ...]:
             f"; {factors}" if factors else "",
         ),
         Sentence(
-            "A condition is at most {} from the nearest test, as far as left-out tests were from the others, the "
-            "outermost up to {}; {} below the slowest{} and {} above the fastest{}.",
+            "A condition is at most {} from the nearest test, as far as left-out tests were from those that gave them "
+            "a verdict; {} below the slowest{} and {} above the fastest{}.",
             speed(domain.reach_mps),
-            speed(FARTHEST_BEYOND_MPS),
             speed(max(min(below, domain.below_mps), 0.0)),
             _ENDS * (below < domain.below_mps),
             speed(max(min(above, domain.above_mps), 0.0)),

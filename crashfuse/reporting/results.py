@@ -11,6 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.earlier import Earlier
+from crashfuse.certification.earlier_file import read_earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_output import csv_bytes
@@ -159,7 +160,7 @@ def write_certification(
     DataError
         If there is no such earlier certification.
     """
-    earlier = Earlier.read(Path(since)) if isinstance(since, str | Path) else since
+    earlier = read_earlier(Path(since)) if isinstance(since, str | Path) else since
     _write(_CERTIFICATION, folder, certification if earlier is None else certification.beside(earlier), display)
 
 

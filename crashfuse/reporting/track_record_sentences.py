@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.certification.support import largest_share
+from crashfuse.certification.track_record import TrackRecord
 from crashfuse.wording import Sentence
 
 INTERVAL = 0.95

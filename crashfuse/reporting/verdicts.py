@@ -13,7 +13,7 @@ from crashfuse.certification.certify import APPROACH, Certification, certify_mat
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import CONFIDENCE, Criteria
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
-from crashfuse.certification.earlier import Earlier
+from crashfuse.certification.earlier_file import read_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import one_of, require_a
 from crashfuse.execution.cache import Cache
@@ -62,7 +62,7 @@ class Verdicts:
         DataError
             If there is no such certification.
         """
-        return changes_table(Changes.of(self.certification.beside(Earlier.read(Path(earlier)))))
+        return changes_table(Changes.of(self.certification.beside(read_earlier(Path(earlier)))))
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
         """A figure of the page Certify.

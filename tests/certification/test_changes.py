@@ -14,6 +14,7 @@ from crashfuse.certification.certify import Certification, certify_matrix
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.earlier import Earlier, EarlierVerdict
+from crashfuse.certification.earlier_file import parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Word
@@ -49,7 +50,7 @@ def later(campaign: Campaign, shared_cache: Path) -> Certification:
 
 def earlier(later: Certification, rows: Sequence[Row], *known: str, **others: Any) -> Earlier:
     """A certification that said this of the same conditions, from these tests, or from the first alone."""
-    read, first = Earlier.parse(certification_json(later)), later.campaign.test_ids[0]
+    read, first = parse_earlier(certification_json(later)), later.campaign.test_ids[0]
     tests = {test: read.tests[test] for test in known or (first,)}
     return replace(read, **{"tests": tests, "run": {}, "verdicts": tuple(rows), **others})
 
@@ -76,7 +77,7 @@ def measured(later: Certification, test: str) -> dict[str, float]:
 
 def test_a_certification_beside_itself_says_that_nothing_changed(later: Certification) -> None:
     """Read from its own file: all verdicts as they were, and no test since."""
-    changes = compared(Earlier.parse(certification_json(later)), later)
+    changes = compared(parse_earlier(certification_json(later)), later)
     n = len(later.cells)
     assert [before for _, before, _ in changes.compared] == [
         EarlierVerdict(own.word, own.probability, own.lower, own.upper) for _, own in later.cells
@@ -263,16 +264,17 @@ def test_a_certification_in_between_forgets_no_wrong_verdict(later: Certificatio
     n, tight = len(later.matrix.ids), Criteria((replace(PEAK, at_most=1e-4),), 0.8)
     one = [(EarlierVerdict("met", 0.99, 1.0, 2.0),)] * n
     between = later.beside(earlier(later, one, criteria=tight))
-    again = later.beside(Earlier.parse(certification_json(between)))
+    again = later.beside(parse_earlier(certification_json(between)))
     assert again.since is not None
     assert again.since.new == ()
     assert again.record.support(PEAK) == between.record.support(PEAK) != later.record.support(PEAK)
-    changes = Changes.of(again)
-    assert "Certifications before it: 3 verdicts met or not met on 3 tests run since, 3 wrong" in said(changes)
+    before = "Certifications before it: verdicts met or not met on 3 metrics of 3 tests run since, 3 wrong"
+    assert before in said(Changes.of(again))
+    assert Changes.of(again).waived_outcomes == Changes.of(between).waived_outcomes != {}
     told = exceptions(again)["Verdicts that tests run since contradict"]
     assert len(told) == 3
     assert "before it was run: peak (at most 0.0001 g) was said to be met" in told[0]
-    third = later.beside(Earlier.parse(certification_json(again)))
+    third = later.beside(parse_earlier(certification_json(again)))
     assert third.record.support(PEAK) == between.record.support(PEAK)
 
 
@@ -307,11 +309,15 @@ def test_a_test_that_is_not_used_any_more_is_not_forgotten(later: Certification)
     assert crush.reason.endswith(f"Test {second}, which is not used any more, missed it there with 1.000e+04 mm.")
     assert "met it there" in peak.reason
     assert second not in good.reason  # a rating was another prediction's
-    told = (
-        f"{place} of the earlier certification: {second} was run there and is not used any more; it missed crush, good."
-    )
-    assert told in exceptions(beside)["Tests that are not used"]
-    assert told in [str(own) for own in summary(beside)]
+    here = later.campaign.test(second).condition
+    told = f"{second} was run at {here} and is not used any more; it missed crush, good of"
+    assert told in str(exceptions(beside)["Tests that are not used"][0])
+    assert any(told in str(own) for own in summary(beside))
+    again = today.beside(parse_earlier(certification_json(beside)))  # beside one that is beside one that used the test
+    assert again.since is not None
+    assert again.since.gone == ()
+    assert [own.reason for own in again.rows[place]] == [own.reason for own in beside.rows[place]]
+    assert any(told in str(own) for own in exceptions(again)["Tests that are not used"])
 
 
 def test_statements_that_were_gained_and_withdrawn_are_listed_by_the_ids_of_today(later: Certification) -> None:

@@ -11,7 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification import kept_files
 from crashfuse.certification.earlier import FILE, Earlier
 from crashfuse.errors import DataError
-from tests.certification.test_earlier import RECORD
+from tests.certification.test_earlier_file import RECORD
 
 
 @pytest.fixture(autouse=True)

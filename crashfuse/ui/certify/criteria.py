@@ -102,6 +102,8 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     taken, told = state.get(_NO_CONFIDENCE, (None, ""))
     if confidence == taken:  # until another is chosen: the page may be drawn again at once
         st.warning(told, icon=":material/tune:")
+    else:
+        state.pop(_NO_CONFIDENCE, None)
     with help_in.popover("How criteria are declared, or brought as a file", icon=":material/help:"):
         st.markdown(
             "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside the "

@@ -9,6 +9,7 @@ from crashfuse.certification import kept_files
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.earlier import FILE, Earlier
+from crashfuse.certification.earlier_file import parse_earlier
 from crashfuse.errors import CrashfuseError
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_record import certification_json
@@ -29,7 +30,7 @@ def beside(verdicts: Verdicts, key: Hashable) -> Verdicts:
     ``key`` is equal for equal verdicts.
     """
     try:
-        earlier = find_kept(FILE, _CHOICE, Earlier.parse)
+        earlier = find_kept(FILE, _CHOICE, parse_earlier)
         return verdicts if earlier is None else _beside((key, earlier.digest), verdicts, earlier)
     except CrashfuseError as error:
         show_wrong(error)
@@ -86,7 +87,7 @@ def _choose(certification: Certification) -> None:
 
 def _read(content: bytes, campaign: Campaign) -> Earlier:
     """An uploaded certification of this vehicle."""
-    earlier = Earlier.parse(content)
+    earlier = parse_earlier(content)
     earlier.require_of(campaign)
     return earlier
 

@@ -1,0 +1,46 @@
+"""Verdicts held against evidence: the record of left-out tests, and the tests that were run at their conditions."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.criteria import Criteria
+from crashfuse.certification.support import Support
+from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.verdict import Verdict, beside_tests
+from crashfuse.wording import joined
+
+
+def held(
+    judged: tuple[tuple[Verdict, ...], ...], campaign: Campaign, criteria: Criteria, record: TrackRecord
+) -> tuple[tuple[Verdict, ...], ...]:
+    """Verdicts held against the record, and against the tests that were run at their condition."""
+    supports = {own: record.support(own) for own in criteria.items}
+    found = []
+    for row in judged:
+        run = [test.id for test in campaign.tests_at(row[0].condition)]
+        own = (_supported(verdict, supports[verdict.criterion], criteria.confidence) for verdict in row)
+        found.append(tuple(_beside_tests(verdict, run, record) for verdict in own))
+    return tuple(found)
+
+
+def _beside_tests(verdict: Verdict, run: Sequence[str], record: TrackRecord) -> Verdict:
+    """The verdict beside the tests that were run at its condition, if there are any."""
+    if not run:
+        return verdict
+    measured: dict[str, float | None] = dict.fromkeys(run)
+    for trial in record.trials:
+        if trial.held_out in measured and trial.left_out == "test" and trial.verdict.criterion == verdict.criterion:
+            measured[trial.held_out] = trial.measured
+    return beside_tests(verdict, measured)
+
+
+def _supported(verdict: Verdict, support: Support, confidence: float) -> Verdict:
+    """The verdict, open if the record does not support the confidence, with what the record says of the limit."""
+    if not verdict.decided:
+        return verdict
+    if (shortfall := support.shortfall(confidence)) is not None:
+        return replace(verdict, word="open", reason=joined([verdict.reason, shortfall]))
+    if (reservation := support.reservation(confidence)) is not None:
+        return replace(verdict, reason=joined([verdict.reason, reservation]))
+    return verdict

@@ -1,0 +1,95 @@
+"""What confidence a number of verdicts, some of them wrong, supports."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import betaincinv
+
+from crashfuse.certification.verdict import reaches
+
+_LEVEL = 0.95
+MOST_OF_A_TEST = 5
+"""Verdicts of a test that count, however often it was left out: its metrics vary together, so none supports 0.95."""
+SUPPORTED_AT_ALL = {"rebound_velocity": 0.85, "restitution": 0.85}
+"""By metric: 9 and 12 % of decided verdicts on random vehicles are wrong (``benchmarks/certification.py``)."""
+
+
+def share_bounds(count: int, n: int) -> tuple[float, float]:
+    """Exact two-sided 95 % bounds of a share of which ``count`` in ``n`` were seen (Clopper & Pearson 1934)."""
+    tail = (1 - _LEVEL) / 2
+    lower = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
+    upper = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
+    return lower, upper
+
+
+def _expected_right(decided: int, wrong: int) -> float:
+    """Expected share of right verdicts (Jeffreys' prior)."""
+    return 1 - (wrong + 0.5) / (decided + 1)
+
+
+def largest_share(count: int, n: int) -> float:
+    """Exact one-sided 95 % upper bound of such a share."""
+    return float(betaincinv(count + 1, n - count, _LEVEL)) if count < n else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
+
+    Of several criteria on one metric one verdict a left-out test counts, and of all metrics five a test, wrong ones
+    first; with them count verdicts on tests that were only planned then.
+
+    Attributes
+    ----------
+    decided, wrong : int
+        Verdicts *met* and *not met*, and those that a test contradicted.
+    own_decided, own_wrong : int
+        Those among them on the criterion itself.
+    near : bool
+        Whether a test came near the limit.
+    most : float
+        Highest confidence that any record supports in this metric, by its verdicts on random vehicles.
+    """
+
+    decided: int
+    wrong: int
+    own_decided: int
+    own_wrong: int
+    near: bool
+    most: float = 1.0
+
+    @property
+    def confidence(self) -> float:
+        """Highest confidence that the record supports: the expected share of right verdicts, ``most`` at most."""
+        return min(_expected_right(self.decided, self.wrong), self.most)
+
+    def shortfall(self, confidence: float) -> str | None:
+        """A sentence on what record would support this confidence; None if this one does."""
+        if reaches(self.confidence, confidence):
+            return None
+        if not reaches(self.most, confidence):
+            told = "About every tenth verdict on this metric was wrong on random vehicles: whatever the record, it"
+            return f"{told} supports a confidence of {self.most:g}, not {confidence:g}."
+        needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
+        supported = np.floor(1000 * self.confidence + 1e-9) / 1000  # rounded up, it would reach what it falls short of
+        of = f"{self.wrong} of {self.decided} verdicts wrong" if self.decided else "no verdict"
+        return (
+            f"The campaign's record ({of}, at most {MOST_OF_A_TEST} a test) supports a "
+            f"confidence of {supported:g}, not {confidence:g}; it would take {needed} verdicts with no more than "
+            f"{self.wrong} wrong."
+        )
+
+    def reservation(self, confidence: float) -> str | None:
+        """A sentence on why a record that supports this confidence says little about the criterion itself."""
+        if not self.near:
+            return "No left-out test came near this limit: the record says nothing about it."
+        if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
+            return None
+        own = "No left-out verdict on this metric"
+        if self.own_decided:
+            count = f"{self.own_decided} left-out verdict{'s' * (self.own_decided > 1)}"
+            most = f"at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %"
+            own = f"Only {count} on this metric, 0 wrong ({most}): too few to support the confidence"
+        if self.own_wrong:
+            own = f"{self.own_wrong} of {count} on this metric wrong ({most}): too many to support the confidence"
+        return f"{own}; with those on other criteria, {self.wrong} of {self.decided} wrong."
