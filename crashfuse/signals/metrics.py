@@ -41,6 +41,12 @@ class Metric:
     unit: str
     drawn: bool = False
 
+    def holds(self, value: float | None) -> bool | None:
+        """Whether the interval holds a value; None if either is not known."""
+        if value is None or (self.lower is None and self.upper is None):
+            return None
+        return (self.lower is None or self.lower <= value) and (self.upper is None or value <= self.upper)
+
     @property
     def digits(self) -> int:
         """Decimals as displayed: ratios have two."""

@@ -80,7 +80,9 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
         told += f", to which no hump of the {comparison} corresponds"
     if named := decisive in displaced and (decisive.late_s or 0.0) * shift_s > 0:  # else it says the opposite
         told += f", which comes {_lateness(decisive)} in the {comparison}"
-    if farthest is not None and not (named and farthest is decisive):
+    if farthest is not None and (farthest.late_s or 0.0) * shift_s < 0:
+        told += f"; {_against(explanation, farthest)}"
+    elif farthest is not None and not (named and farthest is decisive):
         told += f"; {_displaced(explanation, farthest, comparison)}"
     return Sentence(told)
 
@@ -113,6 +115,14 @@ _REASONS = {"corridor": _corridor, "phase": _phase, "magnitude": _magnitude, "sl
 
 def _displaced(explanation: RatingExplanation, hump: RatedHump, comparison: str) -> str:
     return f"farthest out of place is the {_nth(explanation, hump)} hump, {_lateness(hump)} in the {comparison}"
+
+
+def _against(explanation: RatingExplanation, hump: RatedHump) -> str:
+    """A hump that the shift moves farther away: where it is by itself, and where the shift puts it."""
+    told = f"by itself the {_nth(explanation, hump)} hump comes {_lateness(hump)}"
+    moved_to_s = (hump.counterpart_s or 0.0) - explanation.shift_s
+    met = next((own for own in explanation.humps if own.begin_s <= moved_to_s < own.end_s), hump)
+    return told if met is hump else f"{told}, and is laid over the test's {_nth(explanation, met)}"
 
 
 def _lateness(hump: RatedHump) -> str:

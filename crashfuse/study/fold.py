@@ -1,13 +1,15 @@
 """One test left out and predicted: the only place where a prediction is compared with its test."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 
+from crashfuse.approaches.calibration import Coverage
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of
+from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import Rating, rate_many, rate_windows
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
@@ -55,6 +57,21 @@ class Fold:
     def with_band(self) -> tuple[str, ...]:
         """Names of the approaches whose predictions have a band."""
         return tuple(each.approach for each in self.estimates if each.prediction.draws_mps2 is not None)
+
+    def coverage(self, approach: str) -> Coverage | None:
+        """Whether the test lies inside an approach's band, and its crush and peak inside the intervals of metrics.
+
+        These are wider or narrower than the band, as left-out tests showed; the band counts where they are unknown.
+        None without a band.
+        """
+        estimate = self.estimate(approach)
+        draws, speed_mps = estimate.prediction.draws_mps2, self.test.condition.speed_mps
+        if draws is None:
+            return None
+        band, intervals = Coverage.of(self.test, draws), {own.name: own for own in estimate.metrics}
+        measured = {own.name: own.value for own in pulse_metrics(self.test.pulse.accel_mps2, speed_mps)}
+        crush, peak = (intervals[name].holds(measured[name]) for name in ("max_crush", "peak"))
+        return replace(band, crush=band.crush if crush is None else crush, peak=band.peak if peak is None else peak)
 
     def estimate(self, approach: str) -> Estimate:
         """The estimate of this approach; a UsageError if the study is without it."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
+from crashfuse.approaches.calibration import Calibration, shares_inside
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import FloatArray
@@ -180,11 +180,10 @@ class Study:
 
     @cached_property
     def coverage(self) -> dict[str, Calibration]:
-        """Coverage of the held-out tests by the 95 % band of each approach that has one."""
+        """Coverage of the held-out tests by the 95 % bands and intervals of each approach that has them."""
         found: dict[str, Calibration] = {}
         for name in self.config.approaches:
-            folds = [(fold.test, fold.estimate(name).prediction.draws_mps2) for fold in self.folds]
-            inside = tuple(Coverage.of(test, draws) for test, draws in folds if draws is not None)
+            inside = tuple(own for fold in self.folds if (own := fold.coverage(name)) is not None)
             if inside:
                 found[name] = Calibration(1.0, inside)
         return found

@@ -21,7 +21,7 @@ from crashfuse.ui.figures import load_early
 from crashfuse.ui.folding import fold_when_narrow
 from crashfuse.ui.going_back import keep_views
 from crashfuse.ui.look import STYLE
-from crashfuse.ui.navigation import navigate, show_link, show_links
+from crashfuse.ui.navigation import navigate, open_asked, show_link, show_links
 from crashfuse.ui.panel import forget_panels
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.running import show_running
@@ -61,6 +61,7 @@ def route(page: Page) -> None:
     login.require(page.url_path)
     if not page.url_path:  # the address without a page
         page.run()
+    open_asked()
     address.follow(page.url_path)
     token = _choice.set(_sidebar(page.url_path))
     address.publish()

@@ -5,6 +5,7 @@ Importing this takes no time: it paints the window while all else is imported (:
 
 import streamlit as st
 from streamlit.navigation.page import Page
+from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 _PAGES = {
     "data": ("Data", ":material/folder_open:"),
@@ -25,6 +26,7 @@ _LOGO = (
     f'font-weight="600" font-family="Helvetica, Arial, sans-serif" fill="{_BLUE}">crashfuse</text></svg>'
 )
 _SIDEBAR_PX = 320
+_TO_OPEN = "page to open"  # session key
 
 
 def pages() -> dict[str, Page]:
@@ -66,7 +68,18 @@ def open_page(name: str) -> None:
     """Switch to a page that shows what this session has chosen."""
     from crashfuse.ui import address
 
+    context = get_script_run_ctx()
+    if context is not None and context.fragment_ids_this_run:
+        # from a fragment Streamlit would keep what widgets showed that the browser has forgotten since, and not send it
+        st.session_state[_TO_OPEN] = name
+        st.rerun()
     st.switch_page(pages()[name], query_params=address.parameters(name))
+
+
+def open_asked() -> None:
+    """Open the page that a fragment has asked for, if one has."""
+    if name := st.session_state.pop(_TO_OPEN, None):
+        open_page(name)
 
 
 def _open_first_page() -> None:
