@@ -16,7 +16,9 @@ from crashfuse.ui.study.outcome import Outcome
 TABS = {"Ratings": ratings.show, "Bands": band.show, "The paper's tables": paper.show, "Files and report": files.show}
 LEARNING_CURVE = "How many tests are enough"  # needs no study
 
-view = frame.enter_with_campaign("Study", lambda view: f"{len(view.campaign.tests)} tests, each left out in turn")
+view = frame.enter_with_campaign(
+    "Study", lambda view: f"{len(view.campaign.tests)} tests, each left out in turn", by_group=ratings.by_group()
+)
 campaign, config = view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
 tab = choose("Tab", [*TABS, LEARNING_CURVE], key="study_tab")
@@ -42,7 +44,7 @@ explanations.show_missing(config, study.config.approaches)
 if outcome.whole:
     first, *others = map(view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
-    told = others.pop(-1 if ratings.by_group(study) else 0)
+    told = others.pop(-1 if study.speed_groups is not None and ratings.by_group() else 0)
     longest = max(study.config.windows_ms)
     if outcome.window_ms != longest:  # what is said does not follow the choice in the sidebar
         told += f" This is over {page_tables.window_label(longest)}."

@@ -111,8 +111,8 @@ CHOICES: dict[str, Choice] = {
     "predicted": Choice(pages=("predict",)),
     "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
     "band": Choice(str, "recommended", ("recommended", *APPROACHES), ("compare", "predict")),
-    "only": Choice(tuple, (), pages=("data",)),
-    "also": Choice(tuple, (), pages=("data", "compare", "predict")),
+    "only": Choice(tuple, (), pages=("data",), of_campaign=True),
+    "also": Choice(tuple, (), pages=("data", "compare", "predict"), of_campaign=True),
     "pins": Choice(tuple, (), pages=("data", "compare", "predict")),
     "speed_mph": Choice(float, pages=("predict",)),
     "front_weight_lb": Choice(float, pages=("predict",)),
@@ -203,7 +203,7 @@ def leave_campaign() -> None:
     usual = state.get(_DEFAULTS, {})
     for key, choice in CHOICES.items():
         if choice.of_campaign or (key in usual and state.get(key) == usual[key]):
-            state[key] = None
+            state[key] = list(choice.default) if isinstance(choice.default, tuple) else None
 
 
 def publish() -> None:

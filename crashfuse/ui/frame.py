@@ -32,6 +32,9 @@ from crashfuse.wording import SYSTEMS, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _NOT_FOUND = "not found"  # session key: what the link asked for and was not found
+_ASKED = "campaign asked for"  # session key: the one of a link, while it is not open
+_HELD_OUT = "held-out chooser"  # session keys: whether the page had it, and the test that it showed
+_SHOWN_TEST = "test shown"
 REFUSED = "refused"  # session key: what is wrong with the campaign last tried
 
 
@@ -64,7 +67,8 @@ def route(page: Page) -> None:
     open_asked()
     address.follow(page.url_path)
     token = _choice.set(_sidebar(page.url_path))
-    address.publish()
+    if _ASKED not in st.session_state:  # else the link stays as it was given
+        address.publish()
     forget_panels()
     try:
         page.run()
@@ -96,14 +100,20 @@ def enter() -> View | None:
     return choice.view
 
 
-def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None) -> View:
+def enter_with_campaign(
+    title: str, detail: Callable[[View], str] | None = None, *, by_group: bool | None = None
+) -> View:
     """Start a page that needs a campaign; without one, say what to do and stop.
 
-    A page with results gives what they are of as a ``detail`` of its title; their settings stand beside it.
+    A page with results gives what they are of as a ``detail`` of its title; their settings stand beside it. A badge
+    says if tests are left out ``by_group``, as is chosen in the sidebar if the page does not say.
     """
     view = enter()
     if view is not None:
-        show_head(view, title, "" if detail is None else detail(view), chosen_config() if detail else None)
+        config = chosen_config() if detail else None
+        if by_group is None:
+            by_group = st.session_state["leave_out"] == "speed group" and address.acts("leave_out", address.here().page)
+        show_head(view, title, "" if detail is None else detail(view), config, by_group=by_group)
         if detail is not None:
             _require_a_seed()
     else:
@@ -124,7 +134,9 @@ def _require_a_seed() -> None:
         st.stop()
 
 
-def show_head(view: View, title: str, detail: str = "", config: StudyConfig | None = None) -> None:
+def show_head(
+    view: View, title: str, detail: str = "", config: StudyConfig | None = None, *, by_group: bool = False
+) -> None:
     """Show in a line the title of a page, what it shows, the settings behind it, and the campaign's notice.
 
     Of the notice, where there are settings, only the words before its colon: the rest unfolds from them.
@@ -142,7 +154,7 @@ def show_head(view: View, title: str, detail: str = "", config: StudyConfig | No
                 st.badge(
                     f"without {plain(names)}", color="orange", help="Left out of use on the page Data, for everyone."
                 )
-            if config.leave_out == "speed group" and address.acts("leave_out", address.here().page):
+            if by_group:
                 st.badge("All at its speed left out", color="orange")
         if (notice := view.campaign.notice) and config is not None:
             st.badge(plain(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
@@ -163,9 +175,9 @@ def offer_sample() -> None:
 
 def choose_campaign(name: str) -> None:
     """Select one of the open campaigns; call it from a callback, before the sidebar is drawn."""
-    if st.session_state["campaign"] != name:
-        st.session_state["campaign"] = name
+    if name not in (st.session_state["campaign"], st.session_state.pop(_ASKED, None)):
         address.leave_campaign()
+    st.session_state["campaign"] = name
     _forget()
 
 
@@ -182,10 +194,10 @@ def _sidebar(page: str) -> _Choice:
         links = st.container(gap=None)
         names = list(campaigns.open_campaigns())
         if state["campaign"] not in (None, *names):
-            _note("The campaign {} of this link is not open on this server. Open its folder, or upload it, on the "
-                  "page Data.", state["campaign"])  # fmt: skip
-            state["campaign"] = None
-        if state["campaign"] is None:
+            _note("You have not opened the campaign {} of this link. Open its folder, or upload it, on the page Data; "
+                  "the link then shows what it stands for.", state["campaign"])  # fmt: skip
+            state[_ASKED], state["campaign"] = state["campaign"], None
+        if state["campaign"] is None and _ASKED not in state:
             state["campaign"] = campaigns.at_start()
         name = st.selectbox(
             "Campaign", names, index=None, placeholder="none open", key="campaign", persist_state="session",
@@ -212,23 +224,29 @@ def _sidebar(page: str) -> _Choice:
 def _choose_view(page: str, name: str, campaign: Campaign) -> View:
     """The choices for an open campaign; those that do not act on this page are kept, and not asked for."""
     state = st.session_state
+    was_drawn, state[_HELD_OUT] = state.get(_HELD_OUT), False
     address.default("system", next(name for name, system in SYSTEMS.items() if system == campaign.units))
     units = chosen_units()
     tests = {test.id: test for test in campaign.tests}
     unused = dict(campaign.unused)
     if state["test"] not in (None, *tests):
-        why = "that test is left out of use" if state["test"] in unused else "no test here has that name"
-        _note(f"This link holds out {{}}, but {why}.", state["test"])
+        why = "left out of use" if state["test"] in unused else "not among the tests"
+        asked = "This link holds out {}, but that test is" if state["test"] != state.get(_SHOWN_TEST) else "{} is now"
+        _note(f"{asked} {why}; another is held out instead.", state["test"])
         state["test"] = None
     if state["test"] is None:
         state["test"] = telling_test(campaign).id
+    state[_SHOWN_TEST] = state["test"]
     if unused:
         names = ", ".join(map(plain, unused))
         st.caption(f":material/block: Left out of use: {names}")
     importing = page == "data" and bool(state["import"])
-    if address.acts("test", page) and not importing:
+    if address.acts("test", page) and page != "train" and not importing:  # there it is chosen among the settings
         shown = f"test in {state['system']}"  # a browser keeps what is chosen by its label, which has a unit
+        if not was_drawn:  # the browser has forgotten it, which Streamlit does not know of a page that ended early
+            state.pop(shown, None)
         address.put(shown, state["test"])
+        state[_HELD_OUT] = True
         st.selectbox(
             "Held-out test",
             list(tests),
@@ -275,6 +293,7 @@ def _note(sentence: str, asked: str) -> None:
 
 def _turn_to_campaign() -> None:
     """Begin with another campaign's own defaults: a test's name may mean another condition there."""
+    st.session_state.pop(_ASKED, None)
     address.leave_campaign()
     _forget()
 

@@ -79,6 +79,9 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
   outline: 1px solid light-dark(#D5DAE1, #3A434F); outline-offset: -1px }
 .cf-ratings > .cf-best { outline: 2px solid light-dark(#0B5CAD, #79B8F5); outline-offset: -2px }
 .cf-ratings .cf-name { font-size: 0.8rem; display: flex; gap: 0.5rem; justify-content: space-between }
+.st-key-clicks { display: none }
+.cf-ratings [role="button"] { cursor: pointer; text-decoration: underline dotted; text-underline-offset: 0.2em }
+.cf-ratings [role="button"]:is(:hover, :focus-visible) { text-decoration-style: solid }
 .cf-ratings .cf-values { display: flex; gap: 0.5rem; align-items: baseline; line-height: 1.4 }
 .cf-ratings b { font-size: 1.2rem; font-weight: 600 }
 .cf-ratings small, .cf-grade { font-size: 0.8rem }

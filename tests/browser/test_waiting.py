@@ -49,6 +49,9 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     user.open_tab("Ratings and metrics")
     made_of = r"Made of \d+ % .*, because the nearest test is [\d.]+ mph away"
     assert re.search(made_of, f"{why} {user.sees('Pulse metrics')}")
+    user.press("Time domain", '.cf-ratings [role="button"]')  # from a rating to its parts
+    user.sees("Time domain 0.", '[data-testid="stMarkdown"]')
+    assert "compare_tab=Why&explained=time_domain" in user.browser.current_url
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The frame around every page: what is chosen once holds everywhere, and an address reproduces it."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -71,7 +72,7 @@ def test_an_address_reproduces_the_view(visit: Visit, campaign_folder: Path) -> 
     assert sidebar.button_group(key="window").value == 20.0
     assert sidebar.button_group(key="unit").value == "m/s²"
     assert sidebar.button_group(key="sign").value == "Deceleration"
-    assert "not open on this server" not in session.words
+    assert "have not opened" not in session.words
 
 
 @pytest.mark.slow
@@ -86,21 +87,32 @@ def test_a_link_opens_nothing_that_nobody_has_opened_here(visit: Visit, campaign
     for asked in (str(campaign_folder), f"../{campaign_folder.name}", "[x](https://example.org)"):
         session = visit("compare", campaign=asked)
         assert session.app.sidebar.selectbox(key="campaign").value is None
-        assert f"The campaign “{asked[:80]}” of this link is not open on this server." in session.words
+        assert f"You have not opened the campaign “{asked[:80]}” of this link." in session.words
         assert "[x](" not in session.app.warning[0].value
         assert not campaigns.opened_here().keys() - {campaigns.SAMPLE}
 
 
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.slow
-def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit: Visit) -> None:
-    """The server's own is open instead, so the page says so, until something is chosen."""
-    session = visit(campaign="elsewhere")
-    assert "“elsewhere” of this link is not open" in session.words
+def test_another_campaign_is_not_shown_in_place_of_that_of_the_link(
+    visit: Visit, campaign_folder: Path, tmp_path: Path
+) -> None:
+    """A test of the same name was another one there. The link stays in the address, and is right once it is opened."""
+    session = visit("compare", campaign="elsewhere", test="T3")
+    assert "have not opened the campaign “elsewhere” of this link" in session.words
+    assert "No campaign is open yet" in session.words
+    assert session.app.query_params["campaign"] == "elsewhere"
     session.app.sidebar.selectbox(key="campaign").select("sample").run()
     assert "“elsewhere”" not in session.words
+    assert "T04" in session.words  # the sample's own telling test
+    folder = tmp_path / "elsewhere"
+    session = visit("data", campaign=folder.name, test="T3")
+    shutil.copytree(campaign_folder, folder)
+    session.app.text_input(key="folder").set_value(str(folder))
+    next(button for button in session.app.button if button.label == "Open folder").click().run()
+    assert session.app.session_state["test"] == "T3"
     session = visit(test="T9")
-    assert "This link holds out “T9”, but no test here has that name." in session.words
+    assert "This link holds out “T9”, but that test is not among the tests" in session.words
     session.app.sidebar.selectbox(key="test in mph-lb").select("T2").run()
     assert "which this link holds out" not in session.words
 

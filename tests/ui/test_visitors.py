@@ -40,7 +40,7 @@ def test_an_upload_is_in_nobody_elses_list_until_they_have_its_link(visit: Visit
     second = visit()
     assert second.app.sidebar.selectbox(key="campaign").options == ["sample"]
     for guess in ("secret-car", secret[:-1], campaigns.label(secret)):
-        assert "is not open on this server" in visit(campaign=guess).words
+        assert "You have not opened the campaign" in visit(campaign=guess).words
     linked = visit(campaign=secret)
     assert linked.app.title[0].value == r"secret\-car"
     assert second.run().app.sidebar.selectbox(key="campaign").options == ["sample"]

@@ -11,11 +11,31 @@ from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.wording import joined, signed
 
 _NO_CHANGE = 0.005  # in rating
+# The row is painted at once, without this: only a click has to wait for it.
+_JS = """
+export default ({ setTriggerValue }) => {
+  const open = event => {
+    const rating = event.target.closest?.(".cf-ratings [data-approach]");
+    if (rating) setTriggerValue("approach", rating.dataset.approach);
+  };
+  const press = event => event.key === "Enter" && open(event);
+  document.addEventListener("click", open);
+  document.addEventListener("keydown", press);
+  return () => {
+    document.removeEventListener("click", open);
+    document.removeEventListener("keydown", press);
+  };
+};
+"""
+_clicks = st.components.v2.component("crashfuse_ratings", js=_JS)
+_KEY = "clicked rating"
 
 
 def show(comparison: Comparison) -> None:
     """Show the ratings in a row, and the recommendation."""
     st.html(_row(comparison))
+    with st.container(key="clicks"):  # takes no room
+        _clicks(key=_KEY, on_approach_change=_explain)
     if (advice := comparison.advice) is None:
         return
     rated = comparison.fold.ratings[advice.approach][comparison.window_ms].overall
@@ -30,6 +50,11 @@ def show(comparison: Comparison) -> None:
     explanations.show_recommendation([told, *reasons], beside, "warning" if missed else "lightbulb")
 
 
+def _explain() -> None:
+    """Open the tab that takes the rating apart which was clicked."""
+    st.session_state.update(compare_tab="Why", explained=st.session_state[_KEY]["approach"])
+
+
 def _row(comparison: Comparison) -> str:
     """HTML list: by approach its rating, the change from the raw CAE model and the grade; then that of a repeat."""
     window_ms = comparison.window_ms
@@ -40,7 +65,8 @@ def _row(comparison: Comparison) -> str:
         if BASELINE in overall and name != BASELINE:
             values += _change(rating.overall - overall[BASELINE].overall)
         values += explanations.grade_chip(rating.grade)
-        items.append(_item(escape(LABELS[name]), values, recommended=name == comparison.recommended))
+        label = f'<span role="button" tabindex="0" data-approach="{name}" title="Why">{escape(LABELS[name])}</span>'
+        items.append(_item(label, values, recommended=name == comparison.recommended))
     if (repeat := comparison.repeats.get(window_ms)) is not None:
         values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f} (95 %)</small>"
         items.append(_item(f"<i>{REPEAT}</i>", values))

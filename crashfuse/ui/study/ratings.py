@@ -7,7 +7,7 @@ from crashfuse.study.account import worst_test
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
 from crashfuse.ui import explanations, frame, page_tables
-from crashfuse.ui.figure_tools import file_name
+from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.figures import choose, show_clickable
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.study.outcome import Outcome
@@ -17,9 +17,11 @@ from crashfuse.ui.text import plain
 _ALONE, _GROUP = page_tables.WAYS.values()
 
 
-def by_group(study: Study) -> bool:
-    """Whether the reader has chosen the tests left out with all at about their speed."""
-    return study.speed_groups is not None and st.session_state.get("ways") == _GROUP
+def by_group() -> bool:
+    """Whether the reader has chosen the tests left out with all at about their speed, where studies have both ways."""
+    config = chosen_config()
+    both = config.preset == "fast"
+    return st.session_state.get("ways") == _GROUP if both else config.leave_out == "speed group"
 
 
 def choose_way(outcome: Outcome) -> tuple[Study, str]:
@@ -68,7 +70,7 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         open_test,
         f"heat map {leave_out}",
         outcome.key,
-        name=file_name("ratings", outcome.window, file_of(leave_out)),
+        name=f"ratings {file_of(leave_out)}",
     )
     with st.container(horizontal=True, vertical_alignment="center"):
         st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")
