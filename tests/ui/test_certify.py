@@ -417,6 +417,10 @@ def test_a_confidence_that_there_is_not_never_becomes_the_lowest(asking: Path, v
     assert f"A confidence is from 0.5 to 0.999999, not {float(asked):g}; 0.9 is taken." in session.words
     (confidence,) = session.app.number_input
     assert confidence.value == 0.9
+    confidence.set_value(0.8).run()
+    assert "is taken" not in session.words
+    session.app.number_input[0].set_value(float(asked)).run()  # typed, it is told as well
+    assert f"not {float(asked):g}; 0.9 is taken." in session.words
     (asking / "criteria.toml").write_text(CRITERIA.replace("confidence = 0.9", "confidence = 0.9995"))
     (confidence,) = visit("certify", **LINK).app.number_input
     assert confidence.value == 0.9995

@@ -95,8 +95,7 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     state["criteria"] = editor.said = _texts(rows)
     address.publish()
     confidence = beside.number_input(
-        "Confidence", min_value=LEAST_SURE, max_value=MOST_SURE, step=0.01, format="%.6g", key="confidence",
-        persist_state="session",
+        "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session",
         help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
     )  # fmt: skip
     taken, told = state.get(_NO_CONFIDENCE, (None, ""))
@@ -138,7 +137,7 @@ def _take_declared(view: View) -> DataError | None:
         wrong = error
     address.default("criteria", _texts(_table(declared)))
     usual, asked = declared.confidence if declared else CONFIDENCE, st.session_state["confidence"]
-    if asked is not None and not LEAST_SURE <= asked <= MOST_SURE:  # the field would show its lowest
+    if asked is not None and not LEAST_SURE <= asked <= MOST_SURE:  # the field would refuse it without a word
         told = f"A confidence is from {LEAST_SURE:g} to {MOST_SURE:g}, not {asked:g}; {usual:g} is taken."
         st.session_state.update({"confidence": None, _NO_CONFIDENCE: (usual, told)})
     address.default("confidence", usual)

@@ -82,7 +82,7 @@ def _field(
     address.default(name, round(float(np.median(runs)) / in_si, digits))
     asked = round(state[name] * in_si * shown, DECIMALS)
     value = min(max(asked, least), most)
-    if asked != value:  # by a link, or left from another campaign
+    if asked != value:  # by a link, left from another campaign, or typed: the field itself would refuse without a word
         st.warning(f"{label} is from {least:g} to {most:g} here, not {asked:g}: {value:g} is taken.")
         state[name] = round(value / shown / in_si, DECIMALS)
     # A browser sends what its widgets showed before it hears of a new value, as if that was chosen: each value that a
@@ -102,10 +102,7 @@ def _field(
             state[f"{name} widgets"] = {**own, "value": state[name], other: state[name], "keys": (key,)}
 
     form = f"%.{digits}f"
-    column.number_input(
-        label, min_value=least, max_value=most, step=step, format=form, key=field, on_change=take,
-        args=(field, "slider"),
-    )  # fmt: skip
+    column.number_input(label, step=step, format=form, key=field, on_change=take, args=(field, "slider"))
     column.slider(
         f"{label}, over the CAE runs", low, high, step=step, format=form, key=slider, on_change=take,
         args=(slider, "field"), label_visibility="collapsed",
