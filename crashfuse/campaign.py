@@ -1,8 +1,8 @@
 """The campaign: CAE runs and tests of one vehicle, and the fingerprint of their exact content."""
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -50,6 +50,8 @@ class Campaign:
         Units of speed and weight that the tests are declared in: those that its readers see first.
     unused : tuple of (str, Condition)
         Tests that are left out of use, by id and condition: nothing learns from them, and they are not rated.
+    why_unused : mapping of str to str
+        Why, by id; without words if nobody says.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Campaign:
     tests_filtered_with: float | None = None
     units: UnitSystem = MPH_LB
     unused: tuple[tuple[str, Condition], ...] = ()
+    why_unused: Mapping[str, str] = field(default_factory=dict)
 
     @staticmethod
     def from_frames(
@@ -195,8 +198,12 @@ class Campaign:
         """What a reader of any result should know: the tests that are left out of use, and the warnings."""
         if not self.unused:
             return self.warnings
-        names = ", ".join(test_id for test_id, _ in self.unused)
-        return (f"Left out of use, neither learned from nor rated: {names} (unused in campaign.toml).", *self.warnings)
+        names = ", ".join(f"{test_id} ({self.reason_of(test_id)})" for test_id, _ in self.unused)
+        return (f"Left out of use, neither learned from nor rated: {names}.", *self.warnings)
+
+    def reason_of(self, test_id: str) -> str:
+        """Why a test is left out of use, in words."""
+        return self.why_unused.get(test_id) or "no reason given"
 
     @property
     def filter_class(self) -> str:

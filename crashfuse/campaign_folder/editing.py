@@ -8,27 +8,28 @@ import io
 import re
 import shutil
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from crashfuse.campaign_folder.added import named
 from crashfuse.campaign_folder.condition_tables import read_what_can_be
 from crashfuse.campaign_folder.history import changing, taking_turns
-from crashfuse.campaign_folder.settings import read_settings
+from crashfuse.campaign_folder.settings import LONGEST_REASON, read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.campaign_folder.upload import FILES
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.files.toml_text import toml_text
 
-_LIST = re.compile(r"^unused[ \t]*=[ \t]*\[[^\]]*\][ \t]*(#[^\n]*)?\r?(\n|\Z)", re.M)
+_LIST = re.compile(r"^unused[ \t]*=[ \t]*(\[[^\]]*\]|\{[^\n]*\})[ \t]*(#[^\n]*)?\r?(\n|\Z)", re.M)
 _ENDINGS = ("csv", "parquet")
 
 
-def leave_out(folder: Path, ids: Sequence[str]) -> str:
+def leave_out(folder: Path, ids: Sequence[str], why: str | None = None) -> str:
     """Leave tests of a campaign out of use: they stay in the folder, but nothing learns from them or rates them.
 
-    ``unused`` in ``campaign.toml`` lists them. A test whose record is damaged can be left out, too.
+    ``unused`` in ``campaign.toml`` lists them, with the reason if one is given; given of tests that are left out
+    already, it is that from now on. A test whose record is damaged can be left out, too.
 
     Returns
     -------
@@ -38,23 +39,26 @@ def leave_out(folder: Path, ids: Sequence[str]) -> str:
     Raises
     ------
     UsageError
-        If there is no such test, it is left out already, or none would stay in use.
+        If there is no such test, it is left out already and no reason is given, or none would stay in use.
     DataError
         If the campaign's files cannot be edited, or it is the sample; nothing is changed.
     """
     with taking_turns(folder):
         known, unused = _tests(folder)
-        _require(ids, [test_id for test_id in known if test_id not in unused], "in use")
+        _require(ids, [test_id for test_id in known if test_id not in unused] if why is None else known, "in use")
+        why = printable(" ".join((why or "").split()), LONGEST_REASON)
         _require_one_in_use(known, {*unused, *ids})
-        return _set_unused(folder, known, {*unused, *ids}, f"Left out of use: {named(ids)}")
+        told = f"Left out of use: {named(ids)}{f' ({why})' if why else ''}"
+        return _set_unused(folder, known, {**unused, **dict.fromkeys(ids, why)}, told)
 
 
 def use_again(folder: Path, ids: Sequence[str]) -> str:
     """Use tests again that were left out of use; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
         known, unused = _tests(folder)
-        _require(ids, unused, "left out of use")
-        return _set_unused(folder, known, {*unused} - {*ids}, f"In use again: {named(ids)}")
+        _require(ids, list(unused), "left out of use")
+        rest = {test_id: why for test_id, why in unused.items() if test_id not in ids}
+        return _set_unused(folder, known, rest, f"In use again: {named(ids)}")
 
 
 def remove_tests(folder: Path, ids: Sequence[str]) -> str:
@@ -68,7 +72,7 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
         with changing(folder, told) as keep:
             if {*ids} & {*unused}:
                 keep(settings)
-                _write_unused(settings, [test_id for test_id in unused if test_id not in ids])
+                _write_unused(settings, {test_id: why for test_id, why in unused.items() if test_id not in ids})
             keep(table)
             write_atomically(table, _without_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
             for path in (folder / f"tests_pulses.{ending}" for ending in _ENDINGS):
@@ -104,8 +108,8 @@ def copy_campaign(folder: Path, to: Path) -> None:
                 shutil.copyfile(path, target)
 
 
-def _tests(folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The ids of all tests in the folder, whatever is wrong with their data, and of those that are left out of use."""
+def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
+    """The ids of all tests in the folder, whatever is wrong with their data, and why some are left out of use."""
     problems: list[Problem] = []
     settings = read_settings(folder, problems, [])
     if problems:
@@ -129,27 +133,28 @@ def _require_one_in_use(known: Sequence[str], unused: set[str]) -> None:
         raise UsageError("At least one test has to stay in use.")
 
 
-def _set_unused(folder: Path, known: Sequence[str], unused: set[str], told: str) -> str:
+def _set_unused(folder: Path, known: Sequence[str], unused: Mapping[str, str], told: str) -> str:
     path = folder / "campaign.toml"
     with changing(folder, told) as keep:
         keep(path)
-        _write_unused(path, [test_id for test_id in known if test_id in unused])
+        _write_unused(path, {test_id: unused[test_id] for test_id in known if test_id in unused})
     return told
 
 
-def _write_unused(path: Path, unused: Sequence[str]) -> None:
-    """Set the list ``unused`` in a campaign.toml, and leave every other byte of it; without any setting, it goes."""
+def _write_unused(path: Path, unused: Mapping[str, str]) -> None:
+    """Set ``unused`` in a campaign.toml, and leave every other byte of it; without any setting, the file goes."""
+    value = unused if any(unused.values()) else list(unused)
     text = path.read_bytes().decode("utf-8-sig") if path.is_file() else ""
-    line = f"unused = {toml_text(unused)}\n" if unused else ""
+    line = f"unused = {toml_text(value)}\n" if value else ""
     new = line + _LIST.sub("", text, count=1)  # the first line: before any table, whose setting it would be
     others = {key: value for key, value in tomllib.loads(text).items() if key != "unused"}
     try:
         edited = tomllib.loads(new)
     except tomllib.TOMLDecodeError:
         edited = {}
-    if edited != others | ({"unused": list(unused)} if unused else {}):
-        expected, found = "a list unused = [...] at the start of a line", "another form"
-        raise DataError(Problem(path.name, expected, found, f"set it by hand: unused = {toml_text(unused)}"))
+    if edited != others | ({"unused": value} if value else {}):
+        expected, found = "unused = [...] or {...} at the start of a line", "another form"
+        raise DataError(Problem(path.name, expected, found, f"set it by hand: unused = {toml_text(value)}"))
     if new:
         write_atomically(path, new.encode())
     else:

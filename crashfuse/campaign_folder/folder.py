@@ -1,7 +1,7 @@
 """The campaign folder: settings, both condition tables and both sets of pulses, checked as a whole."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -79,12 +79,12 @@ def read_folder(folder: str | Path) -> Campaign:
     return Campaign(
         settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits,
         settings.occupant, _common({settings.tests_imported_with.get(test.id) for test in crash_tests}),
-        tables["tests"].units, unused,
+        tables["tests"].units, unused, settings.unused,
     )  # fmt: skip
 
 
 def _without_unused(
-    table: ConditionTable, ids: Sequence[str], problems: list[Problem]
+    table: ConditionTable, ids: Collection[str], problems: list[Problem]
 ) -> tuple[ConditionTable, tuple[tuple[str, Condition], ...]]:
     """The tests that are in use, and id and condition of those that are left out of it."""
     where, key = "campaign.toml", "unused"

@@ -13,13 +13,16 @@ from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 
 _MOST_MIB = 4  # some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
+LONGEST_REASON = 200
+"""Characters of why a test is left out of use."""
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
     """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with.
 
-    ``tests_imported_with`` holds the CFC of each imported test by its id, ``unused`` the ids of tests left out of use.
+    ``tests_imported_with`` holds the CFC of each imported test by its id, ``unused`` why tests are left out of use by
+    theirs, with no words if nobody says.
     """
 
     name: str
@@ -29,7 +32,7 @@ class Settings:
     quality: QualitySettings = field(default_factory=QualitySettings)
     occupant: OccupantModel = USUAL_OCCUPANT
     tests_imported_with: Mapping[str, float] = field(default_factory=dict)
-    unused: tuple[str, ...] = ()
+    unused: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
@@ -49,7 +52,7 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
         problems.append(Problem(path.name, expected, "channel_filter_class and filtered_with", advice))
     imported = _imported_with(values.pop("imported", None))
     quality, occupant = quality_settings(values, problems), occupant_settings(values, problems)
-    unused = _ids(values, "unused", problems)
+    unused = _unused(values.pop("unused", []), problems)
     name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
     notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
     if values:
@@ -78,13 +81,18 @@ def _imported_with(entries: object) -> dict[str, float]:
     return found
 
 
-def _ids(values: dict[str, Any], key: str, problems: list[Problem]) -> tuple[str, ...]:
-    """Pop a list of ids from the settings."""
-    ids = values.pop(key, [])
-    if not isinstance(ids, list) or not all(isinstance(each, str) for each in ids):
-        problems.append(Problem("campaign.toml", 'a list of ids such as ["T09"]', shown(ids), "correct the value", key))
-        return ()
-    return tuple(dict.fromkeys(ids))
+def _unused(listed: object, problems: list[Problem]) -> dict[str, str]:
+    """Ids as a list, or with a reason each."""
+    why = dict.fromkeys(listed, "") if isinstance(listed, list) and all(map(_is_text, listed)) else listed
+    if not isinstance(why, dict) or not all(map(_is_text, why.values())):
+        expected = 'a list of ids such as ["T09"], or reasons by id such as {T09 = "sensor came loose"}'
+        problems.append(Problem("campaign.toml", expected, shown(listed), "correct the value", "unused"))
+        return {}
+    return {test_id: printable(" ".join(own.split()), LONGEST_REASON) for test_id, own in why.items()}
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
 
 
 def _text(values: dict[str, Any], key: str, default: str, most: int, problems: list[Problem]) -> str:

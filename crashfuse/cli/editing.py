@@ -1,6 +1,9 @@
 """The command that edits a campaign folder."""
 
 import argparse
+from functools import partial
+
+from crashfuse.errors import UsageError
 
 
 def edit(arguments: argparse.Namespace) -> None:
@@ -12,7 +15,10 @@ def edit(arguments: argparse.Namespace) -> None:
     if arguments.undo:
         print(f"Undone: {undo(folder).what}.")
         return
-    asked = ((leave_out, arguments.leave_out), (use_again, arguments.use), (remove_tests, arguments.remove))
+    if arguments.because and not arguments.leave_out:
+        raise UsageError("--because is the reason of --leave-out.")
+    leaving = partial(leave_out, why=arguments.because)
+    asked = ((leaving, arguments.leave_out), (use_again, arguments.use), (remove_tests, arguments.remove))
     for change_it, ids in asked:
         if ids:
             print(f"{change_it(folder, ids)}. crashfuse edit {folder} --undo takes it back.")
@@ -29,6 +35,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--leave-out", nargs="+", metavar="ID", help="tests that nothing learns from or rates; they stay in the folder"
     )
+    parser.add_argument("--because", metavar="WHY", help="why they are left out; it stands in every report")
     what.add_argument("--use", nargs="+", metavar="ID", help="tests to use again")
     what.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
     what.add_argument("--undo", action="store_true", help="undo the last change: an import or one of these")

@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +26,14 @@ def read_toml(path: Path, most_mib: int, advice: str) -> dict[str, Any]:
         raise DataError(Problem(path.name, "a TOML file in UTF-8", found, "correct the file")) from error
 
 
-def toml_text(value: str | float | Sequence[str]) -> str:
+def toml_text(value: str | float | Sequence[str] | Mapping[str, str]) -> str:
     """A value as TOML: JSON strings are valid TOML except for one character."""
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, int | float):
         return repr(value)
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{toml_text(key)} = {toml_text(own)}' for key, own in value.items())}}}"
     items = [toml_text(item) for item in value]
     line = f"[{', '.join(items)}]"
     return line if len(line) < _LINE else "[\n" + "".join(f"    {item},\n" for item in items) + "]"

@@ -209,11 +209,13 @@ def wrong_since(changes: Changes) -> Iterator[str]:
 
 def gone_sentences(since: TestedSince) -> Iterator[str]:
     """What tests had shown at conditions of earlier certifications that are not used any more."""
+    left_out = dict(since.campaign.unused)
     for gone in since.gone_runs:
         missed, unknown = (of(since.earlier.criteria.items) for of in (gone.missed, gone.cannot_tell))
         showed = f"it missed {', '.join(missed) or 'no criterion'} of the earlier certification"
         showed += f" and cannot tell {', '.join(unknown)}" if unknown else ""
-        yield Sentence(f"{{}} was run at {{}} and is not used any more; {showed}.", gone.test, gone.condition)
+        why = f" ({since.campaign.reason_of(gone.test)})" if gone.test in left_out else ""
+        yield Sentence(f"{{}} was run at {{}} and is not used any more{why}; {showed}.", gone.test, gone.condition)
 
 
 def _wrong(cell: Change, test: str) -> str:

@@ -117,7 +117,8 @@ def _not_used(certification: Certification) -> Iterator[str]:
     told = set() if since is None else {own.test for own in since.gone_runs}
     for i, names in _unused_at(certification).items():
         if unknown := [name for name in names if name not in told]:
-            yield f"{i}: {listed(unknown)} was run there and is left out of use; what it showed is not in the verdicts."
+            reasons = [f"{name} ({certification.campaign.reason_of(name)})" for name in unknown]
+            yield f"{i}: {listed(reasons)} was run there and is left out of use; what it showed is not in the verdicts."
     if since is not None:
         yield from gone_sentences(since)
 

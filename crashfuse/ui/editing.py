@@ -9,6 +9,7 @@ import streamlit as st
 from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, use_again
 from crashfuse.campaign_folder.history import changes, undo
 from crashfuse.campaign_folder.sample_folder import is_sample
+from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.ui import address, campaigns, frame, journal, recent
 from crashfuse.ui.problems import show_problems
@@ -61,6 +62,13 @@ def show_tests_in_use(view: frame.View) -> None:
             st.selectbox("Test", sorted((*used, *unused)), key=_REMOVED)
             st.caption("Its row and its pulse leave the folder. Undo brings them back.")
             st.button("Take it out of the folder", on_click=_take_out, args=(view,))
+    for test_id in unused:
+        key = f"why {test_id} of {view.folder} is left out"
+        address.put(key, view.campaign.why_unused.get(test_id, ""))
+        st.text_input(
+            f"Why is {plain(test_id)} left out?", key=key, max_chars=LONGEST_REASON, on_change=_say_why,
+            args=(view, test_id, key), placeholder="no reason given; what you write stands in every report",
+        )  # fmt: skip
 
 
 def _change_use(view: frame.View, used: tuple[str, ...]) -> None:
@@ -70,6 +78,12 @@ def _change_use(view: frame.View, used: tuple[str, ...]) -> None:
         _edit(view, lambda: leave_out(view.folder, out), gone=out)
     if again := sorted(chosen - {*used}):
         _edit(view, lambda: use_again(view.folder, again))
+
+
+def _say_why(view: frame.View, test_id: str, key: str) -> None:
+    """Keep the reason; an empty one, too."""
+    why = st.session_state[key]
+    _edit(view, lambda: leave_out(view.folder, [test_id], why))
 
 
 def _take_out(view: frame.View) -> None:

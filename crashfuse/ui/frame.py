@@ -151,9 +151,7 @@ def show_head(
             st.badge(label, color=colour, help="As chosen on the page Train.")
             if view.campaign.unused:
                 names = ", ".join(test for test, _ in view.campaign.unused)
-                st.badge(
-                    f"without {plain(names)}", color="orange", help="Left out of use on the page Data, for everyone."
-                )
+                st.badge(f"without {plain(names)}", color="orange", help=plain(view.campaign.remarks[0]))
             if by_group:
                 st.badge("All at its speed left out", color="orange")
         if (notice := view.campaign.notice) and config is not None:

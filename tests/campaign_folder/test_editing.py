@@ -39,7 +39,7 @@ def test_a_test_left_out_of_use_is_gone_from_the_campaign_and_stays_in_the_folde
     assert after.test_ids == ("T1", "T2", "T4")
     assert after.fingerprint == before.without(["T3"]).fingerprint != before.fingerprint
     assert after.unused == (("T3", before.test("T3").condition),)
-    assert after.remarks == ("Left out of use, neither learned from nor rated: T3 (unused in campaign.toml).",)
+    assert after.remarks == ("Left out of use, neither learned from nor rated: T3 (no reason given).",)
     assert (folder / "tests" / "T3.csv").is_file()
     assert (folder / "campaign.toml").read_text() == f'unused = ["T3"]\n{SETTINGS}'
     leave_out(folder, ["T1"])
@@ -47,6 +47,23 @@ def test_a_test_left_out_of_use_is_gone_from_the_campaign_and_stays_in_the_folde
     assert use_again(folder, ["T3", "T1"]) == "In use again: T3, T1"
     assert (folder / "campaign.toml").read_text() == SETTINGS
     assert load_campaign(folder).fingerprint == before.fingerprint
+
+
+def test_why_a_test_is_left_out_stays_with_it(folder: Path) -> None:
+    """Given with it or later, in one line that TOML reads; told among the changes, and gone when it is used again."""
+    odd = 'sensor "B" came\n loose } at 20 ms'
+    assert leave_out(folder, ["T3"], odd) == 'Left out of use: T3 (sensor "B" came loose } at 20 ms)'
+    leave_out(folder, ["T1"])
+    campaign = load_campaign(folder)
+    assert campaign.remarks == (
+        'Left out of use, neither learned from nor rated: T1 (no reason given), T3 (sensor "B" came loose } at 20 ms).',
+    )
+    leave_out(folder, ["T1"], "repeated as T2")
+    leave_out(folder, ["T3"], "")
+    assert load_campaign(folder).why_unused == {"T1": "repeated as T2", "T3": ""}
+    assert load_campaign(folder).fingerprint == campaign.fingerprint
+    use_again(folder, ["T1"])
+    assert (folder / "campaign.toml").read_text() == f'unused = ["T3"]\n{SETTINGS}'
 
 
 def test_a_list_that_a_person_wrote_is_edited(folder: Path) -> None:
@@ -89,6 +106,7 @@ def test_a_damaged_test_can_be_left_out(folder: Path) -> None:
         ('unused = ["T9"]', "campaign.toml, column unused: expected ids of tests.csv, found 'T9'"),
         ('unused = "T1"', "campaign.toml, column unused: expected a list of ids"),
         ("unused = [1]", "campaign.toml, column unused: expected a list of ids"),
+        ("unused = {T1 = 1}", "campaign.toml, column unused: expected a list of ids"),
         ('unused = ["T1", "T2", "T3", "T4"]', "expected a test that is in use, found all of them left out"),
     ],
 )

@@ -69,6 +69,6 @@ def test_the_provenance_names_tests_left_out_of_use(campaign: Campaign) -> None:
     without = replace(campaign.without(["T3"]), unused=(("T3", campaign.test("T3").condition),), warnings=("Noise.",))
     record = provenance(without, [], StudyConfig())
     assert record["warnings"] == [
-        "Left out of use, neither learned from nor rated: T3 (unused in campaign.toml).", "Noise.",
+        "Left out of use, neither learned from nor rated: T3 (no reason given).", "Noise.",
     ]  # fmt: skip
     assert record["fingerprint"] == campaign.without(["T3"]).fingerprint
