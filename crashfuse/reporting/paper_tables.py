@@ -22,7 +22,7 @@ REPEAT = "A repeat"
 
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
-    """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over the tests in the last rows.
+    """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over several tests in the last rows.
 
     Under the approaches stands what a repeat of the test would rate, if it is known.
 
@@ -46,11 +46,12 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
         if own and fold.held_out in study.repeatability:
             repeats = study.repeatability[fold.held_out]
             found[fold.held_out, REPEAT] = [repeats[w].value if w in repeats else np.nan for w in columns]
-    means = {(MEAN, label): [study.mean_rating(name, window) for window in columns] for name, label in own.items()}
-    if own and study.repeatability:
-        means[MEAN, REPEAT] = [np.nan if (mean := study.mean_repeat(w)) is None else mean for w in columns]
-    index = pd.MultiIndex.from_tuples([*found, *means], names=["Test", "Approach"])
-    return pd.DataFrame([*found.values(), *means.values()], index=index, columns=list(columns.values()))
+    if len(study.folds) > 1:
+        found |= {(MEAN, label): [study.mean_rating(name, window) for window in columns] for name, label in own.items()}
+        if own and study.repeatability:
+            found[MEAN, REPEAT] = [np.nan if (mean := study.mean_repeat(w)) is None else mean for w in columns]
+    index = pd.MultiIndex.from_tuples(list(found), names=["Test", "Approach"])
+    return pd.DataFrame([*found.values()], index=index, columns=list(columns.values()))
 
 
 def mean_ratings(study: Study) -> pd.DataFrame:

@@ -33,6 +33,8 @@ class Account:
         The approach whose prediction it is.
     rating : float
         Its overall rating.
+    window_ms : float
+        The rating is over [0, window_ms).
     expected : ExpectedRating, optional
         What was expected of it before the test was known; None if that was not asked.
     neighbours : int
@@ -50,6 +52,7 @@ class Account:
     test: CrashTest
     approach: str
     rating: float
+    window_ms: float
     expected: ExpectedRating | None
     neighbours: int
     departure: Departure | None
@@ -76,9 +79,10 @@ class Account:
     def sentences(self) -> tuple[str, ...]:
         """How the expectation came out, and what the measurements say about the test itself."""
         test, few = self.test, "it takes three to tell whether a test stands apart."
-        outcome = self.outcome[0].lower() + self.outcome[1:]
+        outcome = self.outcome.replace("Expected", "expected", 1)
         way = ", left out with all at about its speed" if self.with_group and self.neighbours else ""
-        said: list[str] = [Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), way, outcome)]
+        over = f"{way}, over 0–{self.window_ms:g} ms"
+        said: list[str] = [Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), over, outcome)]
         if self.departure is not None:
             said += self.departure.sentences
         elif self.neighbours:
@@ -140,6 +144,7 @@ def account(
         test,
         approach,
         fold.ratings[approach][window_ms].overall,
+        window_ms,
         expected_rating(estimate, others, window_ms),
         neighbours,
         apart,

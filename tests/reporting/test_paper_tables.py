@@ -38,6 +38,13 @@ def test_a_table_has_a_row_for_each_test_and_approach_and_the_mean_at_its_foot(c
     np.testing.assert_allclose(cae.loc["Mean"], cae.loc[["T1", "T2"]].mean())
 
 
+def test_a_single_test_has_no_mean(campaign: Campaign) -> None:
+    """Which would repeat its rows."""
+    two = study(campaign)
+    one = replace(two, folds=two.folds[:1], repeatability={"T1": {20.0: Repeatability(0.9, 0.8, 1.0)}})
+    assert list(rating_table(one, TABLE_5).index) == [("T1", a) for a in ("Displacement domain", "CAE", REPEAT)]
+
+
 def test_approaches_that_the_study_does_not_have_are_left_out(campaign: Campaign) -> None:
     """Table 3 compares networks; there is none here."""
     assert rating_table(study(campaign), TABLE_3).empty

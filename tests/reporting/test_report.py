@@ -94,7 +94,7 @@ def test_a_study_recommends_before_it_shows(text: str) -> None:
     """The verdict stands at the top; each test has what was recommended before it was run, and what came of it."""
     assert text.index("for this campaign") < text.index("<h2>Result")
     assert text.count("Recommended before it was run") == 2
-    assert text.count("It then rated 1.000 (Excellent).") == 2
+    assert text.count("It then rated 1.000 (Excellent) over 0–60 ms.") == 2
 
 
 def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None:
@@ -105,12 +105,22 @@ def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None
     assert "<h3>The test itself</h3>" in text
 
 
+def test_a_study_of_one_test_has_no_means(study: Study) -> None:
+    """Nor what goes with several: tests in turn, a heat map of one row; whole and short."""
+    alone = replace(study, folds=study.folds[:1])
+    for own in (study_report(alone), study_report(alone, options=ReportOptions("short"))):
+        assert "The test was left out and predicted from all others." in own
+        assert "in turn" not in own
+        assert "Every held-out test" not in own
+        assert "<td>Mean</td>" not in own
+
+
 def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst(text: str, study: Study) -> None:
     """A sentence each; the worst test is named below the verdict, with what is known of it."""
     assert text.count("Why it is rated as it is") == 2
     assert text.count("over 0–60 ms: nothing is lost.") == 2
     worst = text.partition("<h3>The worst test</h3>")[2].partition("</section>")[0]
-    assert f"<p>{worst_test(study).test.id}, " in worst
+    assert re.search(f"<p>{worst_test(study).test.id}, .* mph, over 0–60 ms: ", worst)
     assert "at about its speed; it takes three to tell whether a test stands apart." in worst
     assert text.count("Magnitude 1.000") == 1  # the title of a row of its figure
 
@@ -160,6 +170,25 @@ def test_abbreviations_are_written_out_where_they_occur(study: Study, text: str)
 
 
 @pytest.mark.slow
+def test_every_table_of_metrics_names_its_test(text: str) -> None:
+    """On paper it may begin a page, right above the next test's heading."""
+    assert [text.count(f"<th>Pulse metric, {test}</th>") for test in ("T1", "T2")] == [2, 2]  # main and further metrics
+
+
+def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(study: Study, text: str) -> None:
+    """Beside the command, in every form of a report; it has no options for their unit and sign."""
+    shown = Display(unit="m/s²", deceleration=True)
+    said = "Acceleration is shown in m/s² and as deceleration here; what the command writes has it in g, with the data"
+    for own in (
+        study_report(study, shown),
+        study_report(study, shown, ReportOptions("short")),
+        prediction_report(study.campaign, study.folds[0].estimates, CONFIG, shown),
+    ):
+        assert said in own
+    assert "Acceleration is shown as deceleration here;" in study_report(study, Display(deceleration=True))
+    assert "Acceleration is shown" not in text
+
+
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
     """The same tests, rated without any other at their speed."""
     both = study_report(replace(study, speed_groups=study))
@@ -224,6 +253,8 @@ def test_a_report_shows_chosen_tests_in_the_units_and_the_window_of_the_page(stu
     assert "<h2>Test T2: " in text
     assert "<h2>Test T1: " not in text
     assert "Every held-out test, 0–20 ms" in text
+    assert " mph, over 0–20 ms: " in text  # the worst test
+    assert "With\n2 tests, no more than this can be promised." in text
     assert "Test T1" in text  # in the heat map
     pulses = next(figure.drawn for figure in figures_of(text).figures if figure.title.endswith("Pulses over time"))
     assert pulses["layout"]["yaxis"]["title"]["text"] == "Acceleration (m/s²)"

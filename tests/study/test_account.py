@@ -30,14 +30,24 @@ def fold(campaign: Campaign, test_id: str, own: float, of_others: float) -> Fold
 
 
 def test_a_test_far_below_its_expectation_is_told_with_its_range_and_its_rating(campaign: Campaign) -> None:
-    """Others are predicted to 1 %, this one is half of what was measured."""
+    """Others are predicted to 1 %, this one is half of what was measured; over which window is said."""
     found = account(campaign, CONFIG, fold(campaign, "T3", 0.5, 0.99))
     assert found.approach == "displacement_domain"
     assert found.disappoints
     first, *_ = found.sentences
     assert found.expected is not None
-    assert first.startswith(f"T3, 26.0 mph: expected {found.expected.range} (80 %), came out {found.rating:.3f}")
-    assert first.endswith("far below what was expected.")
+    assert first.startswith(f"T3, 26.0 mph, over 0–60 ms: expected {found.expected.range} (80 %), came")
+    assert first.endswith(f"out {found.rating:.3f} (Poor): far below what was expected.")
+    shorter = account(campaign, CONFIG, fold(campaign, "T3", 0.5, 0.99), 20.0)
+    assert shorter.sentences[0].startswith("T3, 26.0 mph, over 0–20 ms: expected ")
+
+
+def test_an_approach_keeps_its_name_where_nothing_was_expected(campaign: Campaign) -> None:
+    """An abbreviation stays one within the sentence."""
+    own = fold(campaign, "T3", 0.9, 0.9)
+    unasked = replace(own, estimates=tuple(replace(each, left_out_mps2={}) for each in own.estimates))
+    first, *_ = account(campaign, CONFIG, unasked, approach="cae").sentences
+    assert first.startswith("T3, 26.0 mph, over 0–60 ms: CAE came out 0.")
 
 
 def test_a_test_that_comes_out_like_the_others_is_as_expected(campaign: Campaign) -> None:
@@ -81,7 +91,7 @@ def test_the_worst_test_of_the_speed_groups_is_told_as_it_was_left_out_there(cam
     assert worst_test(study, approach="displacement_domain").test.id == "T3"
     found = worst_test(groups, approach="displacement_domain")
     assert found.rating == groups.fold("T2").ratings["displacement_domain"][60.0].overall
-    assert found.sentences[0].startswith("T2, 25.0 mph, left out with all at about its speed: ")
+    assert found.sentences[0].startswith("T2, 25.0 mph, left out with all at about its speed, over 0–60 ms: ")
     assert worst_test(groups, approach="cae").rating < found.rating
 
 

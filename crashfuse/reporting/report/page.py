@@ -74,6 +74,7 @@ def render(
         filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
         methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
         origin=_origin(provenance(campaign, held_out, config), command),
+        shown_otherwise=_shown_otherwise(display),
         **own,
     )
 
@@ -120,6 +121,16 @@ def _origin(record: Mapping[str, object], command: str) -> dict[str, str]:
         "Packages": _listed(record["packages"]),
         "Seed and settings": _listed(record["config"]),
     }
+
+
+def _shown_otherwise(display: Display) -> str:
+    """A sentence on how the report shows accelerations and the command, which has no options for it, does not."""
+    ways = [f"in {display.unit}"] * (display.unit != "g") + ["as deceleration"] * display.deceleration
+    if not ways:
+        return ""
+    return (
+        f"Acceleration is shown {' and '.join(ways)} here; what the command writes has it in g, with the data's sign."
+    )
 
 
 def _listed(value: object) -> str:

@@ -6,7 +6,6 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import render
@@ -68,11 +67,10 @@ def _beside(
 ) -> dict[str, object]:
     """One approach's predictions at several conditions: pulses, main metrics and their differences from the first."""
     chosen = by_one(approach, answers)
-    predictions = {display.condition(each.prediction.condition): each.prediction for each in chosen}
-    first = chosen[0].prediction.condition
+    first, *others = (PredictedPulse(campaign, (each,)) for each in chosen)
     return {
         "approach": LABELS[approach],
-        "motion": motion(None, predictions, first.speed_mps, display, filled=display.condition(first)),
+        "motion": first.plot(also=others, display=display),  # in the colours of the page
         "metrics": side_by_side(chosen, campaign, display),
         "cautions": cautions(chosen, campaign, display),
     }

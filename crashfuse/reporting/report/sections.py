@@ -7,9 +7,10 @@ import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, missing_by_table, notes_by_makers
 from crashfuse.reporting.plots.display import Display
-from crashfuse.signals.metrics import MAIN_METRICS, Metric
+from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.wording import joined
@@ -18,17 +19,18 @@ _INTERVAL = re.compile(r" ?\[[^]]*\]")
 
 
 def details(
-    campaign: Campaign, estimates: Sequence[Estimate], display: Display, measured: Sequence[Metric] = ()
+    campaign: Campaign, estimates: Sequence[Estimate], display: Display, test: CrashTest | None = None
 ) -> dict[str, object]:
     """Metrics by approach (and of the test), the main ones and the others; notes of the approaches, their fits."""
     headings = {name: display.heading(label) for name, label in campaign.metric_headings.items()}
-    columns = [("Measured", measured)] if measured else []
+    columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     metrics = pd.DataFrame(
         {who: {metric.name: _unbroken(display.metric(metric).text) for metric in own} for who, own in columns}
     )
     main = metrics.index.isin(MAIN_METRICS)
-    shown = metrics.rename(index=headings).rename_axis("Pulse metric").reset_index()
+    of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
+    shown = metrics.rename(index=headings).rename_axis(f"Pulse metric{of_test}").reset_index()
     missing, more_missing = missing_by_table(columns)
     return {
         "metrics": shown[main],

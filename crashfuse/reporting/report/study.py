@@ -19,6 +19,7 @@ from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import details, repeats_table
 from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
 from crashfuse.study.account import worst_test
+from crashfuse.study.config import StudyConfig
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without
 from crashfuse.study.study import Study
@@ -54,6 +55,7 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
         "weak_spots": _weak_spots(study, recommend(study).approach),
         "rated": "Rating of the held-out test" if alone else "Mean rating over the held-out tests",
+        "left_out": _left_out(config, alone),
         "worst_test": {"heading": "The test itself", "sentences": worst.sentences[1:]}  # the verdict has the first
         if alone
         else {"heading": "The worst test", "sentences": worst.sentences},
@@ -84,6 +86,14 @@ def _verdict(study: Study, window_ms: float) -> Sequence[str]:
     return advice.after(fold.ratings[advice.approach][window_ms].overall)
 
 
+def _left_out(config: StudyConfig, alone: bool) -> str:
+    """What each test, or the only one, was predicted from."""
+    which = "The test was left out" if alone else "Each test was left out"
+    if config.leave_out == "speed group":
+        return f"{which} together with all tests at about its speed, and predicted from the rest."
+    return f"{which}{'' if alone else ' in turn'} and predicted from all others."
+
+
 def _whole(study: Study, display: Display) -> dict[str, object]:
     """What stands in the whole report only."""
     windows_ms = study.config.windows_ms
@@ -95,18 +105,22 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
         "paper_tables": [(caption, _shown(table, best(table))) for caption, table in tables if len(table)],
         "spread": study.plot(figure="draws", display=display) if study.coverage else None,
         "band": study.coverage
-        and {"coverage": coverage_table(study.coverage), "curves": study.plot(figure="calibration", display=display)},
+        and {
+            "tests": len(study.folds),
+            "coverage": coverage_table(study.coverage),
+            "curves": study.plot(figure="calibration", display=display),
+        },
         "bias": study.campaign.plot("bias", display=display),
     }
 
 
 def _result(study: Study, display: Display) -> dict[str, object]:
-    """Mean ratings over the tests, and the ratings of each test."""
+    """Mean ratings over the tests, and the ratings of each; of a single test they are the same."""
     means = {w: {name: study.mean_rating(name, w) for name in study.config.approaches} for w in study.config.windows_ms}
     for w in means:
         if (mean := study.mean_repeat(w)) is not None:
             means[w][REPEAT] = mean
-    return {"means": _by_approach(means), "heatmap": study.plot(display=display)}
+    return {"means": _by_approach(means), "heatmap": study.plot(display=display) if len(study.folds) > 1 else None}
 
 
 def _by_approach(ratings: dict[float, dict[str, float]]) -> pd.DataFrame:
@@ -146,7 +160,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "outcome": fold.ratings[advice.approach][window],
         "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
         "motion": study.plot(test.id, notes=notes, display=display),
-        "details": details(study.campaign, fold.estimates, display, study.campaign.metrics_of(test)),
+        "details": details(study.campaign, fold.estimates, display, test),
     }
     if options.form == "short":
         return shown
