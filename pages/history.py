@@ -1,24 +1,25 @@
-"""History: studies and predictions of this machine, to be opened again, and two studies compared."""
+"""History: studies and predictions of this machine, to be opened again, and two of them compared."""
 
 import streamlit as st
 
 from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.ui import frame
-from crashfuse.ui.history import compare_two, show_results, visible
+from crashfuse.ui.history import compare, of_campaign, show_results, ticked, turn_to_opened, visible
 
 view = frame.enter()
 st.title("History")
+turn_to_opened()
 results = visible()
 if not results:
     st.markdown("Nothing was computed on this machine yet. Studies, and predictions that were pinned, appear here.")
     st.stop()
-display = DEFAULT if view is None else view.display
+display, here = (DEFAULT, "") if view is None else (view.display, view.campaign.name)
 st.caption(
-    "What was computed on this machine, by whomever, the latest first; of predictions, those that were pinned or made "
-    "by the command. Choose a row to open that result. Certifications are listed on the page Certify, Earlier verdicts."
+    "Studies, tests predicted one by one, and predictions that were pinned or made with the command, by whomever on "
+    "this machine, the latest first. Tick two to compare them. Certifications are listed on the "
+    "page Certify, Earlier verdicts."
 )
-show_results(results, display)
-studies = [result for result in results if result.tests]
-if len(studies) > 1:
-    st.header("Compare two studies")
-    compare_two(studies, display)
+listed = of_campaign(results, here)
+chosen = ticked(results, listed)
+show_results(listed, chosen, display, here)
+compare(chosen, display)

@@ -10,7 +10,7 @@ from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult
 from crashfuse.wording import signed
 
-_LEFT_OUT = {"test": "", "speed group": ", by group", "both": ", also by group"}
+_LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
 
 
 def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> pd.DataFrame:
@@ -21,6 +21,12 @@ def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> 
 def described(result: PastResult, display: Display = DEFAULT) -> str:
     """A result in a few words, to choose it by: date, what, settings, campaign."""
     return f"{_date(result)} · {_what(result, display)} · {_settings(result)} · {result.campaign}"
+
+
+def left_out_in_words(way: str) -> str:
+    """A way of leaving tests out, as :class:`StudyComparison` has it: that of both, or of the first and the second."""
+    words = [_LEFT_OUT[own] for own in way.split(", ")]
+    return f"Each test left out {words[0] if len(words) == 1 else '{} in the first, {} in the second'.format(*words)}"
 
 
 def comparison_table(compared: StudyComparison, approach: str, window_ms: float, left_out: str) -> pd.DataFrame:
@@ -36,8 +42,8 @@ def comparison_table(compared: StudyComparison, approach: str, window_ms: float,
 
 
 def comparison_means(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
-    """Mean ratings of both studies by approach, as a table for readers."""
-    return pd.DataFrame(
+    """Mean ratings of both studies by approach, as a table for readers; of a single test its ratings alone."""
+    table = pd.DataFrame(
         {
             "Approach": LABELS.get(row["approach"], row["approach"]),
             "Tests": f"{row['tests']}",
@@ -50,6 +56,7 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
         }
         for row in compared.means(window_ms, left_out).to_dict("records")
     )
+    return table[["Approach", "First", "Second", "Difference"]] if set(table["Tests"]) == {"1"} else table
 
 
 def comparison_tests(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
@@ -99,7 +106,7 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
     return {
         "Date (UTC)": _date(result),
         "Campaign": result.campaign,
-        "What": _what(result, display) + _LEFT_OUT[result.config.leave_out],
+        "What": _what(result, display),
         "Recommended": LABELS.get(result.approach, result.approach),
         **rated,
         "Settings": _settings(result),
@@ -110,7 +117,10 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
 def _what(result: PastResult, display: Display) -> str:
     if result.condition is not None:
         return f"at {display.briefly(result.condition)}"
-    return f"test {result.tests[0]}" if len(result.tests) == 1 else f"study of {len(result.tests)} tests"
+    left_out = _LEFT_OUT[result.config.leave_out]
+    if len(result.tests) == 1:
+        return f"test {result.tests[0]} {left_out}"
+    return f"study of {len(result.tests)} tests, each {left_out}"
 
 
 def _settings(result: PastResult) -> str:

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from crashfuse.campaign import Campaign
+from crashfuse.certification.matrix import Matrix
+from crashfuse.reporting.certification_tables import condition_columns, factors_of
 from crashfuse.reporting.fit_explanations import missing_by_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
@@ -47,17 +49,29 @@ def cautions(estimates: Sequence[Estimate], campaign: Campaign, display: Display
 
 
 def conditions_table(answers: Sequence[Sequence[Estimate]]) -> pd.DataFrame:
-    """One row per condition, approach and metric, with its difference from the first condition's; for files."""
+    """One row per condition, approach and metric, with its difference from the first condition's; for files.
+
+    Conditions are numbered, and in the columns of ``matrix.csv``.
+    """
     first = _values(answers[0])
-    rows = [
-        (estimate.prediction.condition.text, estimate.approach, m.name, m.value, m.lower, m.upper, m.unit,
-         _minus(m.value, first.get((estimate.approach, m.name))))
-        for estimates in answers
+    conditions = [estimates[0].prediction.condition for estimates in answers]
+    matrix = Matrix(tuple(str(number + 1) for number in range(len(conditions))), tuple(conditions))
+    factors = factors_of(matrix)
+    return pd.DataFrame(
+        {
+            **condition_columns(number, condition, factors),
+            "approach": estimate.approach,
+            "metric": m.name,
+            "value": m.value,
+            "lower": m.lower,
+            "upper": m.upper,
+            "unit": m.unit,
+            "difference": _minus(m.value, first.get((estimate.approach, m.name))),
+        }
+        for (number, condition), estimates in zip(matrix.items, answers, strict=True)
         for estimate in estimates
         for m in estimate.metrics
-    ]  # fmt: skip
-    names = ["condition", "approach", "metric", "value", "lower", "upper", "unit", "difference"]
-    return pd.DataFrame(rows, columns=names)
+    )
 
 
 def _columns(estimates: Sequence[Estimate], display: Display) -> list[tuple[str, Sequence[Metric]]]:

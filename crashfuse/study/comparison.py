@@ -1,27 +1,46 @@
-"""Two studies beside each other: which one rates better, on which tests, and by how much."""
+"""Two studies beside each other: which one rates higher, in which tests, and by how much."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
+from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.errors import UsageError
-from crashfuse.study.history import PastResult
+from crashfuse.study.history import PastResult, Ratings
 from crashfuse.wording import signed
 
 _CLEARLY = 2.0  # standard errors
+_SAME = 1e-6  # records are rounded to six digits
+
+
+def telling_pair(studies: Sequence[PastResult]) -> tuple[PastResult, PastResult] | None:
+    """The two of one campaign with most ratings in common that can differ, the latest of these; the earlier first.
+
+    They can differ if they rest on other data, another preset, seed or device, or if each left out in its own way.
+    """
+    by_date = sorted(studies, key=lambda study: study.date)
+    rivals = (
+        (len(rated & others), one, other)
+        for (one, rated), (other, others) in combinations([(study, _rated(study)) for study in by_date], 2)
+        if _can_differ(one, other)
+    )
+    best = max(rivals, key=lambda rival: (rival[0], rival[2].date, rival[1].date), default=None)
+    return best[1:] if best and best[0] else None
 
 
 @dataclass(frozen=True, eq=False)
 class StudyComparison:
-    """Ratings of the tests, by the approaches and over the windows that two studies have in common.
+    """Ratings of the tests, by the approaches and over the windows that two studies of one vehicle have in common.
 
     Raises
     ------
     UsageError
-        If they have nothing in common.
+        If they have nothing in common, or are of two vehicles.
     """
 
     first: PastResult
@@ -30,21 +49,25 @@ class StudyComparison:
     def __post_init__(self) -> None:
         if self.ratings.empty:
             raise UsageError(
-                "These two have no rating in common: no test that both left out in the same way, no approach, or no "
-                "window."
+                "These two have no rating in common: no test that both left out, no approach, or no window."
+            )
+        if not self._of_one_vehicle:
+            raise UsageError(
+                f"{self.first.campaign} and {self.second.campaign} are not one vehicle: a test of the one is not "
+                "the test of the same name of the other, so nothing is compared. Choose two studies of one campaign, "
+                "or of a changed copy of it."
             )
 
     @cached_property
     def ratings(self) -> pd.DataFrame:
         """One row per way of leaving out, test, approach and window: both ratings, and second minus first."""
-        ways = self.second.by_way
         rows = [
-            (way, test, approach, window, rating, ways[way][test][approach][window])
-            for way, by_test in self.first.by_way.items()
-            for test, by_approach in by_test.items()
+            (way, test, approach, window, rating, other[test][approach][window])
+            for way, (own, other) in self._by_way.items()
+            for test, by_approach in own.items()
             for approach, by_window in by_approach.items()
             for window, rating in by_window.items()
-            if window in ways.get(way, {}).get(test, {}).get(approach, {})
+            if window in other.get(test, {}).get(approach, {})
         ]
         table = pd.DataFrame(rows, columns=["left_out", "held_out", "approach", "window_ms", "first", "second"])
         return table.assign(difference=table["second"] - table["first"])
@@ -65,7 +88,7 @@ class StudyComparison:
 
     @property
     def ways(self) -> list[str]:
-        """The ways of leaving tests out that both have."""
+        """The ways of leaving tests out that both have; if there is none, that of the first and that of the second."""
         return list(self.ratings["left_out"].unique())
 
     def means(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:
@@ -96,8 +119,14 @@ class StudyComparison:
         """What the two differ in beside their settings, if anything."""
         first, second = self.first, self.second
         said = []
+        if self.ways[0] not in first.by_way:  # both
+            harder = "second" if "speed group" in second.by_way else "first"
+            said.append(
+                f"Each left tests out in its own way, the {harder} with all tests at about their speed: the harder "
+                "question."
+            )
         if first.fingerprint != second.fingerprint:
-            said.append("Their data differ: tests are compared by their ids, whatever was measured in them.")
+            said.append(f"Their data differ: {self._what_differs}")
         if first.basis != second.basis:
             said.append(f"Their ratings rest on different things: {first.basis}; {second.basis}.")
         for one, other, which in ((first, second, "first"), (second, first, "second")):
@@ -111,6 +140,36 @@ class StudyComparison:
         way = self.ways[0] if left_out is None else left_out
         return self.ratings[(self.ratings["window_ms"] == window) & (self.ratings["left_out"] == way)]
 
+    @property
+    def _by_way(self) -> dict[str, tuple[Ratings, Ratings]]:
+        """Ratings of both by each way of leaving out that both have; if they have none in common, each by its own."""
+        first, second = self.first.by_way, self.second.by_way
+        if common := [way for way in first if way in second]:
+            return {way: (first[way], second[way]) for way in common}
+        (way, own), (other_way, other) = *first.items(), *second.items()
+        return {f"{way}, {other_way}": (own, other)}
+
+    @cached_property
+    def _raw(self) -> pd.DataFrame:
+        """Ratings of the raw CAE model, which learns from no test: equal for the same test and CAE run."""
+        raw = self.ratings[self.ratings["approach"] == Cae.name]
+        return raw.assign(same=raw["difference"].abs() <= _SAME)
+
+    @property
+    def _of_one_vehicle(self) -> bool:
+        """True for one campaign, and for a changed copy: named otherwise, but some test and CAE run are the same."""
+        first, second = self.first, self.second
+        named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
+        return named or bool(self._raw.groupby("held_out")["same"].all().any())
+
+    @property
+    def _what_differs(self) -> str:
+        if self._raw.empty:
+            return "tests are compared by their ids, whatever was measured in them."
+        if changed := ", ".join(self._raw.loc[~self._raw["same"], "held_out"].unique()):
+            return f"the raw CAE model is rated differently in {changed}, so these tests or CAE runs are not the same."
+        return "not in these tests, in which the raw CAE model is rated the same."
+
 
 def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
     label, gain, error, n = (
@@ -118,16 +177,29 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
         *(row[name] for name in ("difference", "standard_error", "tests")),
     )
     if not table["difference"].any():
-        return f"{label}: the same in both, mean {row['first']:.3f}."
-    told = f"mean {row['second']:.3f} in the second, {row['first']:.3f} in the first"
+        return f"{label}: the same in both, {'mean ' * (n > 1)}{row['first']:.3f}."
+    told = f"{row['first']:.3f} in the first, {row['second']:.3f} in the second"
     if n == 1:
         return f"{label}: {told}, a difference of {signed(gain, 3)} in one test."
-    clear = abs(gain) > _CLEARLY * error
-    better = "second" if gain > 0 else "first"
-    verdict = f"the {better} is better" if clear else "no clear difference"
+    higher = "second" if gain > 0 else "first"
+    verdict = f"clearly higher in the {higher}" if abs(gain) > _CLEARLY * error else "no clear difference"
     most = table.loc[table["difference"].abs().idxmax()]
     return (
-        f"{label}: {verdict}; {told} ({signed(gain, 3)} ± {error:.3f} over {n} tests). The second is higher in "
+        f"{label}: {verdict}; mean {told} ({signed(gain, 3)} ± {error:.3f} over {n} tests). The second is higher in "
         f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} "
         f"({signed(most['difference'], 3)})."
     )
+
+
+def _rated(study: PastResult) -> frozenset[tuple[str, str, float]]:
+    return frozenset(
+        (test, approach, window)
+        for test, by_approach in study.ratings.items()
+        for approach, by_window in by_approach.items()
+        for window in by_window
+    )
+
+
+def _can_differ(one: PastResult, other: PastResult) -> bool:
+    asked = [(each.fingerprint, each.config.preset, each.config.seed, each.config.device) for each in (one, other)]
+    return one.campaign == other.campaign and (asked[0] != asked[1] or not {*one.by_way} & {*other.by_way})

@@ -1,4 +1,4 @@
-"""Past results: opened again, and two studies compared."""
+"""Past results: opened again, and two of them compared."""
 
 from contextlib import suppress
 
@@ -6,15 +6,20 @@ import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.errors import DataError, UsageError
-from crashfuse.reporting.past_results import comparison_means, comparison_table, described, history_table
+from crashfuse.reporting.past_results import (
+    comparison_means,
+    comparison_table,
+    described,
+    history_table,
+    left_out_in_words,
+)
 from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import comparison_report
-from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.comparison import StudyComparison, telling_pair
 from crashfuse.study.history import PastResult, past_results
-from crashfuse.ui import address, campaigns, frame, page_tables
+from crashfuse.ui import address, campaigns, frame
 from crashfuse.ui.downloads import download_report, download_table
-from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.page_tables import window_label
@@ -23,8 +28,14 @@ from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 _ROW_PX, _MOST_ROWS = 35, 9
-_WIDTHS_PX = {"Campaign": 125, "What": 195}  # all columns fit at 900 px
-_TABLE, _REFUSED = "past results", "result that could not be opened"  # session keys
+_OPEN = "Open"
+_WIDTHS_PX = {_OPEN: 62, "Campaign": 100, "What": 195}  # all columns fit at 900 px
+_TICKED = ("first", "second")  # session keys: ids of the results that are compared; "" for none
+_TABLE, _CLICKED, _OPENED, _REFUSED = "past results", "clicked result", "opened result", "refused result"
+_HOW_TO_COMPARE = (
+    "No two studies listed here share a test and differ in their data or settings: run one again with another seed, "
+    "say, and both are compared here."
+)
 
 
 def visible() -> list[PastResult]:
@@ -36,57 +47,104 @@ def visible() -> list[PastResult]:
     return [result for result in results if result.fingerprint in mine]
 
 
-def show_results(results: list[PastResult], display: Display) -> None:
-    """Show the list; a click on a row opens that result."""
-    table = history_table(results, display)
+def of_campaign(results: list[PastResult], here: str) -> list[PastResult]:
+    """Those of the open campaign, or those of all, as the user chooses; all if it has none."""
+    own = [result for result in results if result.campaign == here]
+    if not own or len(own) == len(results):
+        return results
+    labels = {"this": plain(here), "all": "All campaigns"}
+    return own if choose("Campaigns", list(labels), key="listed", label_of=labels.__getitem__) == "this" else results
 
-    def take() -> None:
-        rows = st.session_state[_TABLE].selection.rows
-        st.session_state[_REFUSED] = _open(results[rows[0]]) if rows else ""
 
-    event = st.dataframe(
-        table.drop(columns="Data"), hide_index=True, on_select=take, selection_mode="single-row", key=_TABLE,
+def ticked(results: list[PastResult], listed: list[PastResult]) -> list[PastResult]:
+    """Those that are ticked, the first one first; until somebody ticks one, two of the list that differ."""
+    asked = [st.session_state[key] for key in _TICKED]
+    if asked == [None, None]:
+        return list(telling_pair([result for result in listed if result.tests]) or ())
+    by_id = {result.id: result for result in results}
+    if any(asked_id and asked_id not in by_id for asked_id in asked):
+        st.warning("A result of this link is not in the list of this machine.", icon=":material/link_off:")
+    return [by_id[asked_id] for asked_id in asked if asked_id in by_id]
+
+
+def show_results(results: list[PastResult], chosen: list[PastResult], display: Display, here: str) -> None:
+    """Show the list: a button in each row opens it, ticks choose which are compared."""
+    table = history_table(results, display).drop(columns="Data")
+    if set(table["Campaign"]) == {here}:
+        table = table.drop(columns="Campaign")
+    table.insert(0, _OPEN, _OPEN)
+    rows = [row for row, result in enumerate(results) if result in chosen]
+    address.put(_TABLE, {"selection": {"rows": rows, "columns": [], "cells": []}})
+
+    def tick() -> None:
+        found = [results[row] for row in st.session_state[_TABLE].selection.rows]
+        new = [result for result in found if result not in chosen]
+        suggested = st.session_state[_TICKED[0]] is None
+        kept = [] if new and suggested else [result for result in chosen if result in found]
+        ids = [result.id for result in [*kept, *new][-2:]]
+        st.session_state.update(zip(_TICKED, [*ids, "", ""], strict=False))  # "": none, and that was chosen
+
+    st.dataframe(
+        table, hide_index=True, on_select=tick, selection_mode="multi-row", key=_TABLE,
         height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Studies and predictions of this machine",
         column_config={
-            "Mean rating": st.column_config.TextColumn(
-                alignment="right", help="Over the longest window; of a prediction the central 80 % of what is expected."
+            _OPEN: st.column_config.ButtonColumn(
+                "", width=_WIDTHS_PX[_OPEN], key=_CLICKED,
+                on_click=lambda: _open(results[st.session_state[_CLICKED].row]),
             ),
-            **{name: st.column_config.TextColumn(width=width) for name, width in _WIDTHS_PX.items()},
+            "What": st.column_config.TextColumn(
+                width=_WIDTHS_PX["What"], help="A test is left out alone, with all at about its speed, or both ways."
+            ),
+            "Campaign": st.column_config.TextColumn(width=_WIDTHS_PX["Campaign"]),
+            "Mean rating": st.column_config.TextColumn(
+                "Rating", alignment="right",
+                help="Over the longest window: of a study the mean, of a prediction 80 % of what is to be expected.",
+            ),
         },
     )  # fmt: skip
+
+
+def turn_to_opened() -> None:
+    """Turn to the page of a result that was just opened, or say what is in the way."""
+    if page := st.session_state.pop(_OPENED, ""):
+        open_page(page)
     if refused := st.session_state.pop(_REFUSED, ""):
         st.warning(plain(refused), icon=":material/folder_off:")
-    elif rows := event["selection"]["rows"]:
-        open_page(_page(results[rows[0]]))
 
 
-def compare_two(studies: list[PastResult], display: Display) -> None:
-    """Let the user choose two studies, and show which rates better."""
-    by_id = {result.id: result for result in studies}
-    latest, *others = sorted(studies, key=lambda result: len(result.tests), reverse=True)  # of the largest ones
-    before = next((result for result in others if result.fingerprint == latest.fingerprint), others[0])
-    before, latest = sorted((before, latest), key=lambda result: result.date)
-    chosen = []
-    for label, key, usual in (("First study", "first", before), ("Second study", "second", latest)):
-        if st.session_state.get(key) not in by_id:
-            st.session_state[key] = usual.id
-            address.publish()  # the next result would be another default
-        name = st.selectbox(  # over the whole width: a description ends with the campaign's name
-            label, list(by_id), format_func=lambda name: described(by_id[name], display), key=key,
-            persist_state="session",
-        )  # fmt: skip
-        chosen.append(by_id[name])
+def compare(chosen: list[PastResult], display: Display) -> None:
+    """Show the two that are ticked beside each other, or say what to tick."""
+    if len(chosen) < 2:
+        st.markdown(_HOW_TO_COMPARE if st.session_state[_TICKED[0]] is None else "Tick two results to compare them.")
+        return
+    first, second = chosen
+    st.header("Two compared")
+    st.markdown(f"First: **{plain(described(first, display))}**  \nSecond: **{plain(described(second, display))}**")
+    if not (first.tests or second.tests):
+        _offer_predictions(first, second)
+        return
     try:
-        compared = _compared(chosen[0].id, chosen[1].id, chosen)
+        compared = _compared(first.id, second.id, chosen)
     except UsageError as error:
-        st.info(str(error), icon=":material/join_inner:")
+        st.info(plain(error), icon=":material/join_inner:")
         return
     way = compared.ways[0]
     if len(compared.ways) > 1:
-        way = choose("Left out", compared.ways, key="compared_way", label_of=page_tables.WAYS.__getitem__)
-    else:
-        st.caption(f"{page_tables.WAYS[way]}, the only way that both studies have.")
+        way = choose("Left out", compared.ways, key="compared_way", label_of=left_out_in_words)
+    elif way in first.by_way:  # else the cautions say it
+        st.caption(f"{left_out_in_words(way)}.")
     _show(compared, way, display)
+
+
+def _offer_predictions(first: PastResult, second: PastResult) -> None:
+    """Offer to show two predictions beside each other on the page Predict, which has both pulses and all metrics."""
+    if (first.fingerprint, first.config) == (second.fingerprint, second.config):
+        st.button("Show both on Predict", icon=":material/keep:", type="primary", on_click=_open, args=(first, second))
+    else:
+        st.info(
+            "These predictions rest on different data or settings; Predict shows those beside each other that rest on "
+            "the same.", icon=":material/join_inner:",
+        )  # fmt: skip
 
 
 @st.cache_resource(max_entries=20, show_spinner=False)
@@ -96,11 +154,20 @@ def _compared(first: str, second: str, _chosen: list[PastResult]) -> StudyCompar
 
 def _show(compared: StudyComparison, way: str, display: Display) -> None:
     window = compared.window(display.window_ms)
-    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in compared.sentences(window, way)))
     for caution in compared.cautions:
-        st.caption(f":material/warning: {plain(caution)}")
-    st.subheader(f"Mean rating over {window_label(window)}")
+        st.markdown(f":material/warning: {plain(caution)}")
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in compared.sentences(window, way)))
+    several = compared.over(window, way)["held_out"].nunique() > 1
+    st.subheader(f"{'Mean rating' if several else 'Rating'} over {window_label(window)}")
     show_table(comparison_means(compared, window, way), "compared means")
+    if several:
+        _show_each_test(compared, window, way)
+    with st.container(horizontal=True):
+        download_table("comparison.csv", lambda: compared.ratings)
+        download_report(lambda: comparison_report(compared, display), "", "comparison.html")
+
+
+def _show_each_test(compared: StudyComparison, window: float, way: str) -> None:
     approaches = list(compared.means(window, way)["approach"])
     usual = compared.second.approach
     st.subheader("Each test")
@@ -111,25 +178,23 @@ def _show(compared: StudyComparison, way: str, display: Display) -> None:
         compared.second.id,
         window,
         way,
-        name=file_name("studies compared", window_label(window), way),
+        name=f"studies compared {compared.first.id} {compared.second.id} {way} 0-{window:g}ms",
     )
     approach = choose(
         "Approach", approaches, key="compared_approach", default=usual if usual in approaches else approaches[0],
         label_of=lambda name: LABELS.get(name, name),
     )  # fmt: skip
     show_table(comparison_table(compared, approach, window, way), "compared tests")
-    with st.container(horizontal=True):
-        download_table("comparison.csv", lambda: compared.ratings)
-        download_report(lambda: comparison_report(compared, display), "", "comparison.html")
 
 
-def _open(result: PastResult) -> str:
-    """Choose in the session whatever a result rests on; returns what is in the way, if anything."""
+def _open(result: PastResult, *pinned: PastResult) -> None:
+    """Choose whatever a result rests on, or record what is in the way; predictions to be seen beside it are pinned."""
     names = [name for name in campaigns.open_campaigns() if _fingerprint(name) == result.fingerprint]
     here = st.session_state["campaign"]
     name = here if here in names else next(iter(names), None)
     if name is None:
-        return _in_the_way(result)
+        st.session_state[_REFUSED] = _in_the_way(result)
+        return
     frame.choose_campaign(name)
     if name != here:
         frame.note(f"Opened in {campaigns.label(name)}, which has the data of this result.")
@@ -143,12 +208,15 @@ def _open(result: PastResult) -> str:
         st.session_state["test"] = result.tests[0]
     if result.condition is not None:
         fill_in(campaigns.load(name), result.condition)
-    return ""
+    if pinned:
+        st.session_state["pins"] = [each.condition.text for each in (result, *pinned) if each.condition is not None]
+    st.session_state[_OPENED] = _page(result)
 
 
 def _in_the_way(result: PastResult) -> str:
     """Why no open campaign has the data of a result."""
-    of = f"The campaign {result.campaign} with the data {result.fingerprint[:8]}"
+    data = f"campaign {result.campaign} with the data {result.fingerprint[:8]}"
+    of = f"The {data}"
     for name in campaigns.open_campaigns():
         with suppress(DataError):
             campaign = campaigns.load(name)
@@ -159,7 +227,7 @@ def _in_the_way(result: PastResult) -> str:
                 return (
                     f"{of} was changed since: undo that on the page Data, or open a copy of it, then choose it again."
                 )
-    return f"{of} is not open on this server: open its folder on the page Data, then choose this result again."
+    return f"You have not opened the {data}: open its folder, or upload it, on the page Data, then choose it again."
 
 
 def _page(result: PastResult) -> str:

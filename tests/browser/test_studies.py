@@ -111,40 +111,41 @@ def test_the_report_of_a_study_shows_the_chosen_tests_in_the_units_of_the_page(
 
 
 def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server", user: "User") -> None:
-    """Two seeds: a row for each, means and differences, a table to take along; a row opens its study.
+    """Two seeds: a row for each, means and differences, a table to take along; a button in its row opens a study.
 
-    A study can be chosen by a campaign's name of 80 letters.
+    The two are ticked when nobody has chosen; without a tick nothing is compared, and Back ticks it again.
     """
     user.sits_at(1440, 1000)
     study(user, small_server)
     study(user, small_server, seed="4")
     user.sees("Fast settings, seed 4", ".st-key-head")
     user.go("History")
-    user.sees("Compare two studies")
+    user.sees("Two compared")
     user.sees("mean", f"{MAIN} li")
     table = user.sees("T4", TABLE)
     assert "Mean" in table
-    assert "first=" in user.browser.current_url
-    widths = (
-        "const box = arguments[0], pen = document.createElement('canvas').getContext('2d');"
-        "pen.font = getComputedStyle(box).font; return [box.clientWidth, pen.measureText(arguments[1]).width]"
-    )
-    box = user.find('input[aria-label^="First study"]')
-    told = (box.get_attribute("value") or "").rpartition(" · ")[0]
-    room_px, text_px = user.browser.execute_script(widths, box, f"{told} · {'facelift 2' * 8}")
-    assert told
-    assert text_px <= room_px
+    assert "first=" not in user.browser.current_url
     written = user.downloads_file("comparison.csv")
     assert written.startswith("left_out,held_out,approach,window_ms,first,second,difference")
-    grid = user.find('[data-testid="stDataFrame"] canvas')
     inside = "const list = document.querySelector('.dvn-scroller'); return list.scrollWidth - list.clientWidth"
     cut_px = user.browser.execute_script(inside)
     assert cut_px <= 0
-    user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
-    across, down = round(18 - grid.rect["width"] / 2), round(52 - grid.rect["height"] / 2)  # the first row's box
-    ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()
+    _click_in_first_row(user, 18)
+    user.sees("Tick two results to compare them.")
+    assert "first=" in user.browser.current_url
+    user.browser.back()
+    user.sees("mean", f"{MAIN} li")
+    _click_in_first_row(user, 66)
     user.wait(lambda: "/study?" in user.browser.current_url)
     assert "seed=4" in user.browser.current_url
+
+
+def _click_in_first_row(user: "User", from_left_px: int) -> None:
+    """Its box is 18 pixels from the left, the button that opens it 66."""
+    grid = user.find('[data-testid="stDataFrame"] canvas')
+    user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
+    across, down = round(from_left_px - grid.rect["width"] / 2), round(52 - grid.rect["height"] / 2)
+    ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()
 
 
 def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
@@ -164,7 +165,7 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     user.open(server, "study", campaign="odd", test="S4", approaches=QUICK)
     user.press("Leave out each of 5 tests")
     said = user.sees("without its neighbours and", timeout_s=4 * SOON)  # known last, after ten fits
-    assert "S4, 25.0 mph: expected " in said
+    assert "S4, 25.0 mph, over 0–60 ms: expected " in said
     assert "far below what was expected. S4 differs from the tests at its speed more than they do from each" in said
     assert "Check its record and its condition, or expect bifurcation" in said
     user.go("Compare")

@@ -12,6 +12,8 @@ from crashfuse.reporting.past_results import (
     comparison_means,
     comparison_table,
     comparison_tests,
+    described,
+    left_out_in_words,
     studies_table,
 )
 from crashfuse.reporting.plots.compared import rating_differences
@@ -86,7 +88,7 @@ def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyC
     for sentence in (*compared.sentences(40.0, "test"), *compared.cautions):
         assert sentence in words
     assert "Each test left out alone: mean rating over 0–40 ms" in words
-    assert "Each test left out with all at about its speed" in words
+    assert "Each test left out with all at its speed" in words
     assert "fast, seed 7" in words
     assert f"crashfuse compare {compared.first.id} {compared.second.id} --report FILE" in words
     assert len(figures_of(report).figures) == 2
@@ -98,7 +100,7 @@ def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:
     """Property by property, with the ids by which the command names them."""
     table = studies_table(compared.first, compared.second).set_index("Study")
     assert table.loc["Settings"].tolist() == ["fast, seed 0", "fast, seed 7"]
-    assert table.loc["What"].tolist() == ["study of 4 tests, also by group", "study of 3 tests, also by group"]
+    assert table.loc["What"].tolist() == ["study of 4 tests, each both ways", "study of 3 tests, each both ways"]
     assert table.loc["Id"].tolist() == [compared.first.id, compared.second.id]
 
 
@@ -106,3 +108,19 @@ def test_a_window_that_only_one_has_is_the_longest_of_both(compared: StudyCompar
     """The page may show a window that neither was rated over."""
     assert compared.window(40.0) == 40.0
     assert compared.window(20.0) == 60.0
+
+
+def test_a_result_is_told_from_the_same_tests_left_out_otherwise() -> None:
+    """By the words of the sidebar; so is the comparison of the two."""
+    alone, grouped = study({"T1": 0.6}), study({"T1": 0.8}, config=StudyConfig(leave_out="speed group"))
+    assert described(alone) == "2030-01-01 00:00 · test T1 alone · fast, seed 0 · alpha"
+    assert "test T1 with all at its speed" in described(grouped)
+    (way,) = StudyComparison(alone, grouped).ways
+    assert left_out_in_words(way) == "Each test left out alone in the first, with all at its speed in the second"
+
+
+def test_a_single_test_has_ratings_and_no_mean() -> None:
+    """Neither an error nor a count would say anything."""
+    compared = StudyComparison(study({"T1": 0.6}), study({"T1": 0.8}))
+    table = comparison_means(compared, 60.0, "test").set_index("Approach")
+    assert table.loc["Fused"].to_dict() == {"First": "0.600", "Second": "0.800", "Difference": "+0.200"}

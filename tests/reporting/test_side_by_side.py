@@ -7,12 +7,13 @@ import pytest
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.side_by_side import cautions, conditions_table, side_by_side
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
-from crashfuse.units import MPH, G
+from crashfuse.units import KPH, LB, MPH, G
 
 
 def estimate(campaign: Campaign, speed_mph: float, **changed: float | None) -> Estimate:
@@ -51,12 +52,14 @@ def test_a_column_beside_says_where_it_is_an_extrapolation_and_what_it_lacks(cam
 
 
 def test_a_file_holds_every_approach_at_every_condition(campaign: Campaign) -> None:
-    """With the condition as text, and the difference from the first condition by the same approach."""
+    """Numbered, in the units of all files, with the difference from the first condition by the same approach."""
     fit = Fit.of(campaign, "cae", StudyConfig(approaches=("cae",)))
-    conditions = [test.condition for test in campaign.tests[:2]]
+    conditions = [campaign.tests[0].condition, Condition(64 * KPH, 900.0, 700.0, (("drive", "FWD"),))]
     table = conditions_table([[fit.estimate(condition)] for condition in conditions])
-    assert list(table["condition"].unique()) == [condition.text for condition in conditions]
-    assert conditions[0].speed_mps == 15 * MPH
-    first, second = (own.set_index("metric") for _, own in table.groupby("condition", sort=False))
+    first, second = (own.set_index("metric") for _, own in table.groupby("id", sort=False))
+    assert set(first["speed_mph"]) == {15.0}
+    assert second["speed_mph"].to_numpy() == pytest.approx(64 * KPH / MPH)
+    assert second["front_weight_lb"].to_numpy() == pytest.approx(900.0 / LB)
+    assert (set(first["drive"]), set(second["drive"])) == ({dict(conditions[0].factors).get("drive", "")}, {"FWD"})
     assert (first["difference"].dropna() == 0).all()
     pd.testing.assert_series_equal(second["difference"], second["value"] - first["value"], check_names=False)

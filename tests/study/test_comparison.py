@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from crashfuse.errors import UsageError
-from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.comparison import StudyComparison, telling_pair
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, Ratings
 
@@ -15,8 +15,16 @@ FIRST = {"T1": 0.80, "T2": 0.70, "T3": 0.90, "T4": 0.60}
 def study(overall: dict[str, float], **changes: object) -> PastResult:
     """A study of one approach over two windows; over the shorter one everything rates 0.05 higher."""
     ratings: Ratings = {test: {"fused": {40.0: r + 0.05, 60.0: r}, "cae": {60.0: 0.5}} for test, r in overall.items()}
-    given = {"fingerprint": "a", "basis": "ISO/TS 18571:2024", "ratings": ratings, "config": StudyConfig(), **changes}
-    return PastResult("alpha", approach="fused", date="2030-01-01T00:00:00+00:00", **given)  # type: ignore[arg-type]
+    given = {
+        "campaign": "alpha", "fingerprint": "a", "basis": "ISO/TS 18571:2024", "ratings": ratings,
+        "config": StudyConfig(), "date": "2030-01-01T00:00:00+00:00", **changes,
+    }  # fmt: skip
+    return PastResult(approach="fused", **given)  # type: ignore[arg-type]
+
+
+def raw(overall: dict[str, float], **changes: object) -> PastResult:
+    """A study of the raw CAE model alone."""
+    return study({}, ratings={test: {"cae": {60.0: rating}} for test, rating in overall.items()}, **changes)
 
 
 def test_the_difference_is_second_minus_first_with_its_standard_error() -> None:
@@ -38,12 +46,13 @@ def test_a_clear_gain_is_called_one_and_a_lucky_one_is_not() -> None:
     """The same mean gain of 0.02: in every test alike, or in one test alone."""
     steady = StudyComparison(study(FIRST), study({t: r + 0.02 + 0.001 * i for i, (t, r) in enumerate(FIRST.items())}))
     lucky = StudyComparison(study(FIRST), study({**FIRST, "T4": 0.68}))
-    assert steady.sentences()[0].startswith("Fused: the second is better; mean 0.772 in the second, 0.750 in the first")
+    told = "Fused: clearly higher in the second; mean 0.750 in the first, 0.772 in the second"
+    assert steady.sentences()[0].startswith(told)
     assert lucky.sentences()[0].startswith("Fused: no clear difference;")
     assert "differs most in T4 (+0.080)" in lucky.sentences()[0]
     assert lucky.sentences()[1] == "CAE: the same in both, mean 0.500."
     worse = StudyComparison(steady.second, steady.first)
-    assert "the first is better" in worse.sentences()[0]
+    assert "clearly higher in the first" in worse.sentences()[0]
 
 
 def test_windows_and_ways_are_compared_like_with_like() -> None:
@@ -54,21 +63,61 @@ def test_windows_and_ways_are_compared_like_with_like() -> None:
     assert compared.ways == ["speed group"]
     assert compared.ratings["difference"].tolist() == pytest.approx([0.1])
     assert compared.sentences() == (
-        "Fused: mean 0.400 in the second, 0.300 in the first, a difference of +0.100 in one test.",
+        "Fused: 0.300 in the first, 0.400 in the second, a difference of +0.100 in one test.",
     )
     assert StudyComparison(both, both).means(40.0)["first"].tolist() == pytest.approx([0.80])
 
 
+def test_a_test_left_out_alone_is_compared_with_itself_left_out_with_its_speed_group() -> None:
+    """Each by its own way, and it is said which question was the harder one."""
+    alone, grouped = study({"T1": 0.6}), study({"T1": 0.8}, config=StudyConfig(leave_out="speed group"))
+    for first, second, harder in ((alone, grouped, "second"), (grouped, alone, "first")):
+        compared = StudyComparison(first, second)
+        assert compared.ways == [", ".join([*first.by_way, *second.by_way])]
+        assert f"the {harder} with all tests at about their speed" in compared.cautions[0]
+        assert f"{first.ratings['T1']['fused'][60.0]:.3f} in the first" in compared.sentences()[0]
+    assert StudyComparison(alone, alone).cautions == ()
+
+
 def test_other_data_and_another_basis_are_said() -> None:
-    """Ids alone don't make two tests the same."""
-    other = study(FIRST, fingerprint="b", basis="ISO/TS 18571:2024, CFC 60")
-    first, second = StudyComparison(study(FIRST), other).cautions
-    assert "data differ" in first
-    assert "CFC 60" in second
+    """Ids alone don't make two tests the same; the raw CAE model, which learns nothing, shows which ones are."""
+    first, other = study(FIRST), {"fingerprint": "b", "basis": "ISO/TS 18571:2024, CFC 60"}
+    same, basis = StudyComparison(first, study(FIRST, **other)).cautions
+    assert same.startswith("Their data differ: not in these tests")
+    assert "CFC 60" in basis
+    changed = StudyComparison(raw({"T1": 0.5, "T2": 0.5}), raw({"T1": 0.5, "T2": 0.6}, fingerprint="b")).cautions[0]
+    assert "rated differently in T2, so" in changed
+    without = study({}, ratings={"T1": {"fused": {60.0: 0.8}}}, fingerprint="b")
+    assert "whatever was measured" in StudyComparison(first, without).cautions[0]
+
+
+def test_studies_of_two_vehicles_are_refused() -> None:
+    """A test of one is not that of the other for having its name; a changed copy is the same vehicle."""
+    with pytest.raises(UsageError, match="alpha and eta are not one vehicle"):
+        StudyComparison(raw({"T1": 0.5, "T2": 0.5}), raw({"T1": 0.6, "T2": 0.4}, campaign="eta", fingerprint="b"))
+    copy = {"campaign": "copy of alpha", "fingerprint": "b"}
+    one_test_more = StudyComparison(raw({"T1": 0.5}), raw({"T1": 0.5 + 4e-7, "T2": 0.4}, **copy))
+    assert "Rated in the second only: T2." in one_test_more.cautions
+    renamed = study({}, ratings={"T1": {"fused": {60.0: 0.8}}}, campaign="copy of alpha")
+    assert StudyComparison(study(FIRST), renamed).ways == ["test"]
 
 
 def test_two_without_anything_in_common_are_refused() -> None:
-    """Other tests, or left out in another way."""
-    for other in (study({"T9": 0.5}), study(FIRST, config=StudyConfig(leave_out="speed group"))):
+    """No test, or no approach."""
+    for other in (study({"T9": 0.5}), study({}, ratings={"T1": {"time_domain": {60.0: 0.5}}})):
         with pytest.raises(UsageError, match="no rating in common"):
             StudyComparison(study(FIRST), other)
+
+
+def test_the_pair_that_tells_most_is_of_one_campaign_and_can_differ() -> None:
+    """Not a study and its own single test, nor two vehicles; of equal pairs the latest, the earlier of both first."""
+    old, new, newest = (
+        study(FIRST, config=StudyConfig(seed=seed), date=f"2030-01-0{seed + 1}T00:00:00+00:00") for seed in range(3)
+    )
+    own_test = study({"T1": 0.8}, date="2030-01-08T00:00:00+00:00")
+    elsewhere = study(FIRST, campaign="eta", fingerprint="b", date="2030-01-09T00:00:00+00:00")
+    assert telling_pair([elsewhere, own_test, newest, new, old]) == (new, newest)
+    assert telling_pair([elsewhere, own_test, old]) is None
+    grouped = study({"T1": 0.7}, config=StudyConfig(leave_out="speed group"), date="2030-01-07T00:00:00+00:00")
+    assert telling_pair([own_test, grouped]) == (grouped, own_test)
+    assert telling_pair([old, study({"T9": 0.5}, config=StudyConfig(seed=1))]) is None

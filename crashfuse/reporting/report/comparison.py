@@ -3,18 +3,22 @@
 import platform
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.past_results import comparison_by_window, comparison_means, comparison_tests, studies_table
+from crashfuse.reporting.past_results import (
+    comparison_by_window,
+    comparison_means,
+    comparison_tests,
+    left_out_in_words,
+    studies_table,
+)
 from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.report.page import render_in_frame
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.version import __version__
 
-_WAYS = {"test": "Each test left out alone", "speed group": "Each test left out with all at about its speed"}
-
 
 def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> str:
-    """HTML report of two studies: which one rates better, on which tests, by how much, and what they are.
+    """HTML report of two studies: which one rates higher, in which tests, by how much, and what they are.
 
     Over the rated window of the display, if both were rated over it, else over the longest one.
     """
@@ -31,7 +35,7 @@ def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> 
         cautions=compared.cautions,
         ways=[
             {
-                "label": _WAYS[way],
+                "label": left_out_in_words(way),
                 "sentences": compared.sentences(window, way),
                 "means": comparison_means(compared, window, way),
                 "tests": comparison_tests(compared, window, way),
