@@ -133,6 +133,7 @@ CHOICES: dict[str, Choice] = {
     "rear_weights": Choice(pages=("certify",)),
     "grid_…": Choice(tuple, pages=("certify",)),
     "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
+    "listed": Choice(str, "this", ("this", "all"), pages=("history",)),
     "first": Choice(pages=("history",)),
     "second": Choice(pages=("history",)),
     "compared_way": Choice(pages=("history",)),
@@ -207,9 +208,14 @@ def leave_campaign() -> None:
 
 
 def publish() -> None:
-    """Write the choices to the address of the open page."""
-    shown = parameters(_state()[_PAGE])
-    if shown != given():
+    """Write the choices to the address of the open page, unless it says them, if with some that are the default.
+
+    What is written is one step for Back.
+    """
+    state, page = _state(), _state()[_PAGE]
+    shown, asked, known = parameters(page), given(), _of(page)
+    said = {key: known[key].texts(state[key]) for key in asked if key in known and state[key] is not None}
+    if not shown.items() <= asked.items() or said != asked:
         st.query_params.from_dict(shown)
 
 

@@ -318,13 +318,14 @@ def test_hard_links_are_not_needed(folder: Path, monkeypatch: pytest.MonkeyPatch
 def test_the_command_line_edits_and_undoes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each change is said, listed and taken back; wrong usage ends with 2, nothing to undo with 1."""
     untouched = shutil.copytree(folder, folder.with_name("untouched"))
-    assert cli.main(["edit", str(folder), "--leave-out", "T1", "T2"]) == cli.DONE
+    assert cli.main(["edit", str(folder), "--leave-out", "T1", "T2", "--because", "no t0"]) == cli.DONE
     assert cli.main(["edit", str(folder), "--use", "T1"]) == cli.DONE
+    assert cli.main(["edit", str(folder), "--use", "T1", "--because", "no t0"]) == cli.WRONG_USAGE
     assert cli.main(["edit", str(folder), "--remove", "T2"]) == cli.DONE
     capsys.readouterr()
     assert cli.main(["edit", str(folder)]) == cli.DONE
     listed = capsys.readouterr().out.splitlines()
-    ends = ["Taken out: T2", "In use again: T1", "Left out of use: T1, T2"]
+    ends = ["Taken out: T2", "In use again: T1", "Left out of use: T1, T2 (no t0)"]
     assert [line.partition("  ")[2].partition("  ")[2] for line in listed[1:]] == ends
     assert cli.main(["edit", str(folder), "--leave-out", "T9"]) == cli.WRONG_USAGE
     for end in ends:

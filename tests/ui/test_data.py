@@ -338,8 +338,12 @@ def test_a_test_is_left_out_of_use_and_the_change_undone(visit: Visit, open_camp
     assert session.numbers["Tests"] == "3"
     assert "Left out of use: T3." in session.words
     assert in_use(session) == ["T1", "T2", "T4"]
+    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
+    why.set_value("its sensor came loose").run()
+    assert "T3 (its sensor came loose)" in str(load_campaign(open_campaign).remarks)
     for page in ("compare", "study", "predict", "data"):
         assert "Left out of use: T3" in "".join(c.value for c in session.go(page).app.sidebar.caption)
+    session.press("Undo")  # of the reason
     assert session.press("Undo").numbers["Tests"] == "4"
     assert in_use(session) == ["T1", "T2", "T3", "T4"]
     assert not (open_campaign / "campaign.toml").exists()
