@@ -69,15 +69,16 @@ class PulseFiles:
                     accel[row_of[run_id]] = on_grid
                     if ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
+        more = f" and {strangers - _MOST_STRANGERS} more" if strangers > _MOST_STRANGERS else ""
+        without_row = f"{', '.join(named)}{more}"
         if not self._unreadable:
             found, advice = f"none in {self.role}/ or {self.role}_pulses", "add its pulse or remove its row"
+            found += f", but {without_row} without a row" if strangers else ""
             for expected in (f"a pulse for {printable(run_id, 60)}" for run_id in ids if run_id in missing):
                 self.problems.append(Problem(f"{self.role}.csv", expected, found, advice, "id"))
         if strangers:
-            more = f" and {strangers - _MOST_STRANGERS} more" if strangers > _MOST_STRANGERS else ""
-            self.warnings.append(
-                f"{self.role}: pulses without a row in {self.role}.csv are left out, namely {', '.join(named)}{more}."
-            )
+            told = f"pulses without a row in {self.role}.csv are left out, namely {without_row}."
+            self.warnings.append(f"{self.role}: {told}")
         return accel
 
     def check(self) -> None:

@@ -18,6 +18,7 @@ SLOWEST_S = 1e-3 * (1 + UNEVEN)
 """Longest time step of a record."""
 SHORTEST_S = 60e-3
 """Shortest record from contact: the longest rated window by default."""
+_NO_CRASH_S, _AN_INSTANT_S = 10.0, 1e-3  # 60 ms and more taken for seconds; a second and less taken for ms
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,10 +66,24 @@ def time_trouble(record: RecordedPulse, where: str) -> Problem | None:
         at = int(off.argmax())
         found = f"a step of {time_text(steps[at])} among steps of {time_text(step)}"
         return Problem(where, "evenly sampled time", found, "resample the record", column, int(rows[at + 1]))
-    if step > SLOWEST_S:
-        found = f"{1 / step:.0f} Hz"
-        return Problem(where, "at least 1000 samples a second", found, "export at a higher rate", column)
+    if slow := rate_trouble(step, float(time[-1] - time[0])):
+        return Problem(where, *slow, column)
     return None
+
+
+def rate_trouble(step_s: float, lasts_s: float) -> tuple[str, str, str] | None:
+    """What was expected, what was found and what to do, if a record is sampled too slowly."""
+    if step_s <= SLOWEST_S:
+        return None
+    if lasts_s > _NO_CRASH_S:
+        advice = "check the unit of time: if it is ms, name it time_ms"
+        return "the record of a crash, of about 100 ms", f"one of {lasts_s:.4g} s", advice
+    return "at least 1000 samples a second", f"{1 / step_s:.0f} Hz", "export at a higher rate"
+
+
+def advice_if_short(lasts_s: float, otherwise: str) -> str:
+    """What to do about a record that is too short."""
+    return "check the unit of time: if it is s, name it time_s" if lasts_s < _AN_INSTANT_S else otherwise
 
 
 def ends_early(time_s: FloatArray) -> bool:
@@ -83,5 +98,5 @@ def cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
     if time_s[0] <= step and time_s[-1] >= SHORTEST_S - step:
         return None
     found = f"{number(time_s[0] / MS, '.4g')} to {time_text(time_s[-1])}"
-    advice = "export the whole record, with time zero at first contact"
+    advice = advice_if_short(time_s[-1] - time_s[0], "export the whole record, with time zero at first contact")
     return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, record.time_column)

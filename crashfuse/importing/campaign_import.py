@@ -14,7 +14,7 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import Lacking, missing_values, told_of_several
-from crashfuse.importing.detection import UnknownUnit, delta_v, speed_text
+from crashfuse.importing.detection import UnknownUnit, delta_v
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.roles import check_names, role_of, which_are_tests
 from crashfuse.importing.settle import Settled, settle
@@ -22,8 +22,10 @@ from crashfuse.importing.sources import Reading, each_record, format_of
 from crashfuse.importing.unpacking import is_archive
 from crashfuse.readers.axes import Travel
 from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.quantities import speed
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
+from crashfuse.wording import Sentence
 
 _ONE_SPEED = 1.05  # ratio of the changes of velocity of repeats; rebounds differ
 _COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what the columns of a table are
@@ -109,7 +111,8 @@ def import_source(
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
         problems = [problem for problem in problems if not isinstance(problem, Lacking)]
-        problems += missing_values(source.name, record_id or source.stem, choices.known)
+        given = choices.condition.speed_mps, choices.weights
+        problems += missing_values(source.name, record_id or source.stem, *given)
     refuse(problems, source.name)
     added = {(own.role, run_id) for own in add_settled(out, settled) for run_id in own.ids}
     return tuple(one for one in settled if (one.role, one.id) in added)
@@ -150,7 +153,7 @@ def settle_each(
         except UsageError as error:
             if not tolerant:
                 raise
-            refused.append(Problem(record.source, f"choices that fit {record.id}", str(error), "choose otherwise"))
+            refused.append(Problem(record.source, f"choices that fit {record.id}", error.args[0], "choose otherwise"))
 
     for place, record in enumerate(records):
         ids.append(record.id)
@@ -193,9 +196,11 @@ def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
     changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
     if not changes or max(changes) <= _ONE_SPEED * min(changes):
         return tuple(settled)
-    told = (
-        f"Careful: one speed was given for all {len(settled)} records, but their changes of velocity go from "
-        f"{speed_text(min(changes))} to {speed_text(max(changes))}; a table of conditions gives each its own."
+    told = Sentence(
+        f"Careful: one speed was given for all {len(settled)} records, but their changes of velocity go from {{}} to "
+        "{}; a table of conditions gives each its own.",
+        speed(min(changes)),
+        speed(max(changes)),
     )
     return tuple(replace(one, steps=(*one.steps, told)) for one in settled)
 

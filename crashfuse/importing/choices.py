@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from crashfuse.readers.axle_weights import AxleWeights
 from crashfuse.readers.record import PartialCondition
 
 
@@ -33,6 +34,6 @@ class Choices:
     front_share: float | None = None
 
     @property
-    def known(self) -> PartialCondition:
-        """The condition as far as the user gave it."""
-        return self.condition.weighing(replace(self.condition.weights, front_share=self.front_share))
+    def weights(self) -> AxleWeights:
+        """The weights as far as the user gave them."""
+        return replace(self.condition.weights, front_share=self.front_share)

@@ -3,14 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from crashfuse.campaign_folder.columns import listed
+from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.readers.axle_weights import AxleWeights
+from crashfuse.readers.quantities import speed, weight
 from crashfuse.readers.record import PartialCondition, Record
-from crashfuse.wording import number
+from crashfuse.wording import Sentence
 
+_FASTEST_MPS = 100.0
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
 _SPEED, _WEIGHTS = "the impact speed", "the weights on both axles"
@@ -20,10 +22,11 @@ _GIVE_WEIGHTS = (
     "give both axle weights, or the mass and the front axle's share of it "
     "(--front-weight-kg F --rear-weight-kg R, or --mass-kg M --front-share S)"
 )
-_GIVE_SHARE = (
-    "give the front axle's share of the mass, or both axle weights "
-    "(--front-share S, or --front-weight-kg F --rear-weight-kg R)"
+_GIVE_ANOTHER = (
+    "give another of mass, front weight, rear weight and front share "
+    "(--mass-kg M, --front-weight-kg F, --rear-weight-kg R or --front-share S)"
 )
+_CHECK_WEIGHTS = "check the weights and their unit"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,57 +43,57 @@ def complete_condition(
     front_share: float | None,
     steps: list[str],
     *,
-    standstill: bool,
+    role: Role,
     also_missing: Sequence[Problem] = (),
 ) -> Condition:
     """Complete the condition of a record with the user's values, which take precedence.
 
     A mass without axle weights keeps the record's front-axle share, unless one is given. Missing, implausible or
-    contradictory values raise a DataError; an impossible share or weights from the user raise a UsageError.
+    contradictory values raise a DataError; an impossible share, or weights from the user that contradict each other,
+    raise a UsageError.
 
     Parameters
     ----------
     steps : list of str
         A sentence is appended for each thing done.
-    standstill : bool
-        Whether a speed of 0 is allowed (a CAE run may start at rest, a test may not).
+    role : {"tests", "cae"}
+        A CAE run may start at rest, a test may not.
     also_missing : sequence of Problem
         Other values missing from the record, reported together with those missing here.
     """
-    if front_share is not None and not 0 < front_share < 1:
-        raise UsageError(f"The front axle carries a share between 0 and 1 of the mass, not {front_share:g}.")
+    if front_share is not None and not _LEAST_SHARE <= front_share <= _MOST_SHARE:
+        found = f"not {front_share:.4g} ({100 * front_share:.4g} %)"
+        raise UsageError(f"The front axle carries a share of 0.2 to 0.8 of the mass (20 to 80 %), {found}.")
     if given != PartialCondition():
         steps.append("Of the condition, what the user gave overrules the file.")
     own = replace(given.weights, front_share=front_share)
     if contradiction := own.contradiction():
-        raise UsageError(f"The weights that are given do not add up: {contradiction}; leave one of them out.")
+        told = "The weights that are given do not add up: {}; leave one of them out."
+        raise UsageError(Sentence(told, contradiction))
     weights = record.condition.weights.overruled(own)
     if contradiction := weights.contradiction():
         advice = "correct the file, or give two of mass, front weight and rear weight"
         raise DataError(Problem(record.source, f"weights of {record.id} that add up", contradiction, advice))
-    known = record.condition.overruled(given).weighing(weights)
-    if weights.front_share is not None and weights.mass_kg is not None and known.front_weight_kg is not None:
-        share, front = 100 * weights.front_share, known.front_weight_kg
-        steps.append(f"Front weight {front:.0f} kg: {share:.4g} % of {weights.mass_kg:g} kg.")
-    return _sound(record, known, standstill, also_missing)
+    known = record.condition.overruled(given)
+    front, rear = weights.axles()
+    speed_mps, share = known.speed_mps, weights.front_share
+    problems = [
+        *missing_values(record.source, record.id, speed_mps, weights, record.no_speed),
+        *also_missing,
+        *speed_trouble(record, speed_mps, role),
+        *_weights_trouble(record, weights),
+    ]
+    if problems or speed_mps is None or front is None or rear is None:
+        raise DataError(problems)
+    if share is not None and weights.mass_kg is not None:
+        told = f"Front weight {{}}: {100 * share:.4g} % of {{}}."
+        steps.append(Sentence(told, weight(front), weight(weights.mass_kg)))
+    return Condition(float(speed_mps), float(front), float(rear), known.factors)
 
 
-def _sound(record: Record, known: PartialCondition, standstill: bool, also_missing: Sequence[Problem]) -> Condition:
-    speed, front, rear = known.speed_mps, known.front_weight_kg, known.rear_weight_kg
-    missing = [*missing_values(record.source, record.id, known, record.no_speed), *also_missing]
-    if missing or speed is None or front is None or rear is None:
-        raise DataError(missing)
-    finite = bool(np.isfinite([speed, front, rear]).all())
-    if not finite or front <= 0 or rear <= 0 or speed < 0 or (speed == 0 and not standstill):
-        expected = f"a speed and weights above 0 for {record.id}"
-        found = f"{number(speed, 'g')} m/s, {number(front, 'g')} kg and {number(rear, 'g')} kg"
-        raise DataError(Problem(record.source, expected, found, "give the right ones"))
-    if trouble := _weights_trouble(record, front, rear):
-        raise DataError(trouble)
-    return Condition(float(speed), float(front), float(rear), known.factors)
-
-
-def missing_values(source: str, record_id: str, known: PartialCondition, no_speed: str = "") -> list[Lacking]:
+def missing_values(
+    source: str, record_id: str, speed_mps: float | None, weights: AxleWeights, no_speed: str = ""
+) -> list[Lacking]:
     """What a condition lacks: the speed, and the weights on both axles."""
 
     def lacking(quantity: str, found: str, advice: str) -> Lacking:
@@ -98,12 +101,10 @@ def missing_values(source: str, record_id: str, known: PartialCondition, no_spee
         return Lacking(source, expected, found, advice, quantity=quantity, record_id=record_id)
 
     missing = []
-    if known.speed_mps is None:
+    if speed_mps is None:
         missing.append(lacking(_SPEED, no_speed or "none", _GIVE_SPEED))
-    if known.front_weight_kg is None or known.rear_weight_kg is None:
-        mass = known.mass_kg
-        found, advice = ("none", _GIVE_WEIGHTS) if mass is None else (f"a mass of {mass:.5g} kg alone", _GIVE_SHARE)
-        missing.append(lacking(_WEIGHTS, found, advice))
+    if None in weights.axles():
+        missing.append(lacking(_WEIGHTS, weights.alone(), _GIVE_ANOTHER if weights.told else _GIVE_WEIGHTS))
     return missing
 
 
@@ -123,16 +124,30 @@ def told_of_several(problems: Sequence[Problem]) -> list[Problem]:
     return [*told, *(problem for problem in problems if not isinstance(problem, Lacking))]
 
 
-def _weights_trouble(record: Record, front: float, rear: float) -> Problem | None:
-    """The problem of weights that no vehicle has, if any."""
-    mass, share = front + rear, front / (front + rear)
-    if not _LIGHTEST_KG <= mass <= _HEAVIEST_KG:
-        expected = f"a mass of {record.id} between {_LIGHTEST_KG:g} and {_HEAVIEST_KG:,.0f} kg"
-        return Problem(record.source, expected, f"{mass:.4g} kg", "check the weights and their unit")
-    if min(front, rear) < _LIGHTEST_AXLE_KG:
-        expected = f"axles of {record.id} that carry at least {_LIGHTEST_AXLE_KG:g} kg"
-        return Problem(record.source, expected, f"{min(front, rear):.4g} kg", "check the weights and their unit")
-    if not _LEAST_SHARE <= share <= _MOST_SHARE:
-        expected = f"a front axle of {record.id} that carries {_LEAST_SHARE:.0%} to {_MOST_SHARE:.0%} of the mass"
-        return Problem(record.source, expected, f"{share:.0%}", "check which axle is which, and the share")
-    return None
+def speed_trouble(record: Record, speed_mps: float | None, role: Role) -> list[Problem]:
+    """The problem of a speed, if it is known, that no crash has."""
+    if speed_mps is None or 0 < speed_mps <= _FASTEST_MPS or (speed_mps == 0 and role == "cae"):
+        return []
+    least = "0 or more" if role == "cae" else "more than 0"
+    expected = Sentence(
+        "an impact speed of {} of {}, and at most {}", record.id, least, speed(_FASTEST_MPS, form=".0f")
+    )
+    found = Sentence("{}", speed(speed_mps, form=".4g"))
+    return [Problem(record.source, expected, found, "check the speed and its unit")]
+
+
+def _weights_trouble(record: Record, weights: AxleWeights) -> list[Problem]:
+    """The problem of weights that no vehicle has, as far as they are known."""
+    front, rear = weights.axles()
+    axles = [each for each in (front, rear) if each is not None]
+    mass = sum(axles) if len(axles) > 1 else weights.mass_kg
+    if mass is not None and not _LIGHTEST_KG <= mass <= _HEAVIEST_KG:
+        expected = Sentence("a mass of {} of {}", record.id, weight(_LIGHTEST_KG, _HEAVIEST_KG, between=" to "))
+        return [Problem(record.source, expected, Sentence("{}", weight(mass, form=".4g")), _CHECK_WEIGHTS)]
+    if axles and not min(axles) >= _LIGHTEST_AXLE_KG:
+        expected = Sentence("axles of {} that carry at least {}", record.id, weight(_LIGHTEST_AXLE_KG))
+        return [Problem(record.source, expected, Sentence("{}", weight(min(axles), form=".4g")), _CHECK_WEIGHTS)]
+    if front is not None and rear is not None and not _LEAST_SHARE <= (share := front / (front + rear)) <= _MOST_SHARE:
+        carries = f"a front axle of {record.id} that carries 20 to 80 % of the mass"
+        return [Problem(record.source, carries, f"{100 * share:.0f} %", "check which axle is which, and the share")]
+    return []

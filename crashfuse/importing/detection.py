@@ -8,11 +8,12 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing.choices import Choices
+from crashfuse.readers.quantities import speed
 from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, kinematics
-from crashfuse.units import KPH, MPH, MS, G
-from crashfuse.wording import number, signed, time_text
+from crashfuse.units import MS, G
+from crashfuse.wording import Sentence, number, signed, time_text
 
 _NO_SIGN = "let the record tell its sign (remove --deceleration-sign)"
 _DEFAULT_CFC = 60.0
@@ -39,20 +40,20 @@ def unit_and_sign(
     role: Role,
     steps: list[str],
 ) -> tuple[str, str]:
-    """The unit of the numbers and the sign of deceleration, both checked against the impact speed."""
+    """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed.
+
+    The speed may be unknown (NaN).
+    """
     gain = delta_v(time_s, values)
-    low, high = STOPS[role]
     moving = speed_mps > CREEP_MPS
-    fitting = [
-        name for name, factor in ACCELERATION_UNITS.items() if low <= abs(gain) * factor / max(speed_mps, 1e-9) <= high
-    ]
+    fitting = [name for name, factor in ACCELERATION_UNITS.items() if moving and _fits(gain * factor, speed_mps, role)]
     label = choices.unit or channels[0].unit
     if label is None:
-        if len(fitting) != 1 or not moving:
+        if len(fitting) != 1:
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
-            check = f"check the impact speed of {speed_text(speed_mps)}, or give" if moving else "give"
-            advice = f"{check} its unit (--unit), or convert it to one of these"
-            raise DataError(UnknownUnit(record.source, expected, "a unit that neither file nor speed tells", advice))
+            check = Sentence("check the impact speed of {}, or give" if moving else "give", speed(speed_mps))
+            give = Sentence("{} its unit (--unit), or convert it to one of these", check)
+            raise DataError(UnknownUnit(record.source, expected, "a unit that neither file nor speed tells", give))
         label = fitting[0]
         steps.append(f"Unit {label}: the file names none, this one gives the change of velocity that the speed asks.")
     elif choices.unit:
@@ -60,27 +61,52 @@ def unit_and_sign(
     else:
         steps.append(f"Unit {label}, from {channels[0].unit_from}.")
     change = gain * ACCELERATION_UNITS[label]
-    if moving and label not in fitting:
-        fits = f"check the unit: {fitting[0]} would fit (--unit)" if fitting else ""
-        advice = fits or unlike_speed(record, "speed, unit, channels and time zero")
-        expected = f"a change of velocity near the impact speed of {speed_text(speed_mps)}"
-        found = f"a change of {speed_text(change)} in {label}, in {time_text(time_s[-1] - time_s[0])}"
-        raise DataError(Problem(record.source, expected, found, advice))
-    found = "negative" if gain <= 0 or not moving else "positive"
+    if fitting and label not in fitting:
+        advice = f"check the unit: {fitting[0]} would fit (--unit)"
+        raise DataError(_unlike(record, time_s, change, label, speed_mps, advice))
+    found = "negative" if gain <= 0 or speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
     if moving and sign != found:
-        expected = f"{sign} deceleration, as chosen"
-        raise DataError(Problem(record.source, expected, f"a change of {speed_text(change)}", _NO_SIGN))
+        told = Sentence("a change of {}", speed(change))
+        raise DataError(Problem(record.source, f"{sign} deceleration, as chosen", told, _NO_SIGN))
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
-    steps.append(f"Sign {turned}: the file's change of velocity is {speed_text(change)}.")
+    steps.append(Sentence(f"Sign {turned}: the file's change of velocity is {{}}.", speed(change)))
     return label, sign
 
 
-def unlike_speed(record: Record, doubtful: str) -> str:
+def change_trouble(
+    record: Record, time_s: FloatArray, accel: FloatArray, unit: str, speed_mps: float, role: Role
+) -> Problem | None:
+    """The problem of a change of velocity that is unlike the impact speed, if it is and the speed is known."""
+    change = delta_v(time_s, accel)
+    if not speed_mps > CREEP_MPS or _fits(change, speed_mps, role):
+        return None
+    return _unlike(record, time_s, change, unit, speed_mps, doubts(record, "speed, unit, channels and time zero"))
+
+
+def doubts(record: Record, doubtful: str) -> str:
     """Advice where the change of velocity is unlike the impact speed: the crash may be of another kind."""
     if record.other_setup:
         return f"the file calls the test {record.other_setup!r}, and only full-frontal barrier crashes can be used"
     return f"check {doubtful}; if it is no full-frontal barrier crash (but car to car, or small overlap), leave it out"
+
+
+def _fits(change_mps: float, speed_mps: float, role: Role) -> bool:
+    low, high = STOPS[role]
+    return low <= abs(change_mps) / speed_mps <= high
+
+
+def _unlike(record: Record, time_s: FloatArray, change_mps: float, unit: str, speed_mps: float, advice: str) -> Problem:
+    expected = Sentence("a change of velocity near the impact speed of {}", speed(speed_mps))
+    lasts = time_text(time_s[-1] - time_s[0])
+    found = Sentence(f"a change of {{}} in {unit}, in {lasts}", speed(abs(change_mps)))
+    return Problem(record.source, expected, found, advice)
+
+
+def own_zero(record: Record, time_s: FloatArray) -> str:
+    """Why contact is at 0 of the file's time, by that time alone; empty if it tells nothing."""
+    begins = f"the file's time begins before 0, at {time_text(time_s[0])}" if time_s[0] < -MS else ""
+    return record.own_time_zero or begins
 
 
 def time_zero(
@@ -92,10 +118,8 @@ def time_zero(
     began = "never passes 0.5 g" if onset is None else f"begins at {time_text(onset)}"
     if choices.time_zero_s is not None:
         zero, why = float(choices.time_zero_s), "given by the user"
-    elif record.own_time_zero:
-        zero, why = 0.0, record.own_time_zero
-    elif start < -MS:
-        zero, why = 0.0, f"the file's time begins before 0, at {time_text(start)}"
+    elif own := own_zero(record, time_s):
+        zero, why = 0.0, own
     elif role == "cae" or onset is None or onset - start < _AT_ONCE_S:
         zero, why = start, "the record begins at contact"
     else:
@@ -179,8 +203,3 @@ def delta_v(time_s: FloatArray, values: FloatArray) -> float:
 def step_of(time_s: FloatArray) -> float:
     """The time step of even sampling."""
     return float((time_s[-1] - time_s[0]) / (time_s.size - 1))
-
-
-def speed_text(speed_mps: float) -> str:
-    """Return a speed in km/h and mph."""
-    return f"{number(speed_mps / KPH, '.1f')} km/h ({number(speed_mps / MPH, '.1f')} mph)"

@@ -4,13 +4,15 @@ import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, MOVING
-from crashfuse.campaign_folder.recorded_pulse import SHORTEST_S
+from crashfuse.campaign_folder.recorded_pulse import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.errors import DataError, Problem
-from crashfuse.importing.detection import delta_v, speed_text, step_of
+from crashfuse.importing.choices import Choices
+from crashfuse.importing.detection import delta_v, own_zero, step_of
+from crashfuse.readers.quantities import speed
 from crashfuse.readers.record import ACCELERATION_UNITS, Record
 from crashfuse.signals.pulse import GRID_S, FloatArray, Kinematics
 from crashfuse.units import MS, G
-from crashfuse.wording import number, time_text
+from crashfuse.wording import Sentence, number, time_text
 
 _LONGER = {
     "tests": "export the whole record; or check time zero",
@@ -18,15 +20,28 @@ _LONGER = {
 }
 
 
+def refuse_slow(record: Record, time_s: FloatArray) -> None:
+    """Raise a DataError if a record is sampled too slowly."""
+    if slow := rate_trouble(step_of(time_s), float(time_s[-1] - time_s[0])):
+        raise DataError(Problem(record.source, *slow))
+
+
 def refuse_short(
-    record: Record, time_s: FloatArray, values: FloatArray, unit: str | None, speed_mps: float, role: Role
+    record: Record,
+    time_s: FloatArray,
+    values: FloatArray,
+    choices: Choices,
+    unit: str | None,
+    speed_mps: float,
+    role: Role,
 ) -> None:
-    """Raise a DataError if a record is too short wherever contact lies, before its change of velocity is judged."""
-    lasts = float(time_s[-1] - time_s[0])
-    if lasts >= SHORTEST_S - step_of(time_s):
-        return
-    left = "" if unit is None else _left(speed_mps - abs(delta_v(time_s, values)) * ACCELERATION_UNITS[unit])
-    _refuse(record, f"{time_text(lasts)}{left}", role)
+    """Raise a DataError if a record is too short whatever its unit and speed, by the earliest contact that may be."""
+    earliest = 0.0 if own_zero(record, time_s) else float(time_s[0])
+    end_s = float(time_s[-1]) - (earliest if choices.time_zero_s is None else choices.time_zero_s)
+    if 0 < end_s < SHORTEST_S - step_of(time_s):
+        factor = ACCELERATION_UNITS.get(choices.unit or unit or "", np.nan)
+        advice = advice_if_short(float(time_s[-1] - time_s[0]), _LONGER[role])
+        _refuse(record, end_s, speed_mps - abs(delta_v(time_s, values)) * factor, advice)
 
 
 def end_told(record: Record, end_s: float, motion: Kinematics, role: Role) -> list[str]:
@@ -44,35 +59,36 @@ def end_told(record: Record, end_s: float, motion: Kinematics, role: Role) -> li
     DataError
         If the record ends before 60 ms, or before 100 ms while the vehicle still moves.
     """
-    speed, last, end = float(motion.velocity_mps[0]), float(motion.velocity_mps[-1]), time_text(end_s)
-    told = []
+    first, last, end = float(motion.velocity_mps[0]), float(motion.velocity_mps[-1]), time_text(end_s)
+    told: list[str] = []
     if end_s < SHORTEST_S - motion.dt_s:
-        _refuse(record, f"{end}{_left(last)}", role)
+        _refuse(record, end_s, last, _LONGER[role])
     if end_s < GRID_S[-1] - motion.dt_s:
-        if speed > CREEP_MPS and last > MOVING * speed:
+        if first > CREEP_MPS and last > MOVING * first:
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
-            found = f"{speed_text(last)} left at its end, {end}"
+            found = Sentence(f"{{}} left at its end, {end}", speed(last))
             raise DataError(Problem(record.source, expected, found, _LONGER[role]))
-        told.append(
-            f"Careful: the record ends {end} after contact{_left(last)} and "
-            f"{number(motion.accel_mps2[-1] / G, '+.2g')} g; it goes on with no acceleration, which nobody measured. "
-            f"Better {_LONGER[role].partition(';')[0]}."
+        careful = (
+            f"Careful: the record ends {end} after contact{{}} and {number(motion.accel_mps2[-1] / G, '+.2g')} g; it "
+            f"goes on with no acceleration, which nobody measured. Better {_LONGER[role].partition(';')[0]}."
         )
+        told.append(Sentence(careful, _left(last)))
     if motion.t0_s <= GRID_S[-1]:
         crush = f"{motion.displacement_m.max() / MS:.0f} mm"
         return [*told, f"Zero velocity (TTZV) at {motion.t0_s / MS:.1f} ms, after {crush}."]
     by = min(motion.displacement_m.size - 1, round(GRID_S[-1] / motion.dt_s))
     within, moved = f"{min(end_s, GRID_S[-1]) / MS:.0f} ms", f"{motion.displacement_m[by] / MS:.0f} mm"
-    later = f"has {speed_text(last)} left at {end}"
+    later = Sentence(f"has {{}} left at {end}", speed(last))
     if np.isfinite(motion.t0_s):
-        later = f"stops at {motion.t0_s / MS:.1f} ms"
-    return [*told, f"Careful: the vehicle does not stop within {within}; it has moved {moved} by then and {later}."]
+        later = Sentence(f"stops at {motion.t0_s / MS:.1f} ms")
+    careful = f"Careful: the vehicle does not stop within {within}; it has moved {moved} by then and {{}}."
+    return [*told, Sentence(careful, later)]
 
 
 def _left(speed_mps: float) -> str:
-    return f" with {speed_text(speed_mps)} left at its end"
+    return "" if np.isnan(speed_mps) else Sentence(" with {} left at its end", speed(speed_mps))
 
 
-def _refuse(record: Record, found: str, role: Role) -> None:
+def _refuse(record: Record, end_s: float, left_mps: float, advice: str) -> None:
     expected = "a record of at least 60 ms from contact (100 ms is best)"
-    raise DataError(Problem(record.source, expected, found, _LONGER[role]))
+    raise DataError(Problem(record.source, expected, Sentence(f"{time_text(end_s)}{{}}", _left(left_mps)), advice))

@@ -19,10 +19,11 @@ from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem
 from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
+from crashfuse.importing.channels import missing_choices
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.detection import delta_v
 from crashfuse.importing.sampling import even
-from crashfuse.importing.settle import missing_choices, settled_at
+from crashfuse.importing.settle import settled_at
 from crashfuse.importing.sources import Reading, format_of, read_records
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import ACCELERATION_UNITS, Record

@@ -11,6 +11,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import time_text
 
 _LATEST_S = 1e9  # no clock counts farther
+_STRONGEST = 1e12  # in any unit; squares of more overflow in the end
 _GAP = 3.0  # steps
 _FEWEST = 20
 
@@ -31,6 +32,8 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
         raise DataError(Problem(place, "a number in each sample", "samples without one", "repair the record"))
     if (latest := float(np.abs(time).max())) > _LATEST_S:
         raise DataError(Problem(place, "times of a crash", f"{latest:.3g} s", "repair the record"))
+    if (strongest := float(np.abs(values).max())) > _STRONGEST:
+        raise DataError(Problem(place, "accelerations of a crash", f"{strongest:.3g}", "repair the record"))
     steps = np.diff(time)
     if steps.min() <= 0:
         raise DataError(_backwards(place, time, steps))

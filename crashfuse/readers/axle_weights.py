@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crashfuse.readers.quantities import weight
+from crashfuse.wording import Sentence, joined
+
 _UNEQUAL = 0.01  # of the mass: allowed for rounding and scale errors
 
 
@@ -56,7 +59,7 @@ class AxleWeights:
         return front, rear
 
     def contradiction(self) -> str:
-        """The contradiction between stated values, in kg and per cent; empty if there is none."""
+        """The contradiction between stated values; empty if there is none."""
         front, rear = self.axles()
         own = [value for value in (self.mass_kg, self.front_kg, self.rear_kg) if value is not None]
         if front is None or rear is None or not all(0 < value < np.inf for value in own):
@@ -64,13 +67,22 @@ class AxleWeights:
         whole = front + rear
         if self.mass_kg is not None and (min(front, rear) <= 0 or abs(self.mass_kg - whole) > _UNEQUAL * whole):
             axles = ((self.front_kg, "in front"), (self.rear_kg, "at the rear"))
-            said = [f"{value:.5g} kg {where}" for value, where in axles if value is not None]
-            return f"{' and '.join(said)} with a mass of {self.mass_kg:.5g} kg"
+            said = [Sentence("{} {}", weight(value), where) for value, where in axles if value is not None]
+            return Sentence("{} with a mass of {}", joined(said, " and "), weight(self.mass_kg))
         if self.front_share is not None and abs(self.front_share - front / whole) > _UNEQUAL:
             return (
                 f"{100 * front / whole:.3g} % of the mass in front with a front share of {100 * self.front_share:.3g} %"
             )
         return ""
+
+    def alone(self) -> str:
+        """The one value that is stated where they do not tell both axles; "none" if there is none."""
+        if self.front_share is not None:
+            return f"a front share of {100 * self.front_share:.4g} % alone"
+        for name, value in (("mass", self.mass_kg), ("front weight", self.front_kg), ("rear weight", self.rear_kg)):
+            if value is not None:
+                return Sentence("a {} of {} alone", name, weight(value))
+        return "none"
 
 
 def _rest(mass: float | None, one: float, share: float | None) -> float | None:

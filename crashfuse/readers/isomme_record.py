@@ -12,8 +12,10 @@ from crashfuse.readers.channel_codes import UNPLACED, ChannelCode, proposed
 from crashfuse.readers.crash_setup import other_setup
 from crashfuse.readers.isomme import ISOMME_LIMITS, read_isomme
 from crashfuse.readers.isomme_channels import Channel, IsommeTest
+from crashfuse.readers.quantities import speed, weight
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.unit_spelling import UNITS, number_and_unit, unit_named
+from crashfuse.wording import Sentence
 
 _OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
 
@@ -87,7 +89,7 @@ def _recorded(name: str, code: ChannelCode, channel: Channel) -> RecordedChannel
 
 def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[str, ...]]:
     its = f"test object {vehicle}"
-    speed = _quantity(test, (f"Velocity {its}", f"Velocity {its} lon."), "speed", "m/s")
+    speed_mps = _quantity(test, (f"Velocity {its}", f"Velocity {its} lon."), "speed", "m/s")
     mass, front, rear = (
         _quantity(test, (f"{name} {its}",), "mass", "kg") for name in ("Mass", ".Front weight", ".Rear weight")
     )
@@ -95,12 +97,16 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
     kind = test.descriptor("Type of the test")
     if kind:
         notes.append(f"Type of the test: {printable(kind)}.")
-    notes.append(f"Speed {speed:g} m/s from the .mme file." if speed else f"The .mme file has no speed of {its}.")
+    if speed_mps:
+        notes.append(Sentence("Speed {} from the .mme file.", speed(speed_mps, form=".4g")))
+    else:
+        notes.append(f"The .mme file has no speed of {its}.")
     if front and rear:
-        notes.append(f"Front weight {front:g} kg and rear weight {rear:g} kg from the .mme file.")
+        notes.append(Sentence("Front weight {} and rear weight {} from the .mme file.", weight(front), weight(rear)))
     elif mass:
-        notes.append(f"Mass {mass:g} kg from the .mme file, which does not say what each axle carries.")
-    return PartialCondition(speed, mass, front, rear), tuple(notes)
+        told = "Mass {} from the .mme file, which does not say what each axle carries."
+        notes.append(Sentence(told, weight(mass)))
+    return PartialCondition(speed_mps, mass, front, rear), tuple(notes)
 
 
 def _other_setup(test: IsommeTest, vehicle: str) -> str:

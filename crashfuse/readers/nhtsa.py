@@ -22,15 +22,18 @@ from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import is_numbered, opened_members
 from crashfuse.readers.nhtsa_sensors import (
     Sensor,
+    mass_step,
     nhtsa_record,
     number_in,
     of_first_vehicle,
     other_configuration,
     speed_step,
 )
+from crashfuse.readers.quantities import weight
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
+from crashfuse.wording import Sentence
 
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
 """Size limits of a test; 1000 channels of 10,000 samples are within them."""
@@ -152,12 +155,13 @@ def _condition(
     if mass and wheelbase and 0 < behind < wheelbase:
         rear = mass * behind / wheelbase
         front = mass - rear
-        notes.append(
-            f"Weight {mass:g} kg from {where}: {front:.0f} kg in front and {rear:.0f} kg at the rear, from the centre "
-            f"of gravity {behind:g} mm behind the front axle and the wheelbase {wheelbase:g} mm."
+        told = (
+            "Weight {} from {}: {} in front and {} at the rear, from the centre of gravity "
+            f"{behind:g} mm behind the front axle and the wheelbase {wheelbase:g} mm."
         )
+        notes.append(Sentence(told, weight(mass), where, weight(front), weight(rear)))
     elif mass:
-        notes.append(f"Weight {mass:g} kg from {where}, which does not say what each axle carried.")
+        notes.append(mass_step(mass, where))
     return PartialCondition(speed * KPH or None, mass or None, front, rear), tuple(notes)
 
 

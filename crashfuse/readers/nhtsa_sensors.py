@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import refuse
+from crashfuse.readers.quantities import speed, weight
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.units import KPH, MPH, MS
+from crashfuse.units import KPH, MS
+from crashfuse.wording import Sentence
 
 _LONGEST_S = 100 * MS
 _SOUND = ("AM", "")  # as measured
@@ -57,8 +59,13 @@ def number_in(value: str | float) -> float:
 
 def speed_step(speed_kph: float, where: str) -> str:
     """A sentence on the speed; 0 means unknown."""
-    told = f"Speed {speed_kph:g} km/h ({speed_kph * KPH / MPH:.2f} mph) from {where}."
+    told = Sentence("Speed {} from {}.", speed(speed_kph * KPH, form=".4g"), where)
     return told if speed_kph else f"{where} has no speed of the vehicle."
+
+
+def mass_step(mass_kg: float, where: str) -> str:
+    """A sentence on the mass of a vehicle whose axle weights are unknown."""
+    return Sentence("Weight {} from {}, which does not say what each axle carried.", weight(mass_kg), where)
 
 
 def other_configuration(setup: str, angle_deg: float) -> str:

@@ -17,6 +17,7 @@ from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members
 from crashfuse.readers.nhtsa_sensors import (
     Sensor,
+    mass_step,
     nhtsa_record,
     of_first_vehicle,
     other_configuration,
@@ -104,5 +105,5 @@ def _condition(said: Told, where: str) -> tuple[PartialCondition, tuple[str, ...
     steps = [f"NHTSA test {text_of(said, 'test_tstno')}, {printable(car)}."]
     steps.append(speed_step(speed, where))
     if mass:
-        steps.append(f"Weight {mass:g} kg from {where}, which does not say what each axle carried.")
+        steps.append(mass_step(mass, where))
     return PartialCondition(speed * KPH or None, mass or None), tuple(steps)

@@ -385,6 +385,19 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         _edit("tests/T1.csv", lambda t: t[t.time_ms < 50]),
         "tests/T1.csv, column time_ms: expected a record from 0 to at least 60 ms (100 ms is best), found 0 to 49.92",
     ),
+    "milliseconds called seconds": (
+        _edit("tests/T1.csv", lambda t: t.rename(columns={"time_ms": "time_s"})),
+        "tests/T1.csv, column time_s: expected the record of a crash, of about 100 ms, found one of 99.92 s; check the "
+        "unit of time: if it is ms, name it time_ms.",
+    ),
+    "seconds called milliseconds": (
+        _edit("tests/T1.csv", lambda t: t.assign(time_ms=t.time_ms / 1000)),
+        "found 0 to 0.09992 ms; check the unit of time: if it is s, name it time_s.",
+    ),
+    "a pulse under another id": (
+        lambda f: (f / "tests" / "T3.csv").rename(f / "tests" / "TT3.csv"),
+        "expected a pulse for T3, found none in tests/ or tests_pulses, but TT3 without a row; add its pulse or remove",
+    ),
     "late start": (
         _edit("tests/T1.csv", lambda t: t[t.time_ms > 5]),
         "tests/T1.csv, column time_ms: expected a record from 0 to at least 60 ms (100 ms is best), found 5.04 to",

@@ -1,5 +1,7 @@
 """The condition of a record: weights that a user gives agree with each other, and with what a vehicle can weigh."""
 
+import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -7,12 +9,14 @@ import pytest
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing.condition import complete_condition
 from crashfuse.readers.record import PartialCondition, Record
+from crashfuse.units import KPH, LB, MPH
+from crashfuse.wording import KPH_KG, MPH_LB, Sentence
 from tests.importing.crashes import CONDITION, SPEED_MPS, channel, record
 
 
 def weights(one: Record, given: PartialCondition, share: float | None = None) -> tuple[float, float]:
     """Front and rear weight of a record completed with what is given."""
-    found = complete_condition(one, given, share, [], standstill=False)
+    found = complete_condition(one, given, share, [], role="tests")
     return found.front_weight_kg, found.rear_weight_kg
 
 
@@ -40,9 +44,21 @@ def test_two_weights_of_the_user_tell_both_axles_whatever_the_file_says(
 @pytest.mark.parametrize(
     ("given", "share", "found"),
     [
-        (PartialCondition(mass_kg=800, front_weight_kg=950), None, "950 kg in front with a mass of 800 kg"),
-        (PartialCondition(mass_kg=800, rear_weight_kg=950), None, "950 kg at the rear with a mass of 800 kg"),
-        (PartialCondition(None, 1650, 950, 800), None, "950 kg in front and 800 kg at the rear with a mass of 1650 kg"),
+        (
+            PartialCondition(mass_kg=800, front_weight_kg=950),
+            None,
+            r"950 kg \(2094 lb\) in front with a mass of 800 kg \(1764 lb\)",
+        ),
+        (
+            PartialCondition(mass_kg=800, rear_weight_kg=950),
+            None,
+            r"950 kg \(2094 lb\) at the rear with a mass of 800 kg \(1764 lb\)",
+        ),
+        (
+            PartialCondition(None, 1650, 950, 800),
+            None,
+            r"950 kg .* in front and 800 kg .* at the rear with a mass of 1650 kg .*",
+        ),
         (PartialCondition(None, None, 950, 700), 0.3, r"57\.6 % of the mass in front with a front share of 30 %"),
     ],
 )
@@ -58,7 +74,7 @@ def test_weights_of_a_file_that_contradict_each_other_are_refused_until_the_user
     """950 and 700 kg are no 1850 kg."""
     one = record(channel(), condition=PartialCondition(SPEED_MPS, 1850, 950, 700))
     with pytest.raises(
-        DataError, match="weights of T1 that add up, found 950 kg in front and 700 kg at the rear with a"
+        DataError, match=r"weights of T1 that add up, found 950 kg .* in front and 700 kg .* at the rear with a"
     ):
         weights(one, PartialCondition())
     assert weights(one, PartialCondition(front_weight_kg=950, rear_weight_kg=900)) == (950, 900)
@@ -67,10 +83,16 @@ def test_weights_of_a_file_that_contradict_each_other_are_refused_until_the_user
 @pytest.mark.parametrize(
     ("front", "rear", "message"),
     [
-        (0.957, 0.693, r"a mass of T1 between 300 and 60,000 kg, found 1\.65 kg; check the weights and their unit"),
-        (1e9, 750, "between 300 and 60,000 kg"),
-        (1640, 9.6, r"axles of T1 that carry at least 50 kg, found 9\.6 kg"),
-        (1400, 200, "a front axle of T1 that carries 20% to 80% of the mass, found 88%"),
+        (
+            0.957,
+            0.693,
+            r"a mass of T1 of 300 to 60000 kg \(661 to 132277 lb\), found 1\.65 kg \(3\.638 lb\); check the weights",
+        ),
+        (1e9, 750, "of 300 to 60000 kg"),
+        (-1.0, 751, "axles of T1 that carry at least 50 kg .* found −1 kg"),
+        (math.nan, 750, "of 300 to 60000 kg .* found nan kg"),
+        (1640, 9.6, r"axles of T1 that carry at least 50 kg \(110 lb\), found 9\.6 kg"),
+        (1400, 200, "a front axle of T1 that carries 20 to 80 % of the mass, found 88 %"),
     ],
 )
 def test_what_no_vehicle_weighs_is_refused(front: float, rear: float, message: str) -> None:
@@ -86,3 +108,63 @@ def test_a_table_of_conditions_overrules_what_a_file_says_of_weights() -> None:
     heavier = CONDITION.overruled(PartialCondition(mass_kg=3400))
     assert (heavier.front_weight_kg, heavier.rear_weight_kg) == pytest.approx((1900, 1500))
     assert replace(CONDITION, mass_kg=None).overruled(PartialCondition(speed_mps=1.0)).front_weight_kg == 950
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "found"),
+    [
+        (-5 * KPH, r"−5 km/h \(−3\.107 mph\)"),
+        (0.0, r"0 km/h \(0 mph\)"),
+        (1e9 * MPH, r"1\.609e\+09 km/h \(1e\+09 mph\)"),
+        (math.nan, r"nan km/h \(nan mph\)"),
+    ],
+)
+def test_a_speed_that_no_crash_has_is_named_with_what_is_expected(speed_mps: float, found: str) -> None:
+    """It is not as if nothing had been given; what else is lacking is told along with it."""
+    one = record(channel(), condition=PartialCondition())
+    with pytest.raises(DataError) as caught:
+        weights(one, PartialCondition(speed_mps))
+    lacking, speed = map(str, caught.value.problems)
+    assert "the weights on both axles of T1, found none" in lacking
+    assert re.search(rf"speed of T1 of more than 0, and at most 360 km/h \(224 mph\), found {found}; check", speed)
+
+
+@pytest.mark.parametrize(
+    ("given", "share", "found"),
+    [
+        (PartialCondition(), 0.58, "a front share of 58 % alone"),
+        (PartialCondition(mass_kg=1650), None, "a mass of 1650 kg (3638 lb) alone"),
+        (PartialCondition(front_weight_kg=950), None, "a front weight of 950 kg (2094 lb) alone"),
+        (PartialCondition(rear_weight_kg=700), None, "a rear weight of 700 kg (1543 lb) alone"),
+        (PartialCondition(), None, "none"),
+    ],
+)
+def test_one_weight_that_was_given_is_named_where_another_is_asked_for(
+    given: PartialCondition, share: float | None, found: str
+) -> None:
+    """Any two of mass, front weight, rear weight and share do; one alone is not passed over."""
+    with pytest.raises(DataError) as caught:
+        weights(record(channel(), condition=PartialCondition(SPEED_MPS)), given, share)
+    (problem,) = caught.value.problems
+    assert problem.found == found
+    assert problem.advice.startswith("give both axle weights, or" if found == "none" else "give another of mass, front")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.0057, 0.9, 57.0])
+def test_a_front_share_that_no_vehicle_has_is_refused_even_without_a_mass(share: float) -> None:
+    """A per cent of a per cent, or 57 for 57 %: what was given is named in both forms."""
+    named = re.escape(f"0.2 to 0.8 of the mass (20 to 80 %), not {share:.4g} ({100 * share:.4g} %)")
+    with pytest.raises(UsageError, match=named):
+        weights(record(channel(), condition=PartialCondition(SPEED_MPS)), PartialCondition(), share)
+
+
+def test_weights_are_said_in_the_units_of_the_reader() -> None:
+    """In both as a string, in one on a page."""
+    steps: list[str] = []
+    one = record(channel(), condition=PartialCondition(SPEED_MPS))
+    complete_condition(one, PartialCondition(mass_kg=1000 * LB), 0.58, steps, role="tests")
+    told = steps[-1]
+    assert told == "Front weight 263 kg (580 lb): 58 % of 454 kg (1000 lb)."
+    assert isinstance(told, Sentence)
+    assert told.in_units(MPH_LB) == "Front weight 580 lb: 58 % of 1000 lb."
+    assert told.in_units(KPH_KG) == "Front weight 263 kg: 58 % of 454 kg."

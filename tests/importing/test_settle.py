@@ -13,7 +13,7 @@ from crashfuse.readers.record import PartialCondition, RecordedChannel
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Kinematics
 from crashfuse.units import KPH, MS, G
-from crashfuse.wording import signed
+from crashfuse.wording import KPH_KG, MPH_LB, said, signed
 from tests.importing.crashes import (
     CONDITION,
     CRUSH_M,
@@ -398,9 +398,9 @@ def test_a_condition_is_completed_by_the_user() -> None:
     assert (heavier.front_weight_kg, heavier.rear_weight_kg) == pytest.approx((1900.0, 1500.0))
     rest = settle(record(one, condition=replace(CONDITION, rear_weight_kg=None))).condition
     assert rest.rear_weight_kg == pytest.approx(750.0)
-    with pytest.raises(UsageError, match="between 0 and 1"):
+    with pytest.raises(UsageError, match=r"a share of 0\.2 to 0\.8 of the mass \(20 to 80 %\), not 56"):
         settle(record(one), Choices(front_share=56.0))
-    with pytest.raises(DataError, match="a speed and weights above 0"):
+    with pytest.raises(DataError, match="that carry at least 50 kg"):
         settle(record(one, condition=replace(CONDITION, front_weight_kg=-1.0)))
 
 
@@ -408,5 +408,81 @@ def test_a_cae_run_at_standstill_is_taken() -> None:
     """A library may start at 0 mph, where no change of velocity can tell anything."""
     still = record(channel(scale=0.0), condition=replace(CONDITION, speed_mps=0.0))
     assert settle(still, role="cae").condition.speed_mps == 0
-    with pytest.raises(DataError, match="a speed and weights above 0"):
+    with pytest.raises(DataError, match="an impact speed of T1 of more than 0"):
         settle(still)
+
+
+@pytest.mark.parametrize("condition", [PartialCondition(), PartialCondition(SPEED_MPS), CONDITION])
+@pytest.mark.parametrize("scale", [-1.0, 1.0])
+@pytest.mark.parametrize(("start_s", "lead_s"), [(-0.02, 0.0), (0.0, 0.03), (-0.05, 0.0)])
+def test_a_record_too_short_in_itself_is_told_whatever_else_is_lacking(
+    condition: PartialCondition, scale: float, start_s: float, lead_s: float
+) -> None:
+    """40 ms from contact are too few with 60 ms and more before it, whether speed and weights are known or not."""
+    time_s = clock(start_s, 0.04 + lead_s)
+    one = record(RecordedChannel("X", "X", time_s, scale * half_sine_g(time_s - lead_s), "g"), condition=condition)
+    with pytest.raises(DataError) as caught:
+        settle(one)
+    *lacking, short = caught.value.problems
+    assert len(lacking) == (condition.speed_mps is None) + (condition.mass_kg is None)
+    assert short.expected.startswith("a record of at least 60 ms from contact")
+    assert float(short.found.split()[0]) == pytest.approx(40, abs=2)
+    assert short.found.endswith("left at its end") == (condition.speed_mps is not None)
+
+
+def test_a_record_without_a_unit_is_told_to_be_too_short_along_with_what_it_lacks() -> None:
+    """The unit is asked for once."""
+    short = record(channel(unit=None, start_s=-0.02, end_s=0.04), condition=PartialCondition())
+    with pytest.raises(DataError) as caught:
+        settle(short)
+    expected = [problem.expected for problem in caught.value.problems]
+    assert expected[-1].startswith("a record of at least 60 ms")
+    assert sum("unit" in each for each in expected) == 1
+    with pytest.raises(DataError, match="at least 60 ms from contact"):
+        settle(replace(short, condition=CONDITION))
+
+
+def test_a_record_that_ends_while_the_vehicle_moves_fast_has_lost_its_end_not_its_speed() -> None:
+    """62 ms of 120 ms: half of the speed is left, and what is doubted is the end, unless another unit fits."""
+    time_s = clock(end_s=0.062)
+    slow = RecordedChannel("X", "X", time_s, half_sine_g(time_s / 1.5) / 1.5, "g")
+    with pytest.raises(
+        DataError, match=r"has stopped, or 100 ms, found \d+\.\d km/h .* left at its end, 62 ms; export"
+    ):
+        settle(record(slow))
+    whole = RecordedChannel("X", "X", clock(), half_sine_g(clock()) / 2, "g")
+    with pytest.raises(DataError, match=r"near the impact speed of 56\.0 km/h .* found a change of 30\.8 km/h"):
+        settle(record(whole))
+    mislabelled = record(replace(channel(end_s=0.075), unit="m/s²"))
+    with pytest.raises(DataError, match="check the unit: g would fit"):
+        settle(mislabelled)
+
+
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [
+        (1e3, "of about 100 ms, found one of 350 s; check the unit of time: if it is ms, name it time_ms"),
+        (1e-3, "check the unit of time: if it is s, name it time_s"),
+    ],
+)
+def test_times_in_the_wrong_unit_are_told_as_such(factor: float, told: str) -> None:
+    """Milliseconds taken for seconds are no slow recording, seconds taken for milliseconds no short one."""
+    time_s = clock()
+    with pytest.raises(DataError, match=re.escape(told)):
+        settle(record(RecordedChannel("X", "X", factor * time_s, half_sine_g(time_s), "g")))
+
+
+def test_what_no_sensor_measures_is_refused_in_words() -> None:
+    """A damaged file may hold any number; nothing overflows."""
+    values = half_sine_g(clock())
+    values[700] = 1e300
+    with pytest.raises(DataError, match="accelerations of a crash, found 1e\\+300; repair the record"):
+        settle(record(RecordedChannel("X", "X", clock(), values, "g"), condition=PartialCondition()))
+
+
+def test_changes_of_velocity_are_said_in_the_units_of_the_reader() -> None:
+    """In both as a string, in one on a page."""
+    (told,) = [step for step in settle(record(channel())).steps if step.startswith("Sign")]
+    assert re.search(r"is −61\.6 km/h \(−38\.3 mph\)\.$", told)
+    assert said(told, MPH_LB).endswith("is −38.3 mph.")
+    assert said(told, KPH_KG).endswith("is −61.6 km/h.")

@@ -55,7 +55,7 @@ def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> 
     assert (found.condition.mass_kg, found.condition.front_weight_kg) == (1700.0, None)
     assert any("does not say what each axle carried" in step for step in found.steps)
     with pytest.raises(
-        DataError, match=r"a mass of 1700 kg alone; give the front axle's share of the mass.* \(--front-share S, or"
+        DataError, match=r"a mass of 1700 kg \(3748 lb\) alone; give another of mass, front weight, .* --front-share S"
     ):
         settle(found)
     assert settle(found, Choices(front_share=0.6)).condition.front_weight_kg == pytest.approx(1020.0)

@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -124,6 +125,29 @@ def test_an_isomme_archive_says_what_it_lacks(visit: Visit, tmp_path: Path, uplo
     assert added(tmp_path / "m") == ["M1"]
     rows = (tmp_path / "m" / "tests.csv").read_text()
     assert "952" in rows  # 56 % of 1700 kg
+
+
+def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields(visit: Visit) -> None:
+    """A speed below 0 and one of a comet, a weight of nothing, a share alone: never as if nothing had been typed."""
+    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    field(session, "Speed in").set_value("mph")
+    field(session, "Weights in").set_value("lb")
+    session.run()
+    for speed, found in ((-5.0, "−5 mph"), (1e9, "1e+09 mph")):
+        field(session, "Speed (mph)").set_value(speed)
+        session.run()
+        assert f"of more than 0, and at most 224 mph, found {found}" in session.words
+    field(session, "Front share").set_value(58.0)
+    field(session, "Speed (mph)").set_value(35.0)
+    assert "found a front share of 58 % alone" in session.run().words
+    field(session, "Mass").set_value(-3.0)
+    assert "of 661 to 132277 lb, found −3 lb" in session.run().words
+    field(session, "Mass").set_value(3637.0)
+    session.run()
+    assert "Front weight 2109 lb: 58 % of 3637 lb." in session.words
+    assert "change of velocity is −" in session.words
+    assert "km/h" not in session.words.partition("Time zero at")[0].rpartition("Sign ")[2]
+    assert not any(re.search(r"\d (km/h|kg)\b", one.value) for one in session.app.markdown)
 
 
 def test_tdms_is_read(visit: Visit) -> None:
@@ -287,7 +311,7 @@ def test_a_front_share_that_no_vehicle_has_breaks_nothing(visit: Visit, share: f
     assert "It cannot be added yet" in session.words or "Before it can be added" in session.words
     (button,) = [button for button in session.app.button if button.label.startswith("Add")]
     assert button.disabled
-    assert (field(session, "Front share").proto.min, field(session, "Front share").proto.max) == (20, 80)
+    assert f"({share:g} %)" in session.words
 
 
 def test_another_unit_converts_what_is_typed_in(visit: Visit) -> None:

@@ -20,8 +20,10 @@ from crashfuse.readers.lsdyna.nodout import read_nodout
 from crashfuse.readers.lsdyna.run_files import RunFiles, belongs, runs_of
 from crashfuse.readers.lsdyna.unit_system import mass_kg, units_of
 from crashfuse.readers.members import opened_members
+from crashfuse.readers.quantities import speed, weight
 from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
 from crashfuse.readers.travel import axis_of_travel, checked_travel
+from crashfuse.wording import Sentence
 
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
 """Size limits of a library; only the needed part of a binout is read, however long it is."""
@@ -119,17 +121,17 @@ def _record(run_id: str, source: str, run: Histories, travel: Travel | None) -> 
         steps.append("Accelerations that do not add up to the nodes' velocities are taken from the velocities.")
     if run.total > len(run.nodes):
         steps.append(f"{len(run.nodes)} of {run.total} nodes are kept, those with a title first.")
-    speed = mass = None
+    speed_mps = mass = None
     no_speed = f"a {units_told[0].lower()}{units_told[1:].rstrip('.')}"
     if not moves:
         no_speed = f"nodes at rest along {AXES[axis_of_travel(run.start, travel)]} at the start"
     elif per_mps is not None and np.isfinite(own):
-        speed, mass, no_speed = own * per_mps, mass_kg(run.kinetic_energy, proposed), ""
-        steps.append(f"Speed {speed:.4g} m/s, at which these nodes set out.")
+        speed_mps, mass, no_speed = own * per_mps, mass_kg(run.kinetic_energy, proposed), ""
+        steps.append(Sentence("Speed {}, at which these nodes set out.", speed(speed_mps, form=".4g")))
     if mass is not None:
-        steps.append(f"Mass {mass:.5g} kg, from the kinetic energy at that speed (glstat).")
+        steps.append(Sentence("Mass {}, from the kinetic energy at that speed (glstat).", weight(mass)))
     steps.append(quality_sentence(run.quality, "glstat, matsum"))
     channels = tuple(channel_of(node, per_second, unit) for node in run.nodes)
     names = tuple(node.name for node in proposed)
-    condition = PartialCondition(speed, mass)
+    condition = PartialCondition(speed_mps, mass)
     return Record(run_id, source, condition, channels, names, tuple(steps), no_speed=no_speed, quality=run.quality)

@@ -10,11 +10,13 @@ from crashfuse.readers.energies import quality_sentence
 from crashfuse.readers.lsdyna.accelerometers import on_a_dummy, titled_nodes
 from crashfuse.readers.lsdyna.histories import History, channel_of, integral, is_aliased
 from crashfuse.readers.lsdyna.unit_system import FASTEST_MPS, LONGEST_S, of_a_vehicle, units_of
+from crashfuse.readers.quantities import speed, weight
 from crashfuse.readers.radioss.time_history import ACCELEROMETER, LEAST_CHANGE, MOST_CHANGE, TimeHistory, Watched
 from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
 from crashfuse.readers.travel import axis_of_travel, checked_travel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
+from crashfuse.wording import Sentence
 
 _SAME = 0.01  # of the initial velocity, or of a mass
 _SYSTEMS = {(1e-3, 1e-3): (MS, "mm/ms²"), (1e-3, 1.0): (1.0, "mm/s²"), (1.0, 1.0): (1.0, "m/s²")}
@@ -50,14 +52,14 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     steps.append(why)
     if any(map(is_aliased, proposed)):
         steps.append("Accelerations that do not add up to the velocity are taken from the velocity.")
-    speed, (mass, mass_told) = None, _mass(run, own, source)
+    speed_mps, (mass, mass_told) = None, _mass(run, own, source)
     if not moves:
         no_speed = f"nodes at rest along {AXES[axis]} at the start"
     elif per_mps is not None and np.isfinite(own):
-        speed, no_speed = own * per_mps, ""
-        steps.append(f"Speed {speed:.4g} m/s, at which it sets out.")
+        speed_mps, no_speed = own * per_mps, ""
+        steps.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
     if mass is not None:
-        steps.append(f"Mass {mass:.5g} kg, {mass_told}.")
+        steps.append(Sentence(f"Mass {{}}, {mass_told}.", weight(mass)))
     if run.unread:
         steps.append(f"Not read: {_listed(run.unread)}.")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
@@ -68,7 +70,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     return Record(
         run_id,
         source,
-        PartialCondition(speed, mass),
+        PartialCondition(speed_mps, mass),
         tuple(channel_of(node, per_second, unit) for node in kept),
         tuple(node.name for node in proposed),
         tuple(steps),
@@ -139,9 +141,9 @@ def _may_be_the_pulse(node: History, initial: FloatArray | None) -> bool:
     """Whether it moves with the vehicle; an accelerometer must also stop as one does, which crossed columns do not."""
     if not node.name.startswith(ACCELEROMETER) or initial is None or not initial.any():
         return True
-    speed = float(np.abs(node.velocity[0]))
+    at_start = float(np.abs(node.velocity[0]))
     change = float(np.abs(node.velocity - node.velocity[0]).max())
-    return LEAST_CHANGE * speed <= change <= MOST_CHANGE * speed
+    return LEAST_CHANGE * at_start <= change <= MOST_CHANGE * at_start
 
 
 def _behind(node: History) -> tuple[float, float]:
@@ -171,9 +173,9 @@ def _mass(run: TimeHistory, own: float, source: str) -> tuple[float | None, str]
         return None, ""
     mass, what, initial = float(total[0]), "of the whole model at the start", run.initial_velocity
     if initial is not None and initial.any():
-        speed = float(np.linalg.norm(initial))
-        moving = 2 * float(run.model["KINETIC ENERGY"][0]) / speed**2
-        if abs(own - speed) <= _SAME * speed and moving < (1 - _SAME) * mass:  # else something moves otherwise
+        at_start = float(np.linalg.norm(initial))
+        moving = 2 * float(run.model["KINETIC ENERGY"][0]) / at_start**2
+        if abs(own - at_start) <= _SAME * at_start and moving < (1 - _SAME) * mass:  # else something moves otherwise
             mass, what = moving, f"of what moves at the start (2 × kinetic energy / speed²), of {mass:.5g} in all"
     found = of_a_vehicle(np.array([mass]))
     if found is None:

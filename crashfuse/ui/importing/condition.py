@@ -12,10 +12,9 @@ from crashfuse.readers.unit_spelling import UNITS
 from crashfuse.ui import address
 from crashfuse.ui.importing.session import Source
 from crashfuse.ui.text import chosen_units
-from crashfuse.wording import KPH_KG
+from crashfuse.wording import KPH_KG, UnitSystem
 
 _WEIGHTS = ("front weight", "rear weight", "mass")
-_LEAST_SHARE, _MOST_SHARE = 20.0, 80.0  # per cent; a value such as 0.57 is a fraction, not a percentage
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +23,11 @@ class Units:
 
     speed: str
     weight: str
+
+    @property
+    def system(self) -> UnitSystem:
+        """The units that sentences are said in; they know no m/s."""
+        return UnitSystem("mph" if self.speed == "mph" else "km/h", "lb" if self.weight == "lb" else "kg")
 
     @property
     def speed_mps(self) -> float:
@@ -73,7 +77,7 @@ def condition_of(source: Source, records: Sequence[Record], units: Units) -> tup
     _number(right, "rear weight", f"Rear weight ({units.weight})", rears, kg, source)
     _number(left, "mass", f"Mass ({units.weight})", masses, kg, source)
     tip = "Of the mass, on the front axle: for files that know no axle weights."
-    _number(right, "front share", "Front share (%)", shares, 0.01, source, _LEAST_SHARE, _MOST_SHARE, tip)
+    _number(right, "front share", "Front share (%)", shares, 0.01, source, tip)
     return given, share
 
 
@@ -121,8 +125,6 @@ def _number(
     found: Sequence[float | None],
     unit: float,
     source: Source,
-    least: float = 0.0,
-    most: float | None = None,
     tip: str | None = None,
 ) -> None:
     known = sorted(value / unit for value in found if value is not None and value > 0)
@@ -130,9 +132,7 @@ def _number(
     if known:
         grey = f"{known[0]:.5g}" if known[-1] - known[0] < 1e-6 * known[-1] else f"{known[0]:.4g}–{known[-1]:.4g}"
     place.number_input(
-        label,
-        min_value=least,
-        max_value=most,
+        label,  # without limits: the browser would drop a number beyond them, and nothing would name it
         value=None,
         placeholder=grey,
         key=f"{source.key} {name}",

@@ -1,6 +1,7 @@
 """The step between foreign files and a campaign: what was recognised, the resulting records, and adding them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -26,6 +27,7 @@ from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave,
 from crashfuse.ui.problems import advice_on_page, show_problems
 from crashfuse.ui.text import plain
 from crashfuse.units import MS, G
+from crashfuse.wording import said
 
 _MOST_ROWS = 100
 _KEY = "import-step"
@@ -82,7 +84,8 @@ def _show_step(source: Source, view: frame.View | None) -> None:
         ):
             st.caption("A table of conditions, dropped along with the files, gives each record its own: one row an id.")
         choices, units = choices_of(source, records, first, role_of(first.source, role, cae), own_class())
-    settled, problems = settled_of(source, reading, choices, role, cae)
+    settled, refused = settled_of(source, reading, choices, role, cae)
+    problems = [_in_units(problem, units) for problem in refused]
     with right:
         _preview(first, choices, next((one for one in settled if one.id == first.id), None), view, units)
         if len(records) > 1 and settled:
@@ -144,7 +147,7 @@ def _preview(record: Record, choices: Choices, settled: Settled | None, view: fr
     )
     if settled is not None:
         st.markdown(f"**{plain(settled.id)}**: {units.told(settled.condition)}")
-        st.markdown("\n".join(f"- {plain(step)}" for step in settled.steps))
+        st.markdown("\n".join(f"- {plain(said(step, units.system))}" for step in settled.steps))
 
 
 def _table(settled: Sequence[Settled], units: Units) -> None:
@@ -168,6 +171,12 @@ def _table(settled: Sequence[Settled], units: Units) -> None:
     st.dataframe(pd.DataFrame(rows), hide_index=True)
     if len(settled) > _MOST_ROWS:
         st.caption(f"The first {_MOST_ROWS} of {len(settled)}.")
+
+
+def _in_units(problem: Problem, units: Units) -> Problem:
+    """The problem in the units of the fields."""
+    expected, found, advice = (said(text, units.system) for text in (problem.expected, problem.found, problem.advice))
+    return replace(problem, expected=expected, found=found, advice=advice)
 
 
 def _need(problem: Problem, *, with_file: bool) -> str:
