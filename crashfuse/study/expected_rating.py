@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from crashfuse.campaign import Campaign
+from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.estimate import Estimate
@@ -42,6 +43,8 @@ class ExpectedRating:
         Whether the condition is farther in speed from all tests than any of these was from the others.
     beyond : bool
         Whether it is more than 5 mph slower or faster than all tests, where no left-out test says how errors grow.
+    side : {"", "slower", "faster"}
+        What all tests are than it, if it is a step beyond all of them.
     """
 
     mean: float
@@ -57,6 +60,7 @@ class ExpectedRating:
     reach_mps: float
     farther: bool
     beyond: bool
+    side: str
 
     @property
     def sentence(self) -> str:
@@ -65,7 +69,8 @@ class ExpectedRating:
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
         where = "a guess" if self.beyond else self.grades
         expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {where})"
-        return Sentence(f"{expected}; {tests} within {{}} rated {rated}.", within)
+        side = f", {'all ' * (n > 1)}{self.side}," if self.side else ""
+        return Sentence(f"{expected}; {tests} within {{}}{side} rated {rated}.", within)
 
     @property
     def range(self) -> str:
@@ -123,6 +128,8 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     agreements = np.array([estimate.agreements.get(test.id, np.nan) for test in tests])
     single = RatingDistribution.learned(np.array(ratings), away, agreements, agreement(estimate.prediction))
     median, lower, upper, least, most = map(single.quantile, _SHARES)
+    below, above = speeds.min() - speed_mps, speed_mps - speeds.max()
+    side = "faster" if below > SPEED_STEP_MPS else "slower" if above > SPEED_STEP_MPS else ""
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
     return ExpectedRating(
         float(np.mean(ratings[: len(near)])),
@@ -137,7 +144,8 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
         tuple(test.id for test in near),
         float(away[len(near) - 1]),
         bool(np.abs(speeds - speed_mps).min() > max(*gaps, _BESIDE_MPS)),
-        bool(max(speeds.min() - speed_mps, speed_mps - speeds.max()) > _REACH_MPS),
+        bool(max(below, above) > _REACH_MPS),
+        side,
     )
 
 
