@@ -7,7 +7,6 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, editing, frame, page_tables
 from crashfuse.ui.beside import choose_tests, key_of, without_clicks
 from crashfuse.ui.computation import StudyRequest, chosen_config
-from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
@@ -82,7 +81,7 @@ def show_tests(view: frame.View) -> None:
     cfc = None if choice == AS_READ else float(choice.removeprefix("CFC "))
     show_cached_figure(
         lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=view.display)),
-        "Pulses of all tests over time, coloured by speed",
+        f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed",
         "tests",
         campaign.fingerprint,
         test.id,
@@ -91,7 +90,8 @@ def show_tests(view: frame.View) -> None:
         tests,
         key_of(also),
         chosen_config(),  # by which pinned predictions are made
-        name=file_name("tests", choice, view.display.in_names[1]),
+        name=" ".join([*(tests if len(tests) < len(campaign.tests) else ["tests"]), choice]),
+        beside=also,
     )
     reading = "as they are in the files"
     if campaign.channel_filter_class is not None:
@@ -137,7 +137,7 @@ def show_library(view: frame.View) -> None:
         "library",
         campaign.fingerprint,
         view.display,
-        name=file_name("CAE runs", view.display.in_names[1]),
+        name="CAE runs",
     )
     paired = any(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
     lines = "Lines are the runs" if paired else "No run was"

@@ -53,13 +53,15 @@ def campaign_figure(
 
 def _tests(own: _Shown) -> go.Figure:
     further = pulses_of(beside(own.campaign, own.also, own.display))
-    return measured_pulses(own.tests, highlight=own.held_out, cfc=own.cfc, display=own.display, further=further)
+    return measured_pulses(
+        own.tests, among=own.campaign.tests, highlight=own.held_out, cfc=own.cfc, display=own.display, further=further
+    )
 
 
 def _bias(own: _Shown) -> go.Figure:
     model = CaeModel(cache=Cache()).fit(own.campaign.cae)
     biases = [measured_bias(test, model) for test in own.tests]
-    return bias_by_speed(own.tests, biases, highlight=own.held_out, display=own.display)
+    return bias_by_speed(own.tests, biases, among=own.campaign.tests, highlight=own.held_out, display=own.display)
 
 
 FIGURES: dict[str, Callable[[_Shown], go.Figure]] = {

@@ -7,7 +7,7 @@ import streamlit as st
 
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for
-from crashfuse.ui.figure_tools import file_name
+from crashfuse.ui.captions import file_name, settings
 
 
 def download_table(name: str, table: Callable[[], pd.DataFrame], of: str = "") -> None:
@@ -37,4 +37,4 @@ def download_bytes(name: str, write: Callable[[], bytes], of: str = "", mime: st
 
 
 def _named(name: str, of: str) -> str:
-    return "_".join(filter(None, (file_name(of), name)))
+    return f"{file_name(of, *settings())}_{name}" if of else name

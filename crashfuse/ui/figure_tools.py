@@ -1,19 +1,23 @@
 """Below each figure: buttons that save it as SVG or PNG, and the numbers that it shows as CSV; and its keys.
 
+A picture is light, whatever the page is, and says above what it shows, which on the page stands around the figure.
+
 A figure that has the focus is read with the arrow keys, which move the cursor as a mouse does; Enter clicks, and Escape
 takes the cursor away, as does leaving the figure.
 """
 
-import re
+import json
+from dataclasses import asdict
 
 import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
+from crashfuse.reporting.plots.palette import IN_THE_DARK
+from crashfuse.ui.captions import Caption
 from crashfuse.ui.tables import BUTTON_CSS
 
-_LONGEST_NAME = 90
 _HTML = """
 <div class=row>
 <button type="button" data-format="svg" title="Save this figure as SVG: sharp at any size">SVG</button>
@@ -24,7 +28,18 @@ _HTML = """
 # The camera of Plotly draws the image, with its settings when it is pressed. Its words have the room that they take in
 # the page's font, which other programs do not have: so the font goes with them, and their lengths are written down.
 _JS = """
-const SHARP = 3, WAIT_MS = 30000;
+const LIGHT = $LIGHT, SHARP = 3, WAIT_MS = 30000;
+const hex = numbers => "#" + numbers.map(number => (+number).toString(16).padStart(2, "0")).join("").toUpperCase();
+const lit = part => {  // the same with every colour of a dark page replaced by its light counterpart
+  if (Array.isArray(part)) return part.map(lit);
+  if (part && typeof part === "object") {
+    return Object.fromEntries(Object.entries(part).map(([name, own]) => [name, lit(own)]));
+  }
+  const sheer = typeof part === "string" && part.match(/^rgba\\((\\d+), (\\d+), (\\d+), ([\\d.]+)\\)$/);
+  if (!sheer) return LIGHT[part] ?? part;
+  const solid = LIGHT[hex(sheer.slice(1, 4))];
+  return solid ? solid + Math.round(255 * sheer[4]).toString(16).padStart(2, "0") : part;
+};
 const drawn = (figure, filename) => new Promise((resolve, reject) => {
   const url = URL.createObjectURL, click = HTMLAnchorElement.prototype.click;
   let taken;
@@ -41,8 +56,10 @@ const drawn = (figure, filename) => new Promise((resolve, reject) => {
     resolve(taken.text());
   };
   Object.assign(figure._context.toImageButtonOptions, { format: "svg", filename, scale: 1 });
-  const tools = [...figure.querySelectorAll(".modebar-btn")];
+  const tools = [...figure.querySelectorAll(".modebar-btn")], { data, layout } = figure;
+  Object.assign(figure, { data: lit(data), layout: lit(layout) });  // which are copied at the click
   tools.find(tool => /download plot/i.test(tool.dataset.title ?? ""))?.click();
+  Object.assign(figure, { data, layout });
 });
 const address = blob => new Promise(resolve => {
   const reader = new FileReader();
@@ -61,12 +78,45 @@ const font = async () => {
   const data = await address(await file.blob());
   return `@font-face { font-family: "Source Sans"; font-weight: 200 900; src: url(${data}) }`;
 };
-const picture = async (figure, filename) => {
-  const svg = new DOMParser().parseFromString(await drawn(figure, filename), "image/svg+xml").documentElement;
+const EDGE = 12, WEIGHTS = { title: 600, details: 400 }, SIZES = { title: 17, details: 13 };
+const headed = (svg, figure, said) => {  // with the lines of its caption, wrapped, in a space of their own above it
+  const [width, height] = ["width", "height"].map(side => +svg.getAttribute(side));
+  const make = (name, own) => {
+    const made = document.createElementNS(svg.namespaceURI, name);
+    for (const [key, value] of Object.entries(own)) made.setAttribute(key, value);
+    return made;
+  };
+  const { font, paper_bgcolor: paper } = figure._fullLayout;
+  const head = make("g", { "font-family": font.family, fill: lit(font.color) });
+  const body = make("g", {});
+  body.append(...svg.childNodes);
+  svg.append(make("rect", { width: "100%", height: "100%", fill: lit(paper) }), head, body);
+  let y = EDGE;
+  for (const [kind, size] of Object.entries(SIZES)) {
+    let line;
+    for (const word of said[kind].split(" ").filter(Boolean)) {
+      const before = line?.textContent;
+      if (line) line.textContent += ` ${word}`;
+      if (line && line.getComputedTextLength() <= width - 2 * EDGE) continue;
+      if (line) line.textContent = before;
+      y += 1.3 * size;
+      line = make("text", { x: EDGE, y, "font-size": size, "font-weight": WEIGHTS[kind] });
+      head.append(line);
+      line.textContent = word;
+    }
+  }
+  y += EDGE;
+  body.setAttribute("transform", `translate(0 ${y})`);
+  svg.setAttribute("height", height + y);
+  svg.setAttribute("viewBox", `0 0 ${width} ${height + y}`);
+};
+const picture = async (figure, said) => {
+  const svg = new DOMParser().parseFromString(await drawn(figure, said.name), "image/svg+xml").documentElement;
   const room = document.createElement("div");
   room.style.cssText = "position: absolute; visibility: hidden";
   room.append(svg);
   document.body.append(room);
+  headed(svg, figure, said);
   for (const words of svg.querySelectorAll("text, tspan")) {
     if (words.children.length || !words.textContent.trim()) continue;
     words.setAttribute("textLength", words.getComputedTextLength());
@@ -163,7 +213,7 @@ export default ({ parentElement, data, setTriggerValue }) => {
         setTriggerValue("csv", { hidden, at: Date.now() });
         return;
       }
-      const svg = await picture(figure, data.name);
+      const svg = await picture(figure, data);
       save(format === "png" ? await sharp(svg) : svg, `${data.name}.${format}`);
     };
   }
@@ -173,20 +223,18 @@ export default ({ parentElement, data, setTriggerValue }) => {
   }
 };
 """
-_tools = st.components.v2.component("crashfuse_figure_tools", html=_HTML, css=BUTTON_CSS, js=_JS)
-
-
-def file_name(*parts: str) -> str:
-    """Name of a figure's files, without its ending: words, joined and safe on any disk."""
-    return re.sub(r"[^\w.-]+", "-", "_".join(parts), flags=re.ASCII).strip("-._")[:_LONGEST_NAME]
+_LIGHT = json.dumps({dark: light for light, dark in IN_THE_DARK.items()})
+_tools = st.components.v2.component(
+    "crashfuse_figure_tools", html=_HTML, css=BUTTON_CSS, js=_JS.replace("$LIGHT", _LIGHT)
+)
 
 
 @st.fragment
-def offer_files(figure: go.Figure, name: str, key: str) -> None:
+def offer_files(figure: go.Figure, caption: Caption, key: str) -> None:
     """Show the buttons of the figure just above; the numbers are made when they are asked for."""
     key = f"files {key}"
     asked = st.session_state.get(key, {}).get("csv")
-    data: dict[str, object] = {"name": name}
+    data: dict[str, object] = asdict(caption)
     if asked:
         table = figure_table(figure.to_plotly_json(), [int(place) for place in asked["hidden"]])
         data |= {"at": asked["at"], "csv": csv_bytes(table).decode()}

@@ -7,9 +7,11 @@ from typing import Any
 import plotly.graph_objects as go
 import streamlit as st
 
+from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.ui import address
-from crashfuse.ui.figure_tools import file_name, offer_files
+from crashfuse.ui.captions import caption
+from crashfuse.ui.figure_tools import offer_files
 from crashfuse.ui.sent_figure import SentFigure
 
 _CACHED = 200  # figures of up to half a megabyte
@@ -43,21 +45,25 @@ def choose(
 
 
 def show_figure(figure: go.Figure, alt: str, key: str | None = None, name: str = "") -> None:
-    """Show a figure with the tools that are useful on a curve; below it is saved, by default under its ``alt`` text."""
-    name = name or file_name(alt)
+    """Show a figure with the tools that are useful on a curve; its files are named by all that it shows.
+
+    ``name`` says what is drawn in few words, where the alternative text would be too long for that.
+    """
     sent = SentFigure(darkened(figure) if _is_dark() else figure)
     st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_TOOLS)
-    offer_files(figure, name, key or alt)
+    offer_files(figure, caption(figure, alt, name), key or alt)
 
 
-def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "") -> None:
+def show_cached_figure(
+    draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "", beside: Sequence[Further] = ()
+) -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure.
 
-    ``name`` is that of its files, from :func:`file_name`, where the alternative text would be too long for it.
+    ``beside`` is what was put beside what it always shows.
     """
-    name, (figure, sent) = name or file_name(alt), _cached(key, _is_dark(), draw)
+    figure, sent = _cached(key, _is_dark(), draw)
     st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
-    offer_files(figure, name, alt)
+    offer_files(figure, caption(figure, alt, name, beside), alt)
 
 
 def show_clickable(
@@ -80,11 +86,11 @@ def show_clickable(
     def clickable() -> go.Figure:  # as Streamlit would set it once the figure is drawn, to be drawn again
         return draw().update_layout(clickmode="event+select")
 
-    name, (figure, sent) = name or file_name(alt), _cached((widget, *key), _is_dark(), clickable)
+    figure, sent = _cached((widget, *key), _is_dark(), clickable)
     event = st.plotly_chart(
         sent, alt=alt, key=widget, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
     )
-    offer_files(figure, name, widget)
+    offer_files(figure, caption(figure, alt, name), widget)
     return bool(_points(event))
 
 

@@ -83,6 +83,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     show_figure(
         found.plot(display=view.display),
         alt="Mean rating of tests not learned from, width of the band and decided verdicts, over the number of tests",
+        name="learning curve",
     )
     st.caption(
         f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "

@@ -11,6 +11,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note
+from crashfuse.reporting.plots.palette import IN_THE_DARK, PAPER
 from crashfuse.reporting.report import ReportForm, ReportOptions, study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -40,7 +41,7 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     engineer.press("CAE", f'[data-testid="stPopoverBody"] {PILL}')
     engineer.wait(lambda: "CAE" not in engineer.texts(f"{FIGURE} .legendtext"))
     press_tool(engineer, '[data-format="csv"]')
-    numbers = rows(engineer.arrived("T1_pulses_0-60ms_g.csv").read_text(encoding="utf-8"))
+    numbers = rows(engineer.arrived("_T1_pulses-with-corridors_0-60ms_g.csv").read_text(encoding="utf-8"))
     shown = set(numbers[0])
     assert "Displacement domain: Velocity, upper (mph)" in shown
     assert any(name.startswith("Corridor of the rating, inner") for name in shown)
@@ -50,10 +51,29 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     np.testing.assert_allclose(drawn, measured, rtol=1e-5, atol=1e-5)
     for form, start in (("svg", b"<svg"), ("png", b"\x89PNG")):
         press_tool(engineer, f'[data-format="{form}"]')
-        assert engineer.arrived(f"T1_pulses_0-60ms_g.{form}").read_bytes().startswith(start)
-    saved = engineer.arrived("T1_pulses_0-60ms_g.svg").read_text(encoding="utf-8")
+        assert engineer.arrived(f"_T1_pulses-with-corridors_0-60ms_g.{form}").read_bytes().startswith(start)
+    saved = engineer.arrived("_T1_pulses-with-corridors_0-60ms_g.svg").read_text(encoding="utf-8")
     assert "@font-face" in saved  # which no other program has: without it, and without lengths, words would overlap
     assert len(re.findall("<(?:text|tspan)[^>]* textLength=", saved)) > 20
+
+
+def test_a_picture_from_a_dark_page_is_light_and_says_what_it_shows(engineer: "User") -> None:
+    """In lines above the figure, which wrap where it is narrow; the page itself stays as it is."""
+    engineer.sits_at(480, 1000)
+    engineer.prefers("dark")
+    ground = f"return document.querySelector('{FIGURE}').layout.paper_bgcolor"
+    engineer.wait(lambda: engineer.browser.execute_script(ground) == IN_THE_DARK[PAPER])
+    press_tool(engineer, '[data-format="svg"]')
+    saved = engineer.arrived("_T1_pulses_0-60ms_g.svg").read_text(encoding="utf-8")
+    dark = ["rgb({}, {}, {})".format(*bytes.fromhex(colour[1:])) for colour in IN_THE_DARK.values() if colour[0] == "#"]
+    assert not [colour for colour in dark if colour in saved]
+    lines = re.findall('<text x="12" y="([0-9.]+)"[^>]*>([^<]+)<', saved)
+    assert " ".join(words for _, words in lines).startswith(
+        "Acceleration, velocity and displacement over time: test T1"
+    )
+    assert "Fast settings, seed 0" in " ".join(words for _, words in lines)
+    assert len({y for y, _ in lines}) == len(lines) > 2
+    assert engineer.browser.execute_script(ground) == IN_THE_DARK[PAPER]
 
 
 def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(

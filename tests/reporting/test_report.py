@@ -14,6 +14,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.palette import COLOURS, FURTHER_COLOURS
 from crashfuse.reporting.report import ReportOptions, prediction_report, study_report
 from crashfuse.run_quality import NAMED_LIMITS, RunQuality
 from crashfuse.study.account import worst_test
@@ -225,6 +226,18 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert "Expected over 0–60 ms: 1.00 (80 %, Excellent)" in text
     assert "Nearest tests by speed and weights: T1 (+0.0 mph" in text
     assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
+
+
+def test_pinned_predictions_look_as_on_the_page(campaign: Campaign) -> None:
+    """The condition itself has the colour of its approach, the pinned ones those of curves that are put beside."""
+    here, *pinned = ([estimate(test)] for test in campaign.tests[:3])
+    drawn = figures_of(prediction_report(campaign, here, CONFIG, pinned=pinned)).figures
+    looks = [
+        {trace["name"]: trace["line"]["color"] for trace in figure.drawn["data"] if trace.get("showlegend", True)}
+        for figure in drawn
+    ]
+    (beside,) = [look for look in looks if any(" at 25.0 mph" in name for name in look)]
+    assert list(beside.values()) == [COLOURS["cae"], *FURTHER_COLOURS[:2]]
 
 
 def test_equal_results_give_equal_bytes(study: Study, text: str) -> None:

@@ -10,7 +10,11 @@ from crashfuse.ui import downloads
 
 
 def test_a_downloaded_table_is_the_file_of_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Byte for byte, in as many digits: two files of one certification that differ are a finding in a review."""
+    """Byte for byte, in as many digits: two files of one certification that differ are a finding in a review.
+
+    Its name on a page begins with what it is about, and the settings where they are not the usual ones.
+    """
+    monkeypatch.setattr("streamlit.session_state", {"page": "predict", "seed": 7})
     table = pd.DataFrame({"id": ["A"], "value": [24.958261014512296], "lower": [None]})
     offered: dict[str, Callable[[], bytes]] = {}
 
@@ -18,6 +22,6 @@ def test_a_downloaded_table_is_the_file_of_the_command_line(monkeypatch: pytest.
         offered[file_name] = write
 
     monkeypatch.setattr("crashfuse.ui.downloads.st.download_button", take)
-    for of, name in (("", "certification.csv"), ("my car T09, 56 km/h", "my-car-T09-56-km-h_certification.csv")):
+    for of, name in (("", "certification.csv"), ("my car T09, 56 km/h", "my-car-T09-56-km-h_seed-7_certification.csv")):
         downloads.download_table("certification.csv", lambda: table, of)
         assert offered[name]() == csv_bytes(table) == b"id,value,lower\nA,24.9583,\n"

@@ -10,10 +10,8 @@ from streamlit.testing.v1 import AppTest
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.plots.display import Display
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui import figures, occupant_model
-from crashfuse.ui.figure_tools import file_name
 
 
 def page() -> None:
@@ -94,19 +92,5 @@ def test_a_page_hands_out_iso_mme_at_a_location(made: list[tuple[str, dict[str, 
 
 
 def test_no_tool_sends_a_figure_away() -> None:
-    """The button that uploads a chart is off; files of a figure are named by what it shows."""
+    """The button that uploads a chart is off."""
     assert figures._TOOLS["showSendToCloud"] is False
-    assert file_name("T09", "pulses", *Display().in_names) == "T09_pulses_0-60ms_g"
-
-
-@pytest.mark.parametrize(
-    ("parts", "name"),
-    [
-        (("T09", "CAE and", "Time domain"), "T09_CAE-and_Time-domain"),
-        (("../../etc", "a/b\\c:d"), "etc_a-b-c-d"),
-        (("Prüfung 7", "x" * 200), "Pr-fung-7_" + "x" * 80),
-    ],
-)
-def test_a_name_of_a_file_is_safe_on_any_disk(parts: tuple[str, ...], name: str) -> None:
-    """Whatever a test is called: no folders, no signs that a disk refuses, not too long."""
-    assert file_name(*parts) == name

@@ -74,10 +74,16 @@ def curve_lines(names: Collection[str]) -> dict[str, dict[str, Any]]:
 
 
 def by_speed(
-    tests: Sequence[CrashTest], highlight: str | None = None, display: Display = DEFAULT
+    tests: Sequence[CrashTest],
+    highlight: str | None = None,
+    display: Display = DEFAULT,
+    among: Sequence[CrashTest] = (),
 ) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
-    """Tests by increasing speed, each with the name and style of its line; the highlighted one is thick."""
-    styles = speed_lines(tests)
+    """Tests by increasing speed, each with the name and style of its line; the highlighted one is thick.
+
+    Styles are those that they have ``among`` all tests, so that they stay whichever are shown.
+    """
+    styles = speed_lines(among or tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight
         yield (

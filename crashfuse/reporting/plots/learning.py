@@ -9,6 +9,7 @@ from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.palette import CURSOR
 
 _SPARE = 0.05  # decades beside the curves
+_NAMES = {"train loss": "Training error", "validation loss": "Error on held-back CAE runs"}
 
 
 def learning_curves(
@@ -28,7 +29,9 @@ def learning_curves(
     figure = new_figure(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
         done, values = np.array(points, dtype=np.float32).T
-        figure.add_scatter(x=done, y=values, name=name, mode="lines", line={"color": colour, "width": 2})
+        figure.add_scatter(
+            x=done, y=values, name=_NAMES.get(name, name), mode="lines", line={"color": colour, "width": 2}
+        )
     figure.update_layout(showlegend=True)
     figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
     figure.update_yaxes(title=value)
@@ -57,7 +60,7 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     figure.add_vline(
         x=place, line={"color": CURSOR, "dash": "dot"}, annotation_text="chosen", annotation_position=f"top {side}"
     )
-    title = "Variance of a test's own part (shared part: 1)"
+    title = "How far a test may differ from the others (shared part: 1)"
     figure.update_xaxes(title=title, type="category", range=None, unifiedhovertitle=None)
     figure.update_yaxes(title="Error (CAE RMS = 1)", rangemode="tozero")
     return figure

@@ -21,10 +21,14 @@ COLOURS: Mapping[str, str] = {name: approach.colour for name, approach in CLASSE
 DASHES: Mapping[str, str] = {name: approach.dash for name, approach in CLASSES.items()}
 """Of each approach's curves: what has not seen a test is not drawn solid."""
 
-FURTHER_COLOURS = ("#9B6BCE", "#A87F09", "#06999A", "#679725", "#CC5A82", "#A0705A")
-"""Of further tests, CAE runs and predictions in a figure: of one lightness, which reads on white and in the dark."""
+FURTHER_COLOURS = ("#5B16B8", "#7D0A24", "#8F80FF", "#0A1A6B", "#B0006E")
+"""Of further tests, CAE runs and predictions in a figure: apart from the approaches', for the colour-blind as well."""
 
-_FURTHER_DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
+_FURTHER_IN_THE_DARK = ("#D9B3FF", "#FFA89A", "#7060FF", "#C4EE3C", "#FFF3A0")
+_FURTHER_DASHES = (
+    "12px,3px", "7px,2px,2px,2px", "4px,2px", "12px,2px,2px,2px", "8px,3px,4px,3px", "6px,2px,2px,2px,2px,2px",
+)  # fmt: skip
+"""Unlike those of the approaches, and short enough for the legend."""
 
 GRADE_COLOURS: Mapping[str, str] = {"Poor": "#F4B183", "Fair": "#FBE3D0", "Good": "#CFE3F2", "Excellent": "#7FB6DC"}
 """Colour behind each grade word of ISO/TS 18571; black text reads on all of them."""
@@ -62,15 +66,19 @@ IN_THE_DARK: Mapping[str, str] = {
     CORRIDOR: "#B79CF0",
     **_FILLS_IN_THE_DARK,
     **{approach.colour: approach.dark_colour for approach in CLASSES.values() if approach.dark_colour},
+    **dict(zip(FURTHER_COLOURS, _FURTHER_IN_THE_DARK, strict=True)),
     **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),
 }
 """Counterparts on a dark page; colours that are not listed can be read on both."""
 
 
 def further_line(number: int) -> dict[str, Any]:
-    """Line of a further curve, counted from 0: thinner than an approach's; thirty differ in colour or dash."""
-    colour, dash = number % len(FURTHER_COLOURS), number // len(FURTHER_COLOURS) % len(_FURTHER_DASHES)
-    return {"color": FURTHER_COLOURS[colour], "width": 1.6, "dash": _FURTHER_DASHES[dash]}
+    """Line of a further curve, counted from 0: thinner than an approach's, and dashed.
+
+    Neighbours differ in colour and dash, thirty in one of both.
+    """
+    colour, dash = (looks[number % len(looks)] for looks in (FURTHER_COLOURS, _FURTHER_DASHES))
+    return {"color": colour, "width": 1.6, "dash": dash}
 
 
 def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, Any]]:

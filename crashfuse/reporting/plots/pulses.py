@@ -131,19 +131,20 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
 def measured_pulses(
     tests: Sequence[CrashTest],
     *,
+    among: Sequence[CrashTest] = (),
     highlight: str | None = None,
     cfc: float | None = None,
     display: Display = DEFAULT,
     further: Mapping[str, Prediction] | None = None,
 ) -> go.Figure:
-    """Draw all tests, coloured by speed; the one with the id ``highlight`` is thick.
+    """Draw tests, coloured by their speeds ``among`` all; the one with the id ``highlight`` is thick.
 
     If a channel filter class (SAE J211-1, at most 1000) is given, they are filtered, and the curves as read are drawn
     thin behind them. Further pulses, by their labels, are drawn over them as they are.
     """
     further = further or {}
     figure = new_figure(height_under_names(len(tests) + len(further)))
-    for test, style in by_speed(tests, highlight, display):
+    for test, style in by_speed(tests, highlight, display, among):
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
         if cfc is not None:
             line = {**style["line"], "dash": "solid", "width": 1}

@@ -64,7 +64,6 @@ def rated_curves(
     for name, pulse in further.items():  # behind what is rated
         accel = pulse.accel_mps2[rated] * scale
         add_line(figure, grid_ms[rated], accel, name=name, line=lines[name], legendrank=_LAST)
-    _draw(figure, curves, approach, scale, row=1)
     distance = np.abs(curves.comparison - curves.reference)
     for name, colour, half_mps2 in (
         ("Outside the inner corridor", _OUTSIDE, explanation.inner_mps2),
@@ -72,8 +71,12 @@ def rated_curves(
     ):
         if (outside := distance > half_mps2).any():
             marked = np.where(outside, curves.comparison * scale, np.nan)
-            line = {"color": colour, "width": 7}
-            add_line(figure, curves.time_s / MS, marked, name=name, line=line, opacity=0.45, hoverinfo="skip")
+            line = {"color": colour, "width": 7}  # behind the curve, whose colour it would change
+            add_line(
+                figure, curves.time_s / MS, marked, name=name, line=line, opacity=0.6, hoverinfo="skip",
+                legendrank=_LAST - 1,
+            )  # fmt: skip
+    _draw(figure, curves, approach, scale, row=1)
     _number_humps(figure, explanation, approach, scale)
     _draw(figure, explanation.shifted, approach, scale, row=2)
     _draw(figure, explanation.warped, approach, scale, row=3)

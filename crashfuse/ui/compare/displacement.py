@@ -3,7 +3,6 @@
 import streamlit as st
 
 from crashfuse.ui.compare.comparison import Comparison
-from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
 
 _CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
@@ -52,7 +51,8 @@ def show(comparison: Comparison) -> None:
         choice,
         comparison.key,
         curves.key,
-        name=file_name(test, shown, *comparison.view.display.in_names[1:]),
+        name=shown,
+        beside=curves.also,
     )
     st.caption(caption)
 
@@ -64,7 +64,7 @@ def _show_bias(comparison: Comparison) -> None:
         "What the CAE model got wrong in each test, over displacement, coloured by speed",
         _BIAS,
         comparison.key,
-        name=file_name(test.id, "bias by speed", *display.in_names[1:]),
+        name="bias by speed",
     )
     st.caption(
         "What has to be added to the CAE model to get each test. The displacement domain is fitted to these; "
@@ -82,7 +82,7 @@ def _show_parts(comparison: Comparison) -> None:
         f"Parts of the bias that is expected in test {test.id}, over displacement, each with its 95 % band",
         _PARTS,
         comparison.key,
-        name=file_name(test.id, "parts of the bias", *display.in_names[1:]),
+        name="parts of the bias",
     )
     st.caption(
         f"What the other {len(comparison.others.tests)} tests predict of the bias in {test.id}. Parts can cancel each "

@@ -19,7 +19,7 @@ def show(comparison: Comparison) -> None:
         download_table("pulses.csv", lambda: study.pulses, of)
         download_table("metrics.csv", lambda: study.metrics, of)
         if comparison.advice is not None:
-            download_report(lambda: study_report(study, comparison.view.display, report), of)
+            download_report(lambda: study_report(study, comparison.view.display, report), f"{of} {report.form}")
     if comparison.advice is not None:
         remark = f"Test {test.id}, at this condition, was left out."
         offer_pulses(comparison.others, estimates, comparison.advice.approach, comparison.config.seed, [remark])

@@ -13,7 +13,6 @@ from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.ui.beside import Shown
 from crashfuse.ui.compare.comparison import Comparison
-from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
 
 _BEFORE_AND_AFTER, _LEARNING = "Before and after the tests", "Learning curves"
@@ -50,7 +49,7 @@ def show(comparison: Comparison) -> None:
     network, plot = states[name], partial(comparison.study.plot, fold.held_out, approaches=[name])
     with columns[0]:
         st.markdown("**Training on CAE runs**")
-        show_figure(plot("training"), alt="Mean square error over epochs", name=file_name(fold.held_out, "training"))
+        show_figure(plot("training"), alt="Mean square error over epochs", name="training")
         st.caption(
             f"Mean square error, averaged over {network['members']} network{'s' if network['members'] != 1 else ''}; "
             "validation is on the tenth of the runs that is not trained on."
@@ -61,7 +60,7 @@ def show(comparison: Comparison) -> None:
             show_figure(
                 plot("fine-tuning"),
                 alt="Error for each strength of the fine-tuning, on tests fitted to and on tests left out in turn",
-                name=file_name(fold.held_out, "fine-tuning"),
+                name="fine-tuning",
             )
             st.caption(
                 "The fine-tuning has an exact solution, so there are no epochs, only one choice: how far each test may "
@@ -70,7 +69,7 @@ def show(comparison: Comparison) -> None:
             )
         elif "tuning_curve" in network:
             st.markdown("**Fine-tuning on tests**")
-            show_figure(plot("fine-tuning"), alt="Loss over steps", name=file_name(fold.held_out, "fine-tuning"))
+            show_figure(plot("fine-tuning"), alt="Loss over steps", name="fine-tuning")
 
 
 def _show_beside_the_cae(
@@ -85,7 +84,8 @@ def _show_beside_the_cae(
         name,
         comparison.key,
         curves.key,
-        name=file_name(fold.held_out, "CAE and", LABELS[name], *comparison.view.display.in_names),
+        name=f"CAE and {LABELS[name]}",
+        beside=curves.also,
     )
     st.caption(_MEANING[name])
 

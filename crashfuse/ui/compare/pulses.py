@@ -4,7 +4,6 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.ui.compare.comparison import Comparison
-from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.notes import edit_notes, notes_of
 
@@ -17,7 +16,7 @@ _CORRIDORS_HELP = (
 
 def show(comparison: Comparison) -> None:
     """Show acceleration, velocity and displacement over time, or what the predictions miss."""
-    test, display = comparison.test, comparison.view.display
+    test = comparison.test
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, _RESIDUALS], key="compared")
         corridors = shown == _MOTION and st.toggle(
@@ -34,8 +33,10 @@ def show(comparison: Comparison) -> None:
         _MOTION: f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it",
         _RESIDUALS: f"Every prediction of test {test.id} minus what was measured, over time",
     }
-    name = file_name(test.id, "pulses" if shown == _MOTION else "residuals", *display.in_names)
-    show_cached_figure(draw, alt[shown], shown, corridors, own, comparison.key, curves.key, name=name)
+    name = "residuals" if shown == _RESIDUALS else "pulses with corridors" if corridors else "pulses"
+    show_cached_figure(
+        draw, alt[shown], shown, corridors, own, comparison.key, curves.key, name=name, beside=curves.also
+    )
     if shown == _RESIDUALS:
         st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
     edit_notes(comparison.view, notes)

@@ -12,7 +12,6 @@ from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import Account, account
 from crashfuse.ui import explanations
 from crashfuse.ui.compare.comparison import Comparison
-from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
@@ -30,7 +29,7 @@ def show(comparison: Comparison) -> None:
     alt = f"The four scores of every prediction of test {test.id}, as bars"
     show_cached_figure(
         lambda: comparison.study.plot(test.id, "scores", display=display), alt, "parts", comparison.key,
-        name=file_name(test.id, "scores", display.in_names[0]),
+        name="scores",
     )  # fmt: skip
     parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
     st.markdown("\n".join(f"- {said[part]}" for part in parts), help=glossary.RATING_PARTS)
@@ -42,7 +41,7 @@ def show(comparison: Comparison) -> None:
         lambda: comparison.study.plot(test.id, "rating", approaches=[approach], also=curves.also, display=display),
         f"Test {test.id} and its prediction by {LABELS[approach]}: in the corridors, shifted, warped, and their slopes",
         "rated curves", approach, comparison.key, curves.key,
-        name=file_name(test.id, "rating of", LABELS[approach], *display.in_names),
+        name=f"rating of {LABELS[approach]}", beside=curves.also,
     )  # fmt: skip
     with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")

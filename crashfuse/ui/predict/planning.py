@@ -70,6 +70,7 @@ def show_over_speed(answer: Answer) -> None:
     show_figure(
         found.plot(metric, display=view.display),
         alt=f"{METRIC_LABELS[metric]} over impact speed, every approach with its band, tests as points",
+        name=f"{metric} over speed {condition.text.partition(' ')[2]}",
     )
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
     for sentence in missing_over_speed(found.sweeps, metric):
@@ -99,7 +100,10 @@ def show_next_test(answer: Answer) -> None:
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
-    show_figure(found.plot(display=display), alt="How much each candidate would narrow the band, over its speed")
+    show_figure(
+        found.plot(display=display), alt="How much each candidate would narrow the band, over its speed",
+        name=f"next test {over.low.text} to {over.high.text}",
+    )  # fmt: skip
     st.caption(NEXT_TEST_MEANING)
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if answer.condition.factors else ", of which there are most tests"

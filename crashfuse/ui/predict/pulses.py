@@ -4,7 +4,6 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.ui.beside import choose_curves, without_clicks
-from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.predict.answer import Answer
 
@@ -25,5 +24,5 @@ def show(answer: Answer) -> None:
         return without_clicks(drawn)
 
     alt = f"Prediction by every approach at {display.condition(condition)}: {shown.lower()}"
-    name = file_name("prediction", display.speed(condition.speed_mps), shown, *display.in_names[1:])
-    show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name)
+    name = f"{condition.text} {shown.lower()}"
+    show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)

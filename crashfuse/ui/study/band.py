@@ -4,7 +4,6 @@ import streamlit as st
 
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import coverage_table
-from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.study.outcome import Outcome
 from crashfuse.ui.study.ratings import choose_way, file_of
@@ -20,11 +19,11 @@ def show(outcome: Outcome) -> None:
     st.subheader(f"How sure the ratings are, {outcome.window}")
     show_cached_figure(
         lambda: study.plot(figure="draws", display=outcome.view.display),
-        "Rating of each held-out test by approach, with the interval of the ratings of single drawn pulses",
+        f"Rating of each test, {file_of(leave_out)}, by approach, with the interval of those of single drawn pulses",
         "draws",
         leave_out,
         outcome.key,
-        name=file_name("ratings of draws", outcome.window, file_of(leave_out)),
+        name=f"ratings of draws {file_of(leave_out)}",
     )
     st.caption(
         "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
@@ -38,10 +37,10 @@ def show(outcome: Outcome) -> None:
     )
     show_cached_figure(
         lambda: study.plot(figure="calibration", display=outcome.view.display),
-        "Share of the time up to TTZV at which a(t) lies inside bands of each level, by approach",
+        f"Share of the time up to TTZV at which a(t) lies inside bands of each level, each test {file_of(leave_out)}",
         "calibration",
         leave_out,
         outcome.key,
-        name=file_name("coverage by level of the band", file_of(leave_out)),
+        name=f"coverage by level {file_of(leave_out)}",
     )
     st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")

@@ -19,4 +19,6 @@ def show(outcome: Outcome) -> None:
         if (groups := study.speed_groups) is not None:
             download_table("speed_groups.csv", lambda: groups.scores, of)
         if outcome.whole:
-            download_report(lambda: study_report(study, view.display, report), of)
+            download_report(
+                lambda: study_report(study, view.display, report), f"{of} {report.form} {' '.join(report.tests)}"
+            )

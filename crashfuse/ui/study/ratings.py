@@ -66,7 +66,7 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
 
     clicked = show_clickable(
         lambda: study.plot(display=outcome.view.display),
-        "Ratings of each held-out test by approach, with their mean; the same numbers are in the tables",
+        f"Ratings of each test, {file_of(leave_out)}, by approach, with their mean; the same numbers are in the tables",
         open_test,
         f"heat map {leave_out}",
         outcome.key,

@@ -1,8 +1,11 @@
 """Curves that figures share: bands lie under all lines, names and colours are those of the approaches."""
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, new_figure
 from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, draw_curves
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
@@ -64,6 +67,18 @@ def test_a_band_of_many_points_keeps_both_ends_and_a_few_between() -> None:
     assert 300 < n < 330
     assert (band.x[0], band.x[n - 1]) == (0, 1249)
     np.testing.assert_array_equal(band.y[n:][::-1] - band.y[:n], 2)
+
+
+def test_a_test_has_one_look_whichever_others_are_shown(campaign: Campaign) -> None:
+    """Its place is among all tests."""
+    every, some = (dict(looks_of(tests, campaign)) for tests in (campaign.tests, campaign.tests[1:3]))
+    assert some == {test: every[test] for test in ("T2", "T3")}
+
+
+def looks_of(tests: Sequence[CrashTest], campaign: Campaign) -> Iterator[tuple[str, dict[str, object]]]:
+    """The line of each test in the figure of the tests."""
+    for trace in campaign.plot(tests=[test.id for test in tests]).data:
+        yield trace.legendgroup, trace.line.to_plotly_json()
 
 
 def test_tests_come_by_rising_speed_and_one_is_thick(campaign: Campaign) -> None:

@@ -3,7 +3,7 @@
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.reporting.plots.marks import add_marks
-from crashfuse.reporting.plots.pulses import motion
+from crashfuse.reporting.plots.pulses import motion, overlay
 
 MARKS = (Note("T2", "the <b>third</b> hump", 25.0, 40.0), Note("T2", "on the test"), Note("T2", "airbag", 12.5))
 
@@ -32,6 +32,30 @@ def test_a_long_text_takes_two_lines_and_is_shortened(campaign: Campaign) -> Non
     assert len(lines) == 2
     assert max(map(len, lines)) <= 36
     assert lines[-1].endswith("…")
+
+
+def test_a_text_stands_away_from_the_zero_line(campaign: Campaign) -> None:
+    """Displacements have theirs at the bottom, accelerations at the top; further texts stand further inside.
+
+    Late texts on displacements, which would stand on the curves, are below these.
+    """
+    test = campaign.test("T2")
+    moved, braked = motion(test.pulse, {}, 11.0), overlay(test.pulse, {})
+    above, below = (add_marks(figure, MARKS).layout.annotations[-2:] for figure in (moved, braked))
+    assert {(note.y, note.yanchor, note.yref) for note in above} == {(1, "top", "y3 domain")}
+    assert {(note.y, note.yanchor, note.yref) for note in below} == {(0, "bottom", "y domain")}
+    assert above[1].yshift < 0 < below[1].yshift
+    (late,) = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "late", 90.0)]).layout.annotations[-1:]
+    assert late.y == 0
+    assert late.yshift > 20
+
+
+def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
+    """All curves of a figure can be hidden."""
+    empty = motion(None, {}, 11.0)
+    assert not add_marks(empty, MARKS).layout.shapes
+    plain = motion(campaign.test("T2").pulse, {}, 11.0)
+    assert add_marks(plain, []).layout == motion(campaign.test("T2").pulse, {}, 11.0).layout
 
 
 def test_a_late_mark_has_its_text_before_it(campaign: Campaign) -> None:

@@ -1,7 +1,7 @@
 """Colours can be told apart and read, by the colour-blind too, on the light page and on the dark."""
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from colorsys import rgb_to_hsv
 from dataclasses import replace
 
@@ -17,6 +17,7 @@ from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion, overlay
 from crashfuse.reporting.plots.ratings import rating_heatmap
+from crashfuse.signals.pulse import FloatArray
 from tests.conftest import ROOT
 
 THEMES = tomllib.loads((ROOT / ".streamlit" / "config.toml").read_text(encoding="utf-8"))["theme"]
@@ -30,6 +31,30 @@ def luminance(colour: str) -> float:
     shares = [int(part) / 255 for part in parts]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
     return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+
+
+SIGHTS = (  # Machado, Oliveira & Fernandes (2009): usual, without red, without green
+    np.eye(3),
+    np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]),
+    np.array([[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]),
+)
+_CONES = [
+    [0.41222147, 0.53633254, 0.05144599],
+    [0.2119035, 0.68069955, 0.10739696],
+    [0.08830246, 0.28171884, 0.6299787],
+]
+_LAB = [
+    [0.21045426, 0.79361779, -0.00407205],
+    [1.9779985, -2.4285922, 0.4505937],
+    [0.02590404, 0.78277177, -0.80867577],
+]
+
+
+def seen(colours: Sequence[str], sight: FloatArray) -> FloatArray:
+    """Colours in OKLab as an eye sees them."""
+    parts = np.array([[int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] for colour in colours])
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.cbrt(np.clip(linear @ sight.T, 0, 1) @ np.transpose(_CONES)) @ np.transpose(_LAB))
 
 
 def contrast(colour: str, ground: str) -> float:
@@ -163,11 +188,34 @@ def test_the_test_is_near_white_in_the_dark_and_bands_stay_sheer(campaign: Campa
 
 
 def test_thirty_further_curves_read_on_both_pages_and_no_two_look_alike() -> None:
-    """Other tests, CAE runs and pinned predictions: told apart by colour, then by dash, and from every approach."""
+    """Other tests, CAE runs and pinned predictions: the nearest ones differ in colour and dash, the others in one."""
     lines = [palette.further_line(number) for number in range(30)]
     assert len({(line["color"], line["dash"]) for line in lines}) == 30
-    assert len({line["color"] for line in lines[:6]} - set(palette.COLOURS.values())) == 6
-    assert min(contrast(line["color"], ground) for line in lines for ground in (LIGHT, DARK)) >= LINE
+    assert len({line["color"] for line in lines[:5]}) == len({line["dash"] for line in lines[:5]}) == 5
+    assert min(contrast(line["color"], LIGHT) for line in lines) >= LINE
+    assert min(contrast(palette.IN_THE_DARK[line["color"]], DARK) for line in lines) >= LINE
+
+
+def test_what_is_put_beside_looks_like_no_approach_to_the_colour_blind_either() -> None:
+    """In OKLab, where a difference of 0.02 is just seen, as all eyes, those without red and those without green see.
+
+    Lines of tests were once olive and teal, beside the orange and green of approaches, and solid like these.
+    """
+    beside = palette.FURTHER_COLOURS
+    approaches = [*palette.COLOURS.values(), palette.MEASURED_COLOUR]
+    for shown in (dict.fromkeys((*beside, *approaches)), palette.IN_THE_DARK):
+        own, others = ([shown.get(colour) or colour for colour in some] for some in (beside, approaches))
+        for sight in SIGHTS:
+            apart = np.linalg.norm(seen(own, sight)[:, None] - seen(others, sight)[None], axis=-1)
+            assert apart.min() > 0.05
+    assert not {palette.further_line(number)["dash"] for number in range(30)} & {*palette.DASHES.values(), "solid"}
+
+
+def test_a_colour_of_a_dark_page_has_one_light_counterpart() -> None:
+    """By it a picture of a figure is light, whichever page it leaves."""
+    dark = palette.IN_THE_DARK
+    assert len(set(dark.values())) == len(dark)
+    assert not dark.keys() & set(dark.values())
 
 
 def test_a_heat_map_of_grades_is_dim_in_the_dark_with_light_words() -> None:

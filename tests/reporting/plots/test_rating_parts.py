@@ -50,12 +50,14 @@ def test_each_row_draws_what_its_score_compares(explanation: RatingExplanation) 
 
 
 def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation: RatingExplanation) -> None:
-    """In the first row; the outer corridor's mark stands only if that is left."""
+    """In the first row, behind the curve; the outer corridor's mark stands only if that is left."""
     figure = rated_curves(explanation, "fused", Display(window_ms=70.0, unit="m/s²"))
     (marked,) = [trace for trace in figure.data if trace.name == "Outside the inner corridor"]
     curves = explanation.compared
     outside = np.abs(curves.comparison - curves.reference) > explanation.inner_mps2
     np.testing.assert_array_equal(np.isfinite(marked.y), outside)
+    names = [trace.name for trace in figure.data]
+    assert names.index(marked.name) < names.index("Fused")
     beyond = any(own.beyond_outer for own in explanation.excursions)
     assert any(trace.name == "Outside the outer corridor" for trace in figure.data) == beyond
 

@@ -1,0 +1,117 @@
+"""A figure that has left its page says what it shows: by the name of its files, and above its picture."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import streamlit as st
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.pulses import motion
+from crashfuse.reporting.plots.rating_parts import rating_parts
+from crashfuse.reporting.predicted import PredictedPulse
+from crashfuse.study.estimate import Estimate
+from crashfuse.ui.captions import Caption, caption, file_name, settings
+from crashfuse.wording import SYSTEMS
+
+ALT = "Acceleration, velocity and displacement over time: test T2; the same numbers are in the tables"
+Captioned = Callable[..., Caption]
+
+
+@pytest.fixture
+def captioned(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> Captioned:
+    """Captions of the pulses of a test, on Compare with the usual choices and those that are given."""
+    test = campaign.test("T2")
+
+    def of(campaign: Campaign = campaign, beside: Any = (), figure: Any = None, **chosen: Any) -> Caption:
+        display = Display(unit=chosen.get("unit", "g"), system=SYSTEMS[chosen.get("system", "mph-lb")])
+        pulses = figure or motion(test.pulse, {}, test.condition.speed_mps, display)
+        usual = {"page": "compare", "campaign": "tiny", "test": "T2", "leave_out": "test", "preset": "fast", "seed": 0}
+        shown = {"window": 60.0, "unit": "g", "sign": "Acceleration", "system": "mph-lb"}
+        monkeypatch.setattr(st, "session_state", {**usual, **shown, **chosen})
+        monkeypatch.setattr("crashfuse.ui.campaigns.load", lambda _: campaign)
+        return caption(pulses, ALT, "pulses", beside)
+
+    return of
+
+
+def test_a_name_has_the_campaign_the_test_what_is_drawn_the_window_and_the_unit(captioned: Captioned) -> None:
+    """A figure without accelerations has no unit of them, nor one of speeds."""
+    assert captioned().name == "Tiny_T2_pulses_0-60ms_g"
+    assert captioned(test="T3", window=20.0, unit="m/s²").name == "Tiny_T3_pulses_0-20ms_mps2"
+    assert captioned(figure=rating_parts({}), system="kph-kg").name == "Tiny_T2_pulses_0-60ms"
+
+
+@pytest.mark.parametrize(
+    ("chosen", "end"),
+    [
+        ({"leave_out": "speed group"}, "all-at-its-speed-left-out"),
+        ({"preset": "paper"}, "paper-settings"),
+        ({"seed": 7}, "seed-7"),
+        ({"sign": "Deceleration"}, "Deceleration"),
+        ({"system": "kph-kg"}, "kph-kg"),
+        ({"beside": ("T1", "cae:C07")}, "with-T1-C07"),
+    ],
+)
+def test_a_name_has_whatever_is_not_as_usual(captioned: Captioned, chosen: dict[str, Any], end: str) -> None:
+    """Else one figure would be saved over another."""
+    assert captioned(**chosen).name == f"Tiny_T2_pulses_0-60ms_g_{end}"
+
+
+def test_a_name_has_pinned_conditions_and_tests_left_out_of_use(captioned: Captioned, campaign: Campaign) -> None:
+    """Both change the figure; a condition is named by its shortest text."""
+    test = campaign.test("T1")
+    pinned = PredictedPulse(campaign, (Estimate("fused", Prediction(test.condition, test.pulse.accel_mps2), {}, 0.1),))
+    fewer = replace(campaign, unused=(("T9", test.condition),))
+    shown = captioned(campaign=fewer, beside=(pinned,))
+    assert shown.name == f"Tiny_T2_pulses_0-60ms_g_without-T9_with-{file_name(test.condition.text)}"
+    assert "T9 left out of use" in shown.details
+
+
+def test_a_picture_says_test_condition_campaign_settings_and_notice(captioned: Captioned, campaign: Campaign) -> None:
+    """On one line each: what is drawn, and of what; of the notice the words before its colon."""
+    said = captioned(
+        campaign=replace(campaign, notice="Synthetic: from a simulation."), leave_out="speed group", seed=3
+    )
+    assert said.title == "Acceleration, velocity and displacement over time: test T2"
+    condition, *others = said.details.split(" · ")
+    assert condition.startswith("Test T2 at 25.0 mph, front ")
+    assert others == [
+        "Tiny",
+        "Rated time window 0–60 ms",
+        "Fast settings, seed 3",
+        "All at its speed left out",
+        "Synthetic",
+    ]
+
+
+def test_what_does_not_act_on_a_page_is_not_said_there(captioned: Captioned) -> None:
+    """Data shows no results and holds nothing out; the studies on History may be of any campaign."""
+    on_data = captioned(page="data", seed=7, leave_out="speed group")
+    assert (on_data.name, on_data.details) == ("Tiny_pulses_0-60ms_g", "Tiny · Rated time window 0–60 ms")
+    assert settings() == []
+    on_history = captioned(page="history")
+    assert (on_history.name, on_history.details) == ("pulses", "")
+
+
+@pytest.mark.parametrize(
+    ("parts", "name"),
+    [
+        (("Sample (synthetic)", "T09", "CAE and Time domain"), "Sample-synthetic_T09_CAE-and-Time-domain"),
+        (("../../etc", "a/b\\c:d"), "etc_a-b-c-d"),
+        (("Prüfung 7", "", "pulses"), "Pr-fung-7_pulses"),
+    ],
+)
+def test_a_name_of_a_file_is_safe_on_any_disk(parts: tuple[str, ...], name: str) -> None:
+    """Whatever a test is called: no folders, no signs that a disk refuses."""
+    assert file_name(*parts) == name
+
+
+def test_long_names_are_cut_and_stay_different() -> None:
+    """Two dozen tests beside differ from two dozen others that begin alike."""
+    names = [file_name("Tiny", "with " + " ".join(f"T{number}" for number in range(end))) for end in (60, 61)]
+    assert names[0] != names[1]
+    assert {len(name) for name in names} == {90}
