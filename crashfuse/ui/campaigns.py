@@ -61,6 +61,7 @@ def allowed(path: Path) -> Path:
 
     Nothing outside the folders of ``CRASHFUSE_ROOT`` is looked at; without that variable all folders are allowed.
     """
+    asked = path
     try:
         path = path.expanduser().resolve()
     except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
@@ -72,7 +73,7 @@ def allowed(path: Path) -> Path:
         journal.note(visitor(), f"was refused {outside[0]}, outside {' and '.join(map(str, roots()))}")
         expected = f"a path inside {' or '.join(map(str, roots()))}"
         found = "one outside" if outside[0] == path else f"{outside[0].name}, a link to elsewhere"
-        raise DataError(Problem(str(path), expected, found, "this server opens and writes nothing else"))
+        raise DataError(Problem(str(asked), expected, found, "this server opens and writes nothing else"))
     return path
 
 

@@ -71,7 +71,8 @@ def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) ->
             st.caption(plain(sentence))
     for sentence in missing:
         st.caption(plain(sentence))
-    st.caption("Shaded bands and brackets: central 95 % of the model's predictive distribution, where it has one.")
+    missed = " Coloured: the test lies outside." if page_tables.missed_by(columns) else ""
+    st.caption(f"Brackets: central 95 % of the model's predictive distribution, where it has one.{missed}")
 
 
 def show_notes(estimates: Iterable[Estimate], said: Collection[str] = ()) -> None:

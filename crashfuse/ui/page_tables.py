@@ -22,6 +22,8 @@ from crashfuse.study.study import Study
 from crashfuse.ui.look import fill
 from crashfuse.wording import UnitSystem
 
+TEST_COLUMN = "Test"
+"""Heading of what was measured, beside the approaches."""
 WAYS = {"test": "Each test left out alone", "speed group": "With all tests at about its speed"}
 """What is left out with a test, as a reader chooses it."""
 
@@ -104,7 +106,10 @@ def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
 def metrics(
     columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display
 ) -> tuple[Styler, Styler]:
-    """Pulse metrics, the main ones and the others, one column each for the test and every approach, with intervals."""
+    """Pulse metrics, the main ones and the others, one column each for the test and every approach, with intervals.
+
+    Those that do not hold what the test measured are coloured.
+    """
     headings = campaign.metric_headings
     shown = {heading: {metric.name: display.metric(metric) for metric in own} for heading, own in columns}
     rows = [
@@ -112,8 +117,20 @@ def metrics(
         for name, label in headings.items()
     ]
     main = [name in MAIN_METRICS for name in headings]
-    table = pd.DataFrame(rows)
-    return _plain(table[main]), _plain(table[[not each for each in main]])
+    table, missed = pd.DataFrame(rows), fill(GRADE_COLOURS["Fair"])
+    css = pd.DataFrame("", table.index, table.columns)
+    for heading, names in missed_by(columns).items():
+        css.loc[[name in names for name in headings], heading] = missed
+    parts = (main, [not each for each in main])
+    first, second = (_plain(table[part]).apply(lambda _, part=part: css[part], axis=None) for part in parts)
+    return first, second
+
+
+def missed_by(columns: Sequence[tuple[str, Sequence[Metric]]]) -> dict[str, set[str]]:
+    """Metrics whose interval does not hold what the test measured, by heading; without a column of the test, none."""
+    measured = {metric.name: metric.value for metric in dict(columns).get(TEST_COLUMN, ())}
+    missed = {heading: {m.name for m in own if m.holds(measured.get(m.name)) is False} for heading, own in columns}
+    return {heading: names for heading, names in missed.items() if names}
 
 
 def next_tests(ranked: Sequence[NextTest], display: Display) -> Styler:

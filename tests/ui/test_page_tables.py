@@ -1,5 +1,6 @@
 """Tables say what is asked for first, in the unit that was chosen."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -45,6 +46,20 @@ def test_settings_of_the_occupant_stand_beside_its_metrics(campaign: Campaign) -
     main, _ = show(own, own.metrics_of(own.tests[0]), "g")
     assert "OLC, occupant load criterion, 65 + 200 mm, CFC 60 (g)" in list(main.data["Pulse metric"])
     assert "VPI, vehicle pulse index, CFC 60 (g)" in list(main.data["Pulse metric"])
+
+
+def test_an_interval_that_does_not_hold_what_the_test_measured_is_coloured(campaign: Campaign) -> None:
+    """Only that one; a metric that is not known is no miss, and without a test nothing is."""
+    test = campaign.metrics_of(campaign.tests[0])
+    misses = [replace(own, lower=(own.value or 0.0) + 1, upper=(own.value or 0.0) + 2) for own in test]
+    holds = [replace(own, lower=(own.value or 0.0) - 1, upper=None) for own in test]
+    unknown = [replace(own, lower=None, upper=None) for own in test]
+    columns = [("Test", test), ("Off", misses), ("On", holds), ("Unknown", unknown)]
+    assert page_tables.missed_by(columns) == {"Off": {own.name for own in test if own.value is not None}}
+    assert not page_tables.missed_by(columns[1:])
+    main, _ = page_tables.metrics(columns, campaign, Display())
+    cells = re.findall(r"#T_\w+_row\d+_col(\d) *(?:, *#T_\w+)* *{\s*background-color", main.to_html())
+    assert set(cells) == {"2"}  # after the metric's name and the test
 
 
 def show(campaign: Campaign, found: tuple[Metric, ...], unit: AccelerationUnit) -> tuple[Styler, Styler]:

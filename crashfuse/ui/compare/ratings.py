@@ -25,7 +25,7 @@ def show(comparison: Comparison) -> None:
     )
     explanations.show_terms(comparison.config)
     columns = [
-        ("Test", campaign.metrics_of(comparison.test)),
+        (page_tables.TEST_COLUMN, campaign.metrics_of(comparison.test)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
     ]
     explanations.show_metrics(columns, comparison.view)
