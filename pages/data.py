@@ -6,6 +6,7 @@ from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, editing, frame, page_tables
 from crashfuse.ui.beside import choose_tests, key_of, without_clicks
+from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.importing import step as importing
@@ -22,7 +23,7 @@ AS_READ = "As read"
 ASKED = "asked for the next prediction"  # session key
 
 
-def show_summary(view: frame.View) -> None:
+def show_summary(view: View) -> None:
     """Say in a line what was accepted, and offer the next step."""
     campaign = view.campaign
     speeds = [test.condition.speed_mps for test in campaign.tests]
@@ -46,7 +47,7 @@ def show_summary(view: frame.View) -> None:
         open_page("compare")
 
 
-def offer_next(view: frame.View) -> bool:
+def offer_next(view: View) -> bool:
     """Show what to do next; True if it was asked for."""
     if len(view.campaign.tests) == 1:
         show_link("predict", "Next: predict another condition")
@@ -65,7 +66,7 @@ def predict_next(request: StudyRequest) -> None:
     st.session_state[ASKED] = True
 
 
-def show_tests(view: frame.View) -> None:
+def show_tests(view: View) -> None:
     """All tests overlaid, as read or filtered."""
     campaign, test = view.campaign, view.held_out
     editing.show_tests_in_use(view)
@@ -110,7 +111,7 @@ def show_tests(view: frame.View) -> None:
     )
 
 
-def show_conditions(view: frame.View) -> None:
+def show_conditions(view: View) -> None:
     """Show where tests and CAE runs lie, and how the CAE model rates before any correction."""
     campaign = view.campaign
     show_cached_figure(
@@ -128,7 +129,7 @@ def show_conditions(view: frame.View) -> None:
     show_table(page_tables.conditions(campaign, view.display), "conditions")
 
 
-def show_library(view: frame.View) -> None:
+def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
     show_cached_figure(
@@ -148,7 +149,7 @@ def show_library(view: frame.View) -> None:
     show_quality(view)
 
 
-def show_quality(view: frame.View) -> None:
+def show_quality(view: View) -> None:
     """Show what the solver says of the CAE runs, judged by the campaign's limits."""
     st.markdown("**Is the CAE model fit to be believed?**")
     verdict = view.campaign.quality

@@ -11,6 +11,7 @@ import streamlit as st
 from crashfuse.approaches.registry import LABELS
 from crashfuse.study.study import Study
 from crashfuse.ui import address, explanations, frame, page_tables
+from crashfuse.ui.chosen import choose_held_out
 from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, jobs
 from crashfuse.ui.downloads import download_bytes
 from crashfuse.ui.figures import choose
@@ -27,7 +28,7 @@ view = frame.enter_with_campaign("Train")
 campaign = view.campaign
 
 
-def choose_held_out() -> tuple[str, ...]:
+def choose_tests() -> tuple[str, ...]:
     """Ask which tests to leave out, at first the one chosen for all pages; returned in the campaign's order."""
     address.default("held_out", [view.held_out.id])
     asked = st.session_state["held_out"]
@@ -102,7 +103,7 @@ def link_to_tests(study: Study) -> None:
     with st.container(horizontal=True):
         for fold in study.folds:
             if st.button(
-                f"Compare {plain(fold.held_out)}", icon=":material/arrow_forward:", on_click=frame.choose_held_out,
+                f"Compare {plain(fold.held_out)}", icon=":material/arrow_forward:", on_click=choose_held_out,
                 args=(campaign.test(fold.held_out),),
             ):  # fmt: skip
                 open_page("compare")
@@ -121,7 +122,7 @@ else:
         "Leave a test out, fit every approach on all others, as `crashfuse study` does, and see how well that test is "
         "predicted."
     )
-    held_out = choose_held_out()
+    held_out = choose_tests()
     config, trouble = choose_settings(leaving_out=True)
     if not held_out:
         trouble = "Choose at least one test and one approach."

@@ -19,8 +19,8 @@ from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
+from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
-from crashfuse.ui.frame import View
 from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.pins import pinned
 from crashfuse.ui.text import plain

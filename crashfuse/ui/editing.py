@@ -11,7 +11,8 @@ from crashfuse.campaign_folder.history import changes, undo
 from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.ui import address, campaigns, frame, journal, recent
+from crashfuse.ui import address, campaigns, journal, recent
+from crashfuse.ui.chosen import View, choose_campaign
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.ui.uploads import is_ours
@@ -26,7 +27,7 @@ def can_be_edited(folder: Path) -> bool:
     return not is_ours(folder) and os.access(folder, os.W_OK)
 
 
-def show_last_change(view: frame.View) -> None:
+def show_last_change(view: View) -> None:
     """Show in a line what was changed last, with a button that undoes it."""
     last = next(iter(changes(view.folder)), None) if can_be_edited(view.folder) else None
     if last is None:
@@ -42,7 +43,7 @@ def show_last_change(view: frame.View) -> None:
         )
 
 
-def show_tests_in_use(view: frame.View) -> None:
+def show_tests_in_use(view: View) -> None:
     """Show which tests are in use, to be changed by a click; of a campaign that cannot be edited, offer a copy."""
     if problems := st.session_state.pop(_REFUSED, None):
         show_problems(problems, "Nothing was changed", "The campaign is as it was.", place="edit")
@@ -71,7 +72,7 @@ def show_tests_in_use(view: frame.View) -> None:
         )  # fmt: skip
 
 
-def _change_use(view: frame.View, used: tuple[str, ...]) -> None:
+def _change_use(view: View, used: tuple[str, ...]) -> None:
     """Leave out the tests that were just deselected, and use those again that were selected."""
     chosen = set(st.session_state[_USED])
     if out := [test_id for test_id in used if test_id not in chosen]:
@@ -80,18 +81,18 @@ def _change_use(view: frame.View, used: tuple[str, ...]) -> None:
         _edit(view, lambda: use_again(view.folder, again))
 
 
-def _say_why(view: frame.View, test_id: str, key: str) -> None:
+def _say_why(view: View, test_id: str, key: str) -> None:
     """Keep the reason; an empty one, too."""
     why = st.session_state[key]
     _edit(view, lambda: leave_out(view.folder, [test_id], why))
 
 
-def _take_out(view: frame.View) -> None:
+def _take_out(view: View) -> None:
     test_id = st.session_state[_REMOVED]
     _edit(view, lambda: remove_tests(view.folder, [test_id]), gone=[test_id])
 
 
-def _edit(view: frame.View, change_it: Callable[[], str], before: str = "", gone: list[str] | None = None) -> None:
+def _edit(view: View, change_it: Callable[[], str], before: str = "", gone: list[str] | None = None) -> None:
     """Change the campaign and say so; a refusal is kept for the page to show."""
     try:
         told = change_it()
@@ -107,7 +108,7 @@ def _edit(view: frame.View, change_it: Callable[[], str], before: str = "", gone
         st.toast(f"{before}{plain(told)}.", icon=":material/check:")
 
 
-def _offer_copy(view: frame.View) -> None:
+def _offer_copy(view: View) -> None:
     """Offer to save a campaign that cannot be edited as one that can be."""
     what = "The sample" if is_sample(view.folder) else "This campaign"
     with st.popover("Save a copy to edit", icon=":material/content_copy:"):
@@ -119,12 +120,12 @@ def _offer_copy(view: frame.View) -> None:
         st.button("Save the copy", type="primary", on_click=_save_copy, args=(view,))
 
 
-def _save_copy(view: frame.View) -> None:
+def _save_copy(view: View) -> None:
     text = st.session_state.get(_COPY, "")
     try:
         folder = campaigns.typed_folder(text, "folder of the copy", "a new or empty folder")
         copy_campaign(view.folder, folder)
-        frame.choose_campaign(campaigns.open_folder(folder))
+        choose_campaign(campaigns.open_folder(folder))
     except DataError as error:
         st.session_state[_REFUSED] = error.problems
         return

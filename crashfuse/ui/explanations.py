@@ -13,7 +13,7 @@ from crashfuse.signals.metrics import Metric
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui import page_tables
-from crashfuse.ui.frame import View
+from crashfuse.ui.chosen import View
 from crashfuse.ui.look import fill
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import chosen_units, plain

@@ -18,7 +18,8 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import comparison_report
 from crashfuse.study.comparison import StudyComparison, telling_pair
 from crashfuse.study.history import PastResult, past_results
-from crashfuse.ui import address, campaigns, frame
+from crashfuse.ui import address, campaigns
+from crashfuse.ui.chosen import choose_campaign, note
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.navigation import open_page
@@ -195,9 +196,9 @@ def _open(result: PastResult, *pinned: PastResult) -> None:
     if name is None:
         st.session_state[_REFUSED] = _in_the_way(result)
         return
-    frame.choose_campaign(name)
+    choose_campaign(name)
     if name != here:
-        frame.note(f"Opened in {campaigns.label(name)}, which has the data of this result.")
+        note(f"Opened in {campaigns.label(name)}, which has the data of this result.")
     config = result.config
     st.session_state.update(
         preset=config.preset, seed=config.seed, device=config.device,

@@ -19,10 +19,10 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost
 from crashfuse.study.learning_curve import CURVE_CONFIG, LearningCurve, is_curve_cached, learning_curve
 from crashfuse.study.one_more_test import sentences
+from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import Request
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
-from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain

@@ -7,8 +7,8 @@ import streamlit as st
 
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, read_notes, write_notes
 from crashfuse.errors import DataError, UsageError
+from crashfuse.ui.chosen import View
 from crashfuse.ui.editing import can_be_edited
-from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
 
 _KEPT = "notes"  # session key: notes by folder, where they cannot be kept in the folder

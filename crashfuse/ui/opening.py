@@ -10,7 +10,8 @@ import streamlit as st
 from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.formats import all_formats
-from crashfuse.ui import campaigns, frame, recent
+from crashfuse.ui import campaigns, recent
+from crashfuse.ui.chosen import REFUSED, choose_campaign
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import Source, begin, leave, source_at
 from crashfuse.ui.problems import show_problems
@@ -50,7 +51,7 @@ def show_open_forms() -> None:
             "Open what is larger than the limit as a folder.",
         )
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
-    if problems := st.session_state.get(frame.REFUSED):
+    if problems := st.session_state.get(REFUSED):
         show_problems(problems, place="open")
     importing.show_unfinished()
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
@@ -69,7 +70,7 @@ def show_open_forms() -> None:
 
 def _attempt(open_it: Callable[[], str | Source]) -> None:
     """Open a campaign and switch to it, or start an import; errors are kept for the page to show."""
-    st.session_state.pop(frame.REFUSED, None)
+    st.session_state.pop(REFUSED, None)
     try:
         opened = open_it()
         st.session_state["data_tab"] = None  # what was opened is to be seen
@@ -77,9 +78,9 @@ def _attempt(open_it: Callable[[], str | Source]) -> None:
             begin(opened)
         else:
             leave()
-            frame.choose_campaign(opened)
+            choose_campaign(opened)
     except DataError as error:
-        st.session_state[frame.REFUSED] = error.problems
+        st.session_state[REFUSED] = error.problems
 
 
 def _open_folder() -> None:
@@ -122,5 +123,5 @@ def _open_upload() -> None:
     """Open the dropped files, and empty the field if they were valid."""
     files = st.session_state[f"files {st.session_state.get(_ROUND, 0)}"]
     _attempt(lambda: open_uploads(files))
-    if frame.REFUSED not in st.session_state:
+    if REFUSED not in st.session_state:
         st.session_state[_ROUND] = st.session_state.get(_ROUND, 0) + 1

@@ -6,7 +6,7 @@ import streamlit as st
 
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.ui.frame import View
+from crashfuse.ui.chosen import View
 
 _MOST = 6  # each takes ten megabytes, and a column of the table
 

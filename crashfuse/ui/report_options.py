@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import streamlit as st
 
 from crashfuse.reporting.report import REPORT_FORMS, ReportForm, ReportOptions
-from crashfuse.ui.frame import View
+from crashfuse.ui.chosen import View
 from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.notes import notes_of
 

@@ -16,7 +16,7 @@ from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_heading
 from crashfuse.signals.rating import STANDARD
 from crashfuse.ui import address
 from crashfuse.ui.certify.uploaded import show_wrong, under_its_name, uploaded
-from crashfuse.ui.frame import View
+from crashfuse.ui.chosen import View
 from crashfuse.ui.text import plain
 
 _FILE, _EDITOR = "criteria.toml", "editor of criteria"

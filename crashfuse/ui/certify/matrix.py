@@ -15,8 +15,8 @@ from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.plots.display import Display
 from crashfuse.ui import address
 from crashfuse.ui.certify.uploaded import choose_kept, show_wrong, uploaded
+from crashfuse.ui.chosen import View
 from crashfuse.ui.figures import choose
-from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
 from crashfuse.wording import IN_SI, UnitSystem, speed
 

@@ -15,8 +15,8 @@ from crashfuse.study.recommendation import Recommendation
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.ui.beside import Shown, choose_curves, without_clicks
+from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, advised
-from crashfuse.ui.frame import View
 
 
 @dataclass(frozen=True, eq=False)

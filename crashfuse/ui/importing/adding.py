@@ -13,7 +13,8 @@ from crashfuse.campaign_folder.condition_tables import Role, has_table, read_con
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, add_settled
-from crashfuse.ui import campaigns, frame, journal, recent
+from crashfuse.ui import campaigns, journal, recent
+from crashfuse.ui.chosen import choose_campaign
 from crashfuse.ui.editing import can_be_edited
 from crashfuse.ui.importing.session import NEXT_ROLE, REFUSED, UNFINISHED, Source, leave, settled_of
 from crashfuse.ui.problems import show_problems
@@ -173,7 +174,7 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tu
 def _turn_to(folder: Path, sentence: str) -> None:
     st.session_state.pop(NEXT_ROLE, None)
     try:
-        frame.choose_campaign(campaigns.open_folder(folder))
+        choose_campaign(campaigns.open_folder(folder))
         recent.remember(folder)
         st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
     except DataError as error:

@@ -18,7 +18,7 @@ from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
-from crashfuse.ui import frame
+from crashfuse.ui.chosen import View
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.importing.adding import counted_each, own_class, show_add_form
 from crashfuse.ui.importing.condition import Units
@@ -48,14 +48,14 @@ def show_unfinished() -> None:
         st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
 
 
-def show(source: Source, view: frame.View | None) -> None:
+def show(source: Source, view: View | None) -> None:
     """Show the import step."""
     st.html(_STACKED)
     with st.container(key=_KEY):
         _show_step(source, view)
 
 
-def _show_step(source: Source, view: frame.View | None) -> None:
+def _show_step(source: Source, view: View | None) -> None:
     st.title("Import files" if source.several else f"Import {plain(source.path.name)}")
     st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.")
     st.button("Back without importing", icon=":material/arrow_back:", on_click=leave)
@@ -140,7 +140,7 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     return records[number]
 
 
-def _preview(record: Record, choices: Choices, settled: Settled | None, view: frame.View | None, units: Units) -> None:
+def _preview(record: Record, choices: Choices, settled: Settled | None, view: View | None, units: Units) -> None:
     show_figure(
         Preview(record, choices, settled).plot(display=DEFAULT if view is None else view.display),
         alt=f"The pulse that comes of {record.id}, over its channels as recorded",

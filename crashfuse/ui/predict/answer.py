@@ -12,8 +12,8 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.recommendation import Recommendation
+from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, Fitted, advised, answers
-from crashfuse.ui.frame import View
 from crashfuse.ui.pins import pinned
 
 

@@ -20,10 +20,10 @@ from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
 from crashfuse.ui import address, page_tables
+from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import SweepRequest
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
-from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.predict.condition import DECIMALS

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
 from crashfuse.ui import page_tables
-from crashfuse.ui.frame import View
+from crashfuse.ui.chosen import View
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,8 @@ from crashfuse.reporting import glossary
 from crashfuse.study.account import worst_test
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
-from crashfuse.ui import explanations, frame, page_tables
+from crashfuse.ui import explanations, page_tables
+from crashfuse.ui.chosen import choose_held_out
 from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.figures import choose, show_clickable
 from crashfuse.ui.navigation import open_page
@@ -59,7 +60,7 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
     def open_test(cell: str) -> None:
         """Open a test as this study left it out; *Why* explains the approach whose cell it was."""
         test_id, _, approach = cell.partition(":")
-        frame.choose_held_out(outcome.view.campaign.test(test_id))
+        choose_held_out(outcome.view.campaign.test(test_id))
         st.session_state["leave_out"] = leave_out
         if approach:
             st.session_state["explained"] = approach
