@@ -17,6 +17,9 @@ TEST = "test"
 """Key of the measured curve among those of the approaches."""
 
 
+Band = tuple[FloatArray, FloatArray, FloatArray]
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Curve:
     """Values over an axis, in the figure's units.
@@ -32,7 +35,7 @@ class Curve:
 
     x: FloatArray
     y: FloatArray
-    band: tuple[FloatArray, FloatArray, FloatArray] | None = None
+    band: Band | None = None
     remark: str = ""
 
 
@@ -46,7 +49,7 @@ def draw_curves(
     """
     lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
     bands = {name: curve.band for name, curve in curves.items() if curve.band is not None}
-    filled = filled if filled in bands else next(iter(by_preference(bands)), None)
+    filled = with_filled_band(curves, filled)
     for name, band in bands.items():
         add_band(
             figure, *band, colour=lines[name]["color"], name=labels[name], legendgroup=name,
@@ -58,6 +61,12 @@ def draw_curves(
             figure, curve.x, curve.y, line=lines[name], name=labels[name], legendgroup=name,
             legendrank=1 + ranks.get(name, len(ranks) + number), yaxis=yaxis, **style,
         )  # fmt: skip
+
+
+def with_filled_band(curves: Mapping[str, Curve], asked: str | None = None) -> str | None:
+    """The curve whose band is filled: the one asked for if it has a band, else that of the preferred approach."""
+    bands = [name for name, curve in curves.items() if curve.band is not None]
+    return asked if asked in bands else next(iter(by_preference(bands)), None)
 
 
 def curve_line(name: str) -> dict[str, Any]:

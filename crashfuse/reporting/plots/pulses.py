@@ -19,7 +19,7 @@ from crashfuse.reporting.plots.canvas import (
     room_for_names,
     shade_window,
 )
-from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, draw_curves
+from crashfuse.reporting.plots.curves import TEST, Band, Curve, by_speed, draw_curves, with_filled_band
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
@@ -74,11 +74,13 @@ def motion(
     Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
     """
     figure = new_figure(height=820 + room_for_names(predictions))
-    draw_curves(figure, _accelerations(measured, predictions, display), filled=filled)
+    accelerations = _accelerations(measured, predictions, display)
+    draw_curves(figure, accelerations, filled=filled)
     velocities, displacements = _integrals(measured, predictions, speed_mps, display)
     for yaxis, curves in (("y2", velocities), ("y3", displacements)):
         draw_curves(figure, curves, yaxis, filled, showlegend=False, hovertemplate=None, hoverinfo="none")
-    _join_hover(figure, display)
+    name = with_filled_band(accelerations, filled)
+    _join_hover(figure, display, {name: accelerations[name].band} if name else {})
     look = figure.layout.yaxis.to_plotly_json()
     figure.update_layout(
         hoversubplots="axis",
@@ -249,14 +251,18 @@ def _between(ordered: FloatArray, place: float) -> FloatArray:
     return np.asarray(ordered[low] + (place - low) * (ordered[min(low + 1, len(ordered) - 1)] - ordered[low]))
 
 
-def _join_hover(figure: go.Figure, display: Display) -> None:
-    """Show a, v and s of a curve in one hover line instead of three."""
+def _join_hover(figure: go.Figure, display: Display, bands: Mapping[str, Band | None]) -> None:
+    """Show a, v and s of a curve in one hover line instead of three, and the ends of these bands of a."""
     curves = [trace for trace in figure.data if trace.hoverinfo != "skip"]
-    hover = f"%{{y}} {display.unit}, %{{customdata[0]}} {display.units.speed}, %{{customdata[1]}} mm"
+    hover = f"%{{y}}%{{customdata[2]}} {display.unit}, %{{customdata[0]}} {display.units.speed}, %{{customdata[1]}} mm"
     for group in {trace.legendgroup for trace in curves}:
         accel, velocity, displacement = [trace for trace in curves if trace.legendgroup == group]
-        accel.customdata = np.column_stack([_said(velocity.y, 1), _said(displacement.y, 0)])
-        accel.hovertemplate = hover
+        said, template = [_said(velocity.y, 1), _said(displacement.y, 0)], hover.replace("%{customdata[2]}", "")
+        if (band := bands.get(group)) is not None:
+            lower, upper = (_said(np.interp(accel.x, band[0], end), 1).tolist() for end in band[1:])
+            said.append(np.array([f" [{low}, {high}]" for low, high in zip(lower, upper, strict=True)]))
+            template = hover
+        accel.customdata, accel.hovertemplate = np.column_stack(said), template
 
 
 def _said(values: FloatArray, digits: int) -> np.ndarray[tuple[int, ...], np.dtype[np.str_]]:

@@ -131,6 +131,20 @@ def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predict
     assert trace(figure, "CAE", 2).hoverinfo == "none"
 
 
+def test_the_cursor_tells_the_ends_of_the_band_that_is_filled(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """Beside the acceleration, of that curve alone."""
+    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps, filled="displacement_domain")
+    (banded,) = [own for own in figure.data if own.hovertemplate and "customdata[2]" in own.hovertemplate]
+    assert banded.legendgroup == "displacement_domain"
+    prediction = predictions["displacement_domain"]
+    assert prediction.draws_mps2 is not None
+    ends = np.quantile(prediction.draws_mps2[:, 400] / G, [0.025, 0.975])
+    said = banded.customdata[400][2].replace("\N{MINUS SIGN}", "-").strip(" []").split(", ")
+    assert [float(end) for end in said] == pytest.approx(ends, abs=0.06)
+
+
 def test_all_tests_are_drawn_by_rising_speed_and_named(campaign: Campaign) -> None:
     """Each with its speed; the held-out one says that it is."""
     figure = plots.measured_pulses(campaign.tests[::-1], highlight="T4")
