@@ -67,10 +67,10 @@ class ExpectedRating:
         """A sentence on the expected rating, and the number of tests near the condition."""
         n, within = len(self.tests), speed(self.reach_mps)
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
-        where = "a guess" if self.beyond else self.grades
-        expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {where})"
-        side = f", {'all ' * (n > 1)}{self.side}," if self.side else ""
-        return Sentence(f"{expected}; {tests} within {{}}{side} rated {rated}.", within)
+        likely = "a guess" if self.beyond else self.grades
+        expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {likely})"
+        where = f"up to {{}} {self.side}" if self.side else "within {}"
+        return Sentence(f"{expected}; {tests} {where} rated {rated}.", within)
 
     @property
     def range(self) -> str:

@@ -56,6 +56,6 @@ def test_the_losses_of_a_training_are_those_of_its_result(campaign: Campaign) ->
         study = run_study(campaign, StudyConfig(("lf_tcn",)), held_out=["T2"], workers=1, watch=watch)
     result = {trace.name: trace.y for trace in study.plot("T2", "training").data}
     live = {trace.name: trace.y for trace in watch.plot("Training LF TCN").data}
-    assert list(live) == list(result) == ["train loss", "validation loss"]
+    assert list(live) == list(result) == ["Training error", "Error on held-back CAE runs"]
     for name, losses in live.items():
         np.testing.assert_allclose(losses, result[name], rtol=1e-3)  # the result keeps four digits

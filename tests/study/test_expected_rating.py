@@ -107,11 +107,11 @@ def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(cam
     assert far is not None
     assert not near.farther
     assert far.farther
-    assert "3 left-out tests within 35.0 mph, all slower, rated 1.00." in far.sentence
+    assert "3 left-out tests up to 35.0 mph slower rated 1.00." in far.sentence
     assert "slower" not in near.sentence
     slow = expected_rating(at(campaign, 8.0, known), campaign)
     assert slow is not None
-    assert ", all faster, rated" in slow.sentence
+    assert " mph faster rated" in slow.sentence
     there = at(campaign, 60.0, known)
     assert "farther in speed" in recommend_for([there], campaign, there.prediction.condition).sentences[1]
 
