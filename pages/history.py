@@ -4,7 +4,8 @@ import streamlit as st
 
 from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.ui import frame
-from crashfuse.ui.history import compare, of_campaign, show_results, ticked, turn_to_opened, visible
+from crashfuse.ui.history import compare, is_suggested, of_campaign, show_results, ticked, turn_to_opened, visible
+from crashfuse.ui.history_notes import edit_ticked
 
 view = frame.enter()
 st.title("History")
@@ -16,10 +17,12 @@ if not results:
 display, here = (DEFAULT, "") if view is None else (view.display, view.campaign.name)
 st.caption(
     "Studies, tests predicted one by one, and predictions that were pinned or made with the command, by whomever on "
-    "this machine, the latest first. Tick two to compare them. Certifications are listed on the "
-    "page Certify, Earlier verdicts."
+    "this machine, the latest first. Tick one to write a note on it, two to compare them. Certifications are listed "
+    "on the page Certify, Earlier verdicts."
 )
 listed = of_campaign(results, here)
 chosen = ticked(results, listed)
 show_results(listed, chosen, display, here)
+if not is_suggested():
+    edit_ticked(chosen, display)
 compare(chosen, display)

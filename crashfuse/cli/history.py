@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from crashfuse.study.comparison import StudyComparison
     from crashfuse.study.history import PastResult
 
-_SHOWN = ["Date (UTC)", "Campaign", "What", "Settings", "Recommended", "Mean rating", "Worst test"]
+_SHOWN = ["Date (UTC)", "Campaign", "What", "Note", "Settings", "Recommended", "Mean rating", "Worst test"]
 
 
 def studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it has none
@@ -23,7 +23,8 @@ def studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it has non
     if not results:
         print("Nothing was computed on this machine yet.")
         return
-    table = history_table(results)[_SHOWN]
+    table = history_table(results)
+    table = table[[name for name in _SHOWN if name in table]]
     table.insert(0, "Id", [result.id for result in results])
     print(table.to_string(index=False))
 

@@ -14,13 +14,18 @@ _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "b
 
 
 def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> pd.DataFrame:
-    """One row per result: what was asked, with which settings, and how it rated over the longest window."""
-    return pd.DataFrame([_row(result, display) for result in results])
+    """One row per result: what was asked, with which settings, and how it rated over the longest window.
+
+    Notes have a column if there are any.
+    """
+    table = pd.DataFrame([_row(result, display) for result in results])
+    return table if table.empty or table["Note"].any() else table.drop(columns="Note")
 
 
 def described(result: PastResult, display: Display = DEFAULT) -> str:
     """A result in a few words, to choose it by: date, what, settings, campaign."""
-    return f"{_date(result)} · {_what(result, display)} · {_settings(result)} · {result.campaign}"
+    note = f" · {result.note}" if result.note else ""
+    return f"{_date(result)} · {_what(result, display)} · {_settings(result)} · {result.campaign}{note}"
 
 
 def left_out_in_words(way: str) -> str:
@@ -107,6 +112,7 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
         "Date (UTC)": _date(result),
         "Campaign": result.campaign,
         "What": _what(result, display),
+        "Note": result.note,
         "Recommended": LABELS.get(result.approach, result.approach),
         **rated,
         "Settings": _settings(result),

@@ -18,7 +18,7 @@ from typing import Any, Self
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, printable
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
 from crashfuse.study.config import StudyConfig
@@ -33,6 +33,9 @@ log = logging.getLogger(__name__)
 
 MOST = 300
 """Records that are kept; the oldest make room."""
+
+LONGEST_NOTE = 200
+"""Characters of a note."""
 
 _LARGEST = 1_000_000  # bytes of a record; one of 40 tests has 40,000
 _DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00")
@@ -59,6 +62,8 @@ class PastResult:
         Of a prediction.
     expected : str
         Rating that is to be expected of a prediction, as told: ``0.78 to 0.93``, ``less than 0.97``; empty if none is.
+    note : str
+        What somebody has written on it.
     """
 
     campaign: str
@@ -71,6 +76,7 @@ class PastResult:
     speed_groups: Ratings = field(default_factory=dict)
     condition: Condition | None = None
     expected: str = ""
+    note: str = ""
 
     @classmethod
     def of_study(cls, study: Study) -> Self:
@@ -128,13 +134,32 @@ class PastResult:
 def keep(result: PastResult, folder: Path | None = None) -> None:
     """Keep a record, by default among those of this machine; where nothing can be written, none is kept.
 
-    A result that is found again, in the cache say, keeps the date of its computation.
+    A result that is found again, in the cache say, keeps the date of its computation, and its note.
     """
     folder = _home() if folder is None else folder
     path = folder / f"{result.id}.json"
     before = _read(path)
-    if before is not None and replace(before, date=result.date) == result:
-        return
+    if before is not None:
+        result = replace(result, note=result.note or before.note)
+        if replace(before, date=result.date) == result:
+            return
+    _write(result, folder)
+
+
+def annotate(result: PastResult, note: str, folder: Path | None = None) -> None:
+    """Write a note on a result that is kept, in place of the one before."""
+    text = printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
+    _write(replace(result, note=text), _home() if folder is None else folder)
+
+
+def forget(result: PastResult, folder: Path | None = None) -> None:
+    """Take a result off the list; the result itself is not touched."""
+    with suppress(OSError):
+        ((_home() if folder is None else folder) / f"{result.id}.json").unlink()
+
+
+def _write(result: PastResult, folder: Path) -> None:
+    path = folder / f"{result.id}.json"
     try:
         write_atomically(path, json.dumps(_values(result), ensure_ascii=False).encode())
         found = [(path.stat().st_mtime, path) for path in folder.glob("*.json")]
@@ -175,7 +200,8 @@ def parsed(values: Mapping[str, Any]) -> PastResult:
         raise ValueError("neither a study nor a prediction")
     config = StudyConfig.parse(values["config"])
     told = expected if isinstance(expected, str) else ""  # earlier versions kept a mean
-    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, told)
+    note = printable(str(values.get("note", "")), LONGEST_NOTE)
+    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, told, note)
 
 
 def _read(path: Path) -> PastResult | None:

@@ -57,11 +57,16 @@ def of_campaign(results: list[PastResult], here: str) -> list[PastResult]:
     return own if choose("Campaigns", list(labels), key="listed", label_of=labels.__getitem__) == "this" else results
 
 
+def is_suggested() -> bool:
+    """Whether nobody has ticked anything yet, so that two results are compared that are worth it."""
+    return [st.session_state[key] for key in _TICKED] == [None, None]
+
+
 def ticked(results: list[PastResult], listed: list[PastResult]) -> list[PastResult]:
     """Those that are ticked, the first one first; until somebody ticks one, two of the list that differ."""
-    asked = [st.session_state[key] for key in _TICKED]
-    if asked == [None, None]:
+    if is_suggested():
         return list(telling_pair([result for result in listed if result.tests]) or ())
+    asked = [st.session_state[key] for key in _TICKED]
     by_id = {result.id: result for result in results}
     if any(asked_id and asked_id not in by_id for asked_id in asked):
         st.warning("A result of this link is not in the list of this machine.", icon=":material/link_off:")
@@ -80,8 +85,7 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
     def tick() -> None:
         found = [results[row] for row in st.session_state[_TABLE].selection.rows]
         new = [result for result in found if result not in chosen]
-        suggested = st.session_state[_TICKED[0]] is None
-        kept = [] if new and suggested else [result for result in chosen if result in found]
+        kept = [] if new and is_suggested() else [result for result in chosen if result in found]
         ids = [result.id for result in [*kept, *new][-2:]]
         st.session_state.update(zip(_TICKED, [*ids, "", ""], strict=False))  # "": none, and that was chosen
 
@@ -116,7 +120,7 @@ def turn_to_opened() -> None:
 def compare(chosen: list[PastResult], display: Display) -> None:
     """Show the two that are ticked beside each other, or say what to tick."""
     if len(chosen) < 2:
-        st.markdown(_HOW_TO_COMPARE if st.session_state[_TICKED[0]] is None else "Tick two results to compare them.")
+        st.markdown(_HOW_TO_COMPARE if is_suggested() else "Tick two results to compare them.")
         return
     first, second = chosen
     st.header("Two compared")

@@ -14,7 +14,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.study import history
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.study.history import PastResult, keep, past_results
+from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, forget, keep, past_results
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 from crashfuse.units import MPH
@@ -62,6 +62,22 @@ def test_a_prediction_is_found_again_with_its_condition(campaign: Campaign, shar
     assert found.condition.factors == asked.factors
     assert found.ratings == {}
     assert found.expected == past.expected
+
+
+def test_a_note_stays_when_the_result_is_found_again(past: PastResult) -> None:
+    """It is one line of bounded length; a result that is taken off the list comes back without."""
+    keep(past)
+    annotate(past, "  before\n the rail " + "x" * 500)
+    keep(past)
+    (found,) = past_results()
+    assert found.note.startswith("before the rail xxx")
+    assert len(found.note) <= LONGEST_NOTE
+    assert replace(found, note="") == past
+    forget(found)
+    forget(found)
+    assert not past_results()
+    keep(past)
+    assert past_results() == [past]
 
 
 def test_the_same_question_has_one_record_and_another_has_its_own(past: PastResult) -> None:

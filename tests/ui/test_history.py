@@ -8,7 +8,7 @@ import pytest
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.history import PastResult, keep
+from crashfuse.study.history import PastResult, keep, past_results
 from crashfuse.units import KPH
 from tests.ui.conftest import Session
 
@@ -70,6 +70,21 @@ def test_a_link_compares_what_it_names(visit: Visit) -> None:
     assert "is not in the list of this machine" in session.words
     assert "Tick two results to compare them." in session.words
     assert "mean" not in session.words
+
+
+def test_a_result_that_is_ticked_gets_a_note_and_leaves_the_list(visit: Visit) -> None:
+    """Both for everybody on this machine; what is only suggested offers neither."""
+    one, other = kept(1, seed=0), kept(2, seed=1)
+    assert "Take off the list" not in visit("history").buttons
+    session = visit("history", first=one.id, second="")
+    (field,) = session.app.text_input
+    assert "study of 2 tests" in field.label
+    field.set_value("baseline *model*").run()
+    again = visit("history", first=one.id, second=other.id)
+    assert again.app.dataframe[0].value["Note"].tolist() == ["", "baseline *model*"]
+    assert next(line.value for line in again.app.markdown if "First:" in line.value).count(r"baseline \*model\*") == 1
+    session.press("Take off the list")
+    assert [result.id for result in past_results()] == [other.id]
 
 
 @pytest.mark.usefixtures("open_campaign")
