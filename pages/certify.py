@@ -54,7 +54,7 @@ verdicts = result_or_none(
     invitation="These conditions have not been judged yet. "
     + explanations.patience(
         config,
-        "Every test is left out in turn, which takes several minutes unless it was done before; after that, other "
+        "Every test is left out in turn, which takes a minute or more unless it was done before; after that, other "
         "limits and another confidence are answered at once.",
     ),
     button="Certify",

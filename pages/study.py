@@ -35,7 +35,7 @@ study = result_of(
     f"predicted from all others, and rated{again}. "
     f"This has not been run yet for the {len(campaign.tests)} tests of this campaign. "
     + explanations.patience(
-        config, "It takes several minutes the first time; meanwhile you can work on the other pages."
+        config, "It takes a minute or more the first time; meanwhile you can work on the other pages."
     ),
     button=f"Leave out each of {len(campaign.tests)} tests",
 )

@@ -60,7 +60,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
     found = result_or_none(
         LearningCurveRequest(campaign, settings),
-        invitation="This has not been computed for this campaign yet. It takes several minutes the first time; "
+        invitation="This has not been computed for this campaign yet. It takes a minute or more the first time; "
         "meanwhile you can work on the other pages.",
         button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
     )
