@@ -88,7 +88,7 @@ CHOICES: dict[str, Choice] = {
     "seed": Choice(int, 0, range(2**32)),
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
-    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict", "history")),
+    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "compare", "study", "predict", "history")),
     "system": Choice(options=tuple(SYSTEMS)),
     "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
