@@ -243,10 +243,6 @@ class Campaign:
                 return test
         raise UsageError(f"There is no test {test_id!r} in {self.name}; it has {', '.join(self.test_ids)}.")
 
-    def tests_at(self, condition: Condition) -> tuple[CrashTest, ...]:
-        """The tests at this speed and these weights (to a relative 2e-3) that no factor tells from it."""
-        return tuple(test for test in self.tests if test.condition.is_at(condition))
-
     @property
     def factors(self) -> dict[str, tuple[str, ...]]:
         """Values of each further column of the tests table (powertrain, drive), sorted."""

@@ -90,7 +90,7 @@ class Certification:
         earlier.require_of(self.campaign)
         since = TestedSince(earlier, self.campaign)
         record = replace(self.record, since=since.trials(self.criteria))
-        rows = held(self.judged, self.campaign, self.criteria, record)
+        rows = held(self.judged, self.matrix.run(self.campaign.tests), self.criteria, record)
         gone = [since.gone_at(condition) for condition in self.matrix.conditions]
         verdicts = tuple(
             tuple(beside_gone_tests(own, tests) for own in row) for row, tests in zip(rows, gone, strict=True)
@@ -99,7 +99,7 @@ class Certification:
 
     @property
     def run(self) -> dict[str, tuple[str, ...]]:
-        """Ids of the tests that were run at a condition of the matrix, by its id; of conditions with any."""
+        """Ids of the tests that were made for a condition of the matrix, by its id; of conditions with any."""
         return {i: tuple(row[0].run) for i, row in self.rows.items() if row[0].run}
 
     @cached_property
@@ -209,18 +209,12 @@ def certify_matrix(
         forecasts |= known.all(cells, place, _JUDGE)
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     record = record_of(campaign, criteria, approach, forecasts)
-    domain = Domain.of(campaign)
+    domain, run = Domain.of(campaign), matrix.run(campaign.tests)
     judged = tuple(
-        judge(
-            forecasts[cell],
-            cell.condition,
-            criteria,
-            domain.outside(cell.condition),
-            was_run=bool(campaign.tests_at(cell.condition)),
-        )
-        for cell in cells
+        judge(forecasts[cell], cell.condition, criteria, domain.outside(cell.condition), was_run=bool(tests))
+        for cell, tests in zip(cells, run, strict=True)
     )
-    verdicts = held(judged, campaign, criteria, record)
+    verdicts = held(judged, run, criteria, record)
     return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
 
 

@@ -1,8 +1,8 @@
 """What became of an earlier certification: verdicts that changed, and what tests that it did not know measured."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Self
 
 from crashfuse.certification.certify import Certification
@@ -11,7 +11,7 @@ from crashfuse.certification.earlier import Earlier, EarlierVerdict, Outcomes
 from crashfuse.certification.forecast import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
-from crashfuse.certification.track_record import one_a_metric
+from crashfuse.certification.track_record import Trial, one_a_metric
 from crashfuse.certification.verdict import Verdict, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -69,6 +69,7 @@ class Changes:
     cells: tuple[Change, ...]
 
     @classmethod
+    @lru_cache(maxsize=4)  # asked for by tables, sentences and files
     def of(cls, later: Certification) -> Self:
         """Compare one with that which it is beside: what that said, in its order, then what only this one says.
 
@@ -79,12 +80,13 @@ class Changes:
         """
         if later.since is None:
             raise UsageError("Nothing to compare: give an earlier certification.")
-        earlier, ids = later.since.earlier, _by_place(later.matrix)
+        since = later.since
+        earlier, ids = since.earlier, _by_place(later.matrix)
         rows = earlier.rows
         now = {_key(own.condition, own.criterion): own for _, own in later.cells}
         cells, asked = [], set()
         for i, condition in earlier.matrix.items:
-            shown = {test: later.since.shown[test] for test, place in later.since.at.items() if place == i}
+            shown = {test: since.shown[test] for test, place in since.at.items() if place == i}
             for criterion, before in zip(earlier.criteria.items, rows[i], strict=True):
                 of = criterion.metric if criterion.window_ms is None else None
                 measured = {} if of is None else {test: own[of] for test, own in shown.items()}
@@ -97,7 +99,7 @@ class Changes:
             for i, own in later.cells
             if _key(own.condition, own.criterion) not in asked
         ]
-        return cls(earlier, later.since, later, tuple(cells))
+        return cls(earlier, since, later, tuple(cells))
 
     def __repr__(self) -> str:
         return f"<Changes of {len(self.compared)} verdicts since {self.earlier!r}>"
@@ -118,8 +120,12 @@ class Changes:
 
         However many conditions and limits are alike, a metric of a test counts once, as wrong if any verdict was.
         """
-        told = _one_a_metric((test, cell, true) for cell in self.cells for test, true in cell.came_true.items())
-        return len(told), [true for _, true in told.values()].count(False), len({test for test, _ in told})
+        told: dict[tuple[str, str], bool] = {}
+        for cell in self.cells:
+            for test, true in cell.came_true.items():
+                key = test, quantity(cell.criterion)
+                told[key] = true and told.get(key, True)
+        return len(told), list(told.values()).count(False), len({test for test, _ in told})
 
     @property
     def outcomes_before(self) -> tuple[int, int, int]:
@@ -129,23 +135,23 @@ class Changes:
 
     @property
     def intervals(self) -> tuple[int, int]:
-        """How many earlier 95 % intervals hold what these tests measured, and of how many; one a metric of a test."""
+        """How many 95 % intervals of then held what tests since measured, and of how many; one a metric of a test.
+
+        With those of certifications before: one test at a time is never enough to tell.
+        """
         return len(self._held) - len(self.missed), len(self._held)
 
     @property
-    def missed(self) -> tuple[tuple[str, Change], ...]:
-        """The others: the test, and what was said."""
-        return tuple((test, cell) for (test, _), (cell, holds) in self._held.items() if not holds)
+    def missed(self) -> tuple[Trial, ...]:
+        """The others."""
+        return tuple(trial for trial in self._held if not trial.held)
 
     @cached_property
-    def _held(self) -> dict[tuple[str, str], tuple[Change, bool]]:
-        return _one_a_metric(
-            (test, cell, holds)
-            for cell in self.cells
-            if cell.before is not None and cell.before.word != "outside"
-            for test, value in cell.measured.items()
-            if value is not None and (holds := cell.before.holds(value)) is not None
-        )
+    def _held(self) -> tuple[Trial, ...]:
+        known = (trial for trial in self.since.told if trial.verdict.word != "outside")
+        some = (trial for trial in known if (trial.verdict.lower, trial.verdict.upper) != (None, None))
+        missed_last = sorted(some, key=lambda trial: not trial.held)
+        return tuple({(own.held_out, quantity(own.verdict.criterion)): own for own in missed_last}.values())
 
     @property
     def waived_outcomes(self) -> dict[str, Outcomes]:
@@ -199,12 +205,6 @@ class Changes:
     @cached_property
     def _waived(self) -> frozenset[str]:
         return frozenset(self.earlier.waived)
-
-
-def _one_a_metric(told: Iterable[tuple[str, Change, bool]]) -> dict[tuple[str, str], tuple[Change, bool]]:
-    """Of what is told of one metric of a test something false, if anything is."""
-    false_last = sorted(told, key=lambda own: not own[2])
-    return {(test, quantity(cell.criterion)): (cell, true) for test, cell, true in false_last}
 
 
 def _place(condition: Condition) -> tuple[object, ...]:

@@ -58,6 +58,8 @@ class Earlier:
     ----------
     digest : str
         SHA-256 of its file.
+    before : tuple of str
+        Those of certifications before it, the latest first.
     date : str
         When it was made, by its own account.
     settings : mapping of str to str
@@ -79,6 +81,7 @@ class Earlier:
     """
 
     digest: str
+    before: tuple[str, ...]
     date: str
     settings: Mapping[str, str]
     tests: Mapping[str, str]
@@ -119,7 +122,7 @@ class Earlier:
         conditions = dict(self.matrix.items)
         of = {own.name: quantity(own) for own in self.criteria.items}
         own = (
-            Gone(test, self.tests[test], conditions[i], {of[name]: shown[name] for name in of.keys() & shown})
+            Gone(test, self.tests[test], conditions[i], {of[name]: shown[name] for name in of if name in shown})
             for i, tests in self.run.items()
             for test, shown in tests.items()
             if test in self.tests

@@ -61,6 +61,7 @@ def _of(values: dict[str, Any], digest: str) -> Earlier:
         raise ValueError("a condition beyond any test")
     return Earlier(
         digest,
+        tuple(map(_text, filter(None, (before.get("sha256"), *before.get("before", ()))))),
         f"{datetime.fromisoformat(values['date']).astimezone(UTC):%Y-%m-%d %H:%M} UTC",
         {"campaign": "another vehicle", **{name: _text(own) for name, own in values["settings"].items()}},
         dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),

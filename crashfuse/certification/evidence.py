@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.support import Support
 from crashfuse.certification.track_record import TrackRecord
@@ -12,15 +11,17 @@ from crashfuse.wording import joined
 
 
 def held(
-    judged: tuple[tuple[Verdict, ...], ...], campaign: Campaign, criteria: Criteria, record: TrackRecord
+    judged: tuple[tuple[Verdict, ...], ...],
+    run: Sequence[Sequence[str]],
+    criteria: Criteria,
+    record: TrackRecord,
 ) -> tuple[tuple[Verdict, ...], ...]:
-    """Verdicts held against the record, and against the tests that were run at their condition."""
+    """Verdicts held against the record, and against the tests that were ``run`` at each condition."""
     supports = {own: record.support(own) for own in criteria.items}
     found = []
-    for row in judged:
-        run = [test.id for test in campaign.tests_at(row[0].condition)]
+    for row, tests in zip(judged, run, strict=True):
         own = (_supported(verdict, supports[verdict.criterion], criteria.confidence) for verdict in row)
-        found.append(tuple(_beside_tests(verdict, run, record) for verdict in own))
+        found.append(tuple(_beside_tests(verdict, tests, record) for verdict in own))
     return tuple(found)
 
 

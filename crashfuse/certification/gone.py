@@ -38,6 +38,10 @@ class Gone:
         each = ((own, self.measured.get(quantity(own))) for own in criteria)
         return tuple(own.name for own, value in each if value is not None and not own.is_met_by(value))
 
+    def not_asked(self, criteria: Sequence[Criterion]) -> tuple[str, ...]:
+        """The criteria on what no certification had asked of it."""
+        return tuple(own.name for own in criteria if quantity(own) not in self.measured)
+
     def cannot_tell(self, criteria: Sequence[Criterion]) -> tuple[str, ...]:
         """The criteria for which its record is too short."""
         return tuple(own.name for own in criteria if self.measured.get(quantity(own), 0.0) is None)

@@ -1,22 +1,28 @@
 """The matrix of conditions that verdicts are wanted for: from a table, or as a grid."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Self
 
+import numpy as np
 import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.frames import in_memory
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError, shortened
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.study.estimate import BOUNDS, is_beyond
+from crashfuse.units import KPH
 from crashfuse.wording import Sentence
 
 _MOST = 10_000  # each costs a prediction
+_SPEED_MPS, _WEIGHT = 1 * KPH, 0.02
+"""A test is made for a planned condition up to so much from it: what protocols of barrier tests allow in speed, and the
+relative difference in weight of a repeat."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +49,23 @@ class Matrix:
     def items(self) -> tuple[tuple[str, Condition], ...]:
         """Each condition with its id."""
         return tuple(zip(self.ids, self.conditions, strict=True))
+
+    def made_for(self, tests: Iterable[CrashTest]) -> dict[str, str]:
+        """The condition that each test was made for: the nearest up to 1 km/h and 2 % of each weight away, by id."""
+        found = {}
+        for test in tests:
+            away = {i: _away(test.condition, own) for i, own in self.items if own.may_be(test.condition)}
+            if away and min(away.values()) <= 1:
+                found[test.id] = min(away, key=away.__getitem__)
+        return found
+
+    def run(self, tests: Sequence[CrashTest]) -> tuple[tuple[str, ...], ...]:
+        """By condition the ids of the tests that were made for it, or are at it although another one is nearer."""
+        made_for = self.made_for(tests)
+        return tuple(
+            tuple(test.id for test in tests if made_for.get(test.id) == i or test.condition.is_at(own))
+            for i, own in self.items
+        )
 
     @classmethod
     def read(cls, path: Path, factors: Mapping[str, Sequence[str]]) -> Self:
@@ -114,3 +137,9 @@ class Matrix:
         if beyond := next(filter(is_beyond, conditions), None):
             raise UsageError(Sentence("No barrier test is made at {}: a grid has {}.", beyond, BOUNDS))
         return cls(ids, conditions)
+
+
+def _away(test: Condition, planned: Condition) -> float:
+    """How far a test is from a condition; up to 1 it may have been made for it."""
+    off = np.abs(test.vector - planned.vector) / [_SPEED_MPS, *(_WEIGHT * planned.vector[1:])]
+    return float(off.max()) - 1e-9  # to the last digit of units

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import betaincinv
+from scipy.special import betainc, betaincinv
 
 from crashfuse.certification.verdict import reaches
 
@@ -36,15 +36,15 @@ def largest_share(count: int, n: int) -> float:
 class Support:
     """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
 
-    Of several criteria on one metric one verdict a left-out test counts, and of all metrics five a test, wrong ones
-    first; with them count verdicts on tests that were only planned then.
+    Of a test one verdict a metric counts, and of all metrics five, wrong ones first, however often it was left out or
+    planned.
 
     Attributes
     ----------
     decided, wrong : int
         Verdicts *met* and *not met*, and those that a test contradicted.
     own_decided, own_wrong : int
-        Those among them on the criterion itself.
+        Those on the criterion itself, and on its metric before tests were run.
     near : bool
         Whether a test came near the limit.
     most : float
@@ -63,8 +63,19 @@ class Support:
         """Highest confidence that the record supports: the expected share of right verdicts, ``most`` at most."""
         return min(_expected_right(self.decided, self.wrong), self.most)
 
+    def contradicts(self, confidence: float) -> bool:
+        """Whether so many of its own verdicts are wrong that the confidence is refuted (exact, at 95 %).
+
+        Right ones on other criteria do not make up for that.
+        """
+        n, wrong = self.own_decided, self.own_wrong
+        return wrong > 0 and float(betainc(wrong, n - wrong + 1, 1 - confidence)) < 1 - _LEVEL
+
     def shortfall(self, confidence: float) -> str | None:
         """A sentence on what record would support this confidence; None if this one does."""
+        if self.contradicts(confidence):
+            own = f"{self.own_wrong} of {self.own_decided} verdicts on this metric were wrong, one a test"
+            return f"{own}: that refutes a confidence of {confidence:g}, whatever was right on others."
         if reaches(self.confidence, confidence):
             return None
         if not reaches(self.most, confidence):
@@ -85,11 +96,12 @@ class Support:
             return "No left-out test came near this limit: the record says nothing about it."
         if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
             return None
-        own = "No left-out verdict on this metric"
+        own = "No verdict on this metric was held against a test"
         if self.own_decided:
-            count = f"{self.own_decided} left-out verdict{'s' * (self.own_decided > 1)}"
+            count = f"{self.own_decided} verdict{'s' * (self.own_decided > 1)}"
             most = f"at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %"
-            own = f"Only {count} on this metric, 0 wrong ({most}): too few to support the confidence"
+            own = f"Only {count} on this metric, one a test, 0 wrong ({most}): too few to support the confidence"
         if self.own_wrong:
-            own = f"{self.own_wrong} of {count} on this metric wrong ({most}): too many to support the confidence"
+            wrong = f"{self.own_wrong} of {count} on this metric, one a test, wrong"
+            own = f"{wrong} ({most}): too many to support the confidence alone"
         return f"{own}; with those on other criteria, {self.wrong} of {self.decided} wrong."

@@ -3,8 +3,6 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.earlier import Earlier
@@ -13,11 +11,6 @@ from crashfuse.certification.track_record import Trial
 from crashfuse.certification.verdict import Verdict, reaches
 from crashfuse.condition import Condition
 from crashfuse.signals.metrics import OCCUPANT_METRICS
-from crashfuse.units import KPH
-
-_SPEED_MPS, _WEIGHT = 1 * KPH, 0.02
-"""A test is made for a planned condition up to so much from it: what protocols of barrier tests allow in speed, and the
-relative difference in weight of a repeat."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +48,8 @@ class TestedSince:
 
     @cached_property
     def _made_for(self) -> dict[str, str]:
-        """The condition that each new test was made for, by its id then: the nearest that is near enough."""
-        found = {}
-        for test_id in self.new:
-            test = self.campaign.test(test_id).condition
-            away = {i: _away(test, own) for i, own in self.earlier.matrix.items if own.may_be(test)}
-            if away and min(away.values()) <= 1:
-                found[test_id] = min(away, key=away.__getitem__)
-        return found
+        """The condition that each new test was made for, by its id then."""
+        return self.earlier.matrix.made_for(self.campaign.test(test) for test in self.new)
 
     @property
     def at(self) -> dict[str, str]:
@@ -115,11 +102,14 @@ class TestedSince:
 
     @cached_property
     def gone_runs(self) -> tuple[Gone, ...]:
-        """Tests that are gone since this or a certification before it, where they were run at a condition of these.
+        """Records that are not used any more since this or a certification before it, of tests at a condition of these.
 
-        Without what rests on the occupant model, if that is another today.
+        Without what rests on the occupant model, if that is another today. Where no record is what it was, all are
+        filtered otherwise, and none is gone.
         """
-        used, changed = set(self._digests.values()), set(self.changed)
+        used = set(self._digests.values())
+        refiltered = not used & set(self.earlier.tests.values())
+        changed = set(self.changed) if refiltered else set()
         same = self.campaign.occupant == self.earlier.occupant
         return tuple(
             own if same else own.without(OCCUPANT_METRICS)
@@ -130,12 +120,6 @@ class TestedSince:
     def gone_at(self, condition: Condition) -> tuple[Gone, ...]:
         """Those of a condition."""
         return tuple(own for own in self.gone_runs if own.condition.is_at(condition))
-
-
-def _away(test: Condition, planned: Condition) -> float:
-    """How far a test is from a condition; up to 1 it may have been made for it."""
-    off = np.abs(test.vector - planned.vector) / [_SPEED_MPS, *(_WEIGHT * planned.vector[1:])]
-    return float(off.max()) - 1e-9  # to the last digit of units
 
 
 def _as_of_today(verdict: Verdict, confidence: float) -> Verdict:

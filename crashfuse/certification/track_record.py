@@ -57,9 +57,16 @@ class Trial:
 
     @property
     def near(self) -> bool:
-        """Whether the measured value lies within one width of the 95 % interval of the limit."""
-        lower, upper = self.verdict.lower, self.verdict.upper
-        return lower is None or upper is None or self.verdict.criterion.margin(self.measured) <= upper - lower
+        """Whether the measured value lies within one width of the 95 % interval of the limit.
+
+        Where one end is not known the interval is taken to reach as far to that side of the value as to the other.
+        """
+        own = self.verdict
+        known = [end for end in (own.lower, own.upper) if end is not None]
+        if not known or (len(known) == 1 and own.value is None):
+            return False
+        width = max(known) - min(known) if len(known) > 1 else 2 * abs(known[0] - (own.value or 0.0))
+        return own.criterion.margin(self.measured) <= width
 
 
 def _decided(trials: tuple[Trial, ...]) -> tuple[int, int]:
@@ -74,11 +81,14 @@ def one_a_metric(trials: Sequence[Trial]) -> tuple[Trial, ...]:
 
 
 def _most_of_each(trials: Sequence[Trial]) -> tuple[Trial, ...]:
-    """Of each left-out test no more verdicts than it tells independently, the wrong ones first, then decided ones."""
-    told: dict[str, list[Trial]] = {}
+    """Of each test no more verdicts than it tells independently, the wrong ones first, then decided ones.
+
+    However often it was left out, or planned, a metric of it counts once: what it missed is one miss.
+    """
+    told: dict[str, dict[str, Trial]] = {}
     for trial in sorted(trials, key=lambda trial: (not trial.wrong, not trial.verdict.decided)):
-        told.setdefault(trial.held_out, []).append(trial)
-    return tuple(trial for own in told.values() for trial in own[:MOST_OF_A_TEST])
+        told.setdefault(trial.held_out, {}).setdefault(quantity(trial.verdict.criterion), trial)
+    return tuple(trial for own in told.values() for trial in list(own.values())[:MOST_OF_A_TEST])
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +174,14 @@ class TrackRecord:
     @property
     def intervals(self) -> tuple[int, int]:
         """How many 95 % intervals held what was measured, and of how many; two criteria on one metric share theirs."""
-        known = one_a_metric([trial for trial in self._inside if trial.verdict.probability is not None])
-        return sum(trial.held for trial in known), len(known)
+        n = len(one_a_metric([trial for trial in self._inside if trial.verdict.probability is not None]))
+        return n - len(self.missed_intervals), n
+
+    @property
+    def missed_intervals(self) -> tuple[Trial, ...]:
+        """Trials whose interval did not hold what was measured, one a metric each time a test was left out."""
+        known = (trial for trial in self._inside if trial.verdict.probability is not None)
+        return one_a_metric([trial for trial in known if not trial.held])
 
     def waived(self, criteria: Criteria) -> tuple[int, int, int]:
         """How many tests were left out, how many need not have been run, and how many of these missed a criterion."""
@@ -191,9 +207,9 @@ class TrackRecord:
         """What the record says of a criterion."""
         own = self.of(criterion)
         later = [trial for trial in self.since if quantity(trial.verdict.criterion) == quantity(criterion)]
-        every = _most_of_each(one_a_metric((*own, *self.telling.trials, *self.since)))
+        every = _most_of_each((*own, *self.telling.trials, *self.since))
         most = SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
-        of_its_own = _decided((*own, *one_a_metric(later)))
+        of_its_own = _decided(_most_of_each((*own, *later)))
         near = any(trial.near for trial in (*own, *(trial for trial in later if trial.verdict.criterion == criterion)))
         return Support(*_decided(every), *of_its_own, near, most)
 

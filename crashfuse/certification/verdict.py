@@ -126,10 +126,9 @@ def beside_gone_tests(verdict: Verdict, tests: Sequence[Gone]) -> Verdict:
         return verdict
     met = {test: verdict.criterion.is_met_by(value) for test, value in shown.items()}
     told = [
-        Sentence(
-            f"Test {{}}, which is not used any more, {'met' if met[test] else 'missed'} it there with {{}}.", test, own
-        )
+        Sentence(f"Test {{}}, whose record of then is not used any more, {did} it there with {{}}.", test, own)
         for test, value in shown.items()
+        for did in ["met" if met[test] else "missed"]
         for own in [verdict.criterion.shown(value)]
     ]
     against = verdict.decided and any(own is not (verdict.word == "met") for own in met.values())

@@ -12,7 +12,7 @@ from crashfuse.certification.verdict import Verdict
 from crashfuse.reporting.certification_tables import condition_columns, factors_of, probability_text
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certification_settings
-from crashfuse.reporting.track_record_sentences import at_most, counted, is_too_narrow, listed
+from crashfuse.reporting.track_record_sentences import at_most, counted, is_too_narrow, listed, missed_intervals
 from crashfuse.wording import Sentence, joined
 
 _DIGEST = 12  # characters of it in a sentence
@@ -119,6 +119,9 @@ def _beside(changes: Changes) -> Iterator[str]:
         f"Beside the earlier certification of {of}, by its own account of {earlier.date} (SHA-256 "
         f"{earlier.digest[:_DIGEST]}…); {'; '.join(tests) or 'it knew every test'}."
     )
+    if earlier.before:
+        digests = ", ".join(f"{own[:_DIGEST]}…" for own in earlier.before)
+        yield f"It was beside others in its turn, the latest first, by SHA-256: {digests}."
     now = certification_settings(later.campaign, later.config, later.criteria.confidence)
     pairs = [(name, own, earlier.settings.get(name, "unknown")) for name, own in now.items()]
     if differ := [f"{name} {own} (then {then})" for name, own, then in pairs if own != then]:
@@ -169,13 +172,15 @@ def outcome_sentences(changes: Changes) -> tuple[str, ...]:
         )
     inside, intervals = changes.intervals
     if intervals:
-        held = f"{inside} of {counted(intervals, 'interval')} held what tests run since measured (made to hold 95 %)."
+        told = f"{inside} of {counted(intervals, 'interval')} held what tests run since measured (made to hold 95 %)"
+        held = Sentence(f"{told}{{}}.", missed_intervals(changes.missed))
         found.append(next(narrow_sentence(changes), held))
     for name, own in changes.waived_outcomes.items():
         for test, (missed, unknown) in own.items():
             parts = [f"missed {', '.join(missed)}"] if missed else []
             parts += [f"cannot tell {', '.join(unknown)}"] if unknown else []
-            found.append(f"{name} needed no test by it; {test} {' and '.join(parts) or 'met every criterion'}.")
+            outcome = " and ".join(parts) or "met every criterion"
+            found.append(f"{name} needed no test by an earlier certification; {test} {outcome}.")
     return tuple(found)
 
 
@@ -184,14 +189,8 @@ def narrow_sentence(changes: Changes) -> Iterator[str]:
     inside, n = changes.intervals
     if not is_too_narrow(inside, n):
         return
-    missed = [
-        Sentence("{}: {} {}, not {}", test, own.name, own.shown(value), own.interval(before.lower, before.upper))
-        for test, cell in changes.missed
-        for own, value, before in [(cell.criterion, cell.measured[test], cell.before)]
-        if value is not None and before is not None
-    ]
     told = f"{inside} of {counted(n, 'interval')} held what tests run since measured, made to hold 95 %: they were too "
-    yield joined([f"{told}narrow (", joined(missed, "; "), ")."], "")
+    yield Sentence(f"{told}narrow{{}}.", missed_intervals(changes.missed))
 
 
 def wrong_since(changes: Changes) -> Iterator[str]:
@@ -202,20 +201,23 @@ def wrong_since(changes: Changes) -> Iterator[str]:
         own = trial.verdict
         if trial.wrong:
             yield Sentence(
-                "{}, before it was run: {} ({}) was said to be {}; measured {}.",
-                trial.held_out, own.criterion.name, own.criterion.limits, own.word, own.criterion.shown(trial.measured),
+                "{}, before it was run, by an earlier certification: {} ({}) at {} was said to be {} (probability {}); "
+                "measured {}.",
+                trial.held_out, own.criterion.name, own.criterion.limits, own.condition, own.word,
+                probability_text(own.probability), own.criterion.shown(trial.measured),
             )  # fmt: skip
 
 
 def gone_sentences(since: TestedSince) -> Iterator[str]:
     """What tests had shown at conditions of earlier certifications that are not used any more."""
-    left_out = dict(since.campaign.unused)
+    left_out, criteria = dict(since.campaign.unused), since.earlier.criteria.items
     for gone in since.gone_runs:
-        missed, unknown = (of(since.earlier.criteria.items) for of in (gone.missed, gone.cannot_tell))
-        showed = f"it missed {', '.join(missed) or 'no criterion'} of the earlier certification"
-        showed += f" and cannot tell {', '.join(unknown)}" if unknown else ""
+        told = [f"missed {', '.join(gone.missed(criteria)) or 'none'} of the criteria of the earlier certification"]
+        told += [f"cannot tell {', '.join(unknown)}" for unknown in [gone.cannot_tell(criteria)] if unknown]
+        told += [f"was not measured for {', '.join(others)}" for others in [gone.not_asked(criteria)] if others]
         why = f" ({since.campaign.reason_of(gone.test)})" if gone.test in left_out else ""
-        yield Sentence(f"{{}} was run at {{}} and is not used any more{why}; {showed}.", gone.test, gone.condition)
+        said = "{} was run at {}, and its record of then is not used any more{}; it {}."
+        yield Sentence(said, gone.test, gone.condition, why, ", and ".join(told))
 
 
 def _wrong(cell: Change, test: str) -> str:

@@ -129,7 +129,9 @@ def _unused_at(certification: Certification) -> dict[str, list[str]]:
     found = {}
     for i, condition in certification.matrix.items:
         gone = () if since is None else since.gone_at(condition)
-        there = *(test for test, own in unused if own.is_at(condition)), *(own.test for own in gone)
+        used = certification.campaign.test_ids
+        others = (f"{own.test} with another record" if own.test in used else own.test for own in gone)
+        there = *(test for test, own in unused if own.is_at(condition)), *others
         if names := dict.fromkeys(there):
             found[i] = list(names)
     return found
@@ -145,7 +147,7 @@ def reserved(certification: Certification) -> dict[str, str]:
     for i, together in _together(certification).items():
         found.setdefault(i, []).append(f"{together} in no test together")
     for i, names in _unused_at(certification).items():
-        found.setdefault(i, []).append(f"run as {listed(names)}, which is not used")
+        found.setdefault(i, []).append(f"run as {listed(names)}, not used")
     return {i: "; ".join(own) for i, own in found.items()}
 
 

@@ -8,7 +8,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.reporting.certification_changes import change_sentences
+from crashfuse.reporting.certification_changes import change_sentences, saved_and_missed
 from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_sentences import summary
 from crashfuse.reporting.certification_tables import bound, counts_table, matrix_table, record_counts, verdict_counts
@@ -29,6 +29,7 @@ def _since(changes: Changes) -> dict[str, object]:
     inside, intervals = changes.intervals
     return {
         "sha256": changes.earlier.digest,
+        "before": changes.earlier.before,
         "date": changes.earlier.date,
         "new_tests": changes.since.new,
         "changed_tests": changes.since.changed,
@@ -68,6 +69,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
     brier, (tests, saved, wrong) = record.brier, record.waived(criteria)
+    told, missed_one = saved_and_missed(certification)
     (inside, intervals), (telling, missed) = record.intervals, record.telling.decided
     return {
         **provenance(campaign, campaign.test_ids, config),
@@ -98,6 +100,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "track_record": {
             **record_counts(record),
             "waived": {"tests": tests, "n": saved, "wrong": wrong, "wrong_at_most": bound(wrong, saved)},
+            "waived_with_those_since": {"n": told, "wrong": missed_one, "wrong_at_most": bound(missed_one, told)},
             "telling": {"n": telling, "wrong": missed, "wrong_at_most": bound(missed, telling)},
             "intervals": {"n": intervals, "inside": inside},
             "brier": None if brier is None else brier[0],

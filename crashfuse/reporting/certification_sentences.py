@@ -7,7 +7,7 @@ import numpy as np
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.verdict import WORDS, Verdict
-from crashfuse.reporting.certification_changes import outcome_sentences
+from crashfuse.reporting.certification_changes import outcome_sentences, saved_and_missed
 from crashfuse.reporting.certification_exceptions import (
     FEW,
     NARROW_SINCE,
@@ -23,6 +23,7 @@ from crashfuse.reporting.certification_exceptions import (
 )
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.track_record_sentences import (
+    at_most,
     brier_sentence,
     counted,
     listed,
@@ -63,13 +64,14 @@ def to_test(certification: Certification) -> Iterator[str]:
     rows, run = {word: certification.of_word(word) for word in WORDS}, certification.run
     known_of = reserved(certification)
     if run:
-        yield f"Run already: {listed(list(_run(certification, known_of)))}."
+        yield Sentence("Run already: {}.", listed(list(_run(certification, known_of))))
     if waived := certification.waived:
         yield (
             "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
             f"{listed(_with_least(waived, known_of))}."
         )
         yield from waived_sentence(certification.record, certification.criteria)
+        yield from _with_those_since(certification)
         yield from _little_known(certification)
     if uncertain := certification.uncertain:
         yield (
@@ -87,7 +89,8 @@ def to_test(certification: Certification) -> Iterator[str]:
         ),
     ):
         if some:
-            yield f"{told}: {listed([f'{i} ({_names(own)})' for i, own in some.items()])}."
+            each = [f"{i} ({'; '.join(filter(None, (_names(own), known_of.get(i))))})" for i, own in some.items()]
+            yield f"{told}: {listed(each)}."
     if first := certification.run_first:
         yield f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
     if certification.domain.too_few_tests:
@@ -99,6 +102,16 @@ def to_test(certification: Certification) -> Iterator[str]:
             yield "No condition of the matrix needs a test."
         elif len(missing) < len(certification.matrix.ids):
             yield "No other condition of the matrix needs a test."
+
+
+def _with_those_since(certification: Certification) -> Iterator[str]:
+    """The same with tests that an earlier certification said need not be run, and that were run since."""
+    n, missed = saved_and_missed(certification)
+    if n > certification.record.waived(certification.criteria)[1]:
+        yield (
+            f"With tests that earlier certifications said need not be run, and that were run since: {missed} of {n} "
+            f"missed one ({at_most(missed, n)})."
+        )
 
 
 def least_text(all_met: tuple[float, float]) -> str:
@@ -115,9 +128,13 @@ def _run(certification: Certification, known_of: Mapping[str, str]) -> Iterator[
             missed = [
                 criterion.name for criterion, value in values if value is not None and not criterion.is_met_by(value)
             ]
-            tests.append(f"{test}, which missed {', '.join(missed)}" if missed else test)
+            there = certification.campaign.test(test).condition
+            off = "" if there.is_at(row[0].condition) else Sentence(", at {}", there)
+            what = f", which missed {', '.join(missed)}" if missed else ""
+            tests.append(Sentence("{}{}{}", test, off, what))
         if tests:
-            yield f"{i} (test {'; '.join(filter(None, (' and '.join(tests), known_of.get(i))))})"
+            also = [known_of[i]] if i in known_of else []
+            yield Sentence("{} (test {})", i, joined([joined(tests, " and "), *also], "; "))
 
 
 def _with_least(bounds: Mapping[str, tuple[float, float]], known_of: Mapping[str, str]) -> list[str]:
@@ -126,9 +143,19 @@ def _with_least(bounds: Mapping[str, tuple[float, float]], known_of: Mapping[str
 
 
 def _little_known(certification: Certification) -> Iterator[str]:
-    """Which criteria these answers rest on although left-out tests say little of them."""
-    if weak := reservations(certification):
-        yield f"Look at the exceptions first: by themselves left-out tests say little or nothing of {', '.join(weak)}."
+    """Which criteria these answers rest on although left-out tests say little of them, or contradicted some."""
+    weak, record = reservations(certification), certification.record
+    wrong = {own.name for own in certification.criteria.items if record.support(own).own_wrong}
+    said = [
+        f"{told} {', '.join(names)}"
+        for told, names in (
+            ("by themselves tests say little or nothing of", [name for name in weak if name not in wrong]),
+            ("tests contradicted verdicts on", [name for name in weak if name in wrong]),
+        )
+        if names
+    ]
+    if said:
+        yield f"Look at the exceptions first: {'; '.join(said)}."
 
 
 def _outside(verdicts: Mapping[str, list[Verdict]]) -> str:

@@ -86,7 +86,7 @@ def condition_columns(condition_id: str, condition: Condition, factors: Sequence
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, one row a test, what was left out with it, and criterion.
+    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
 
     ``counted`` is false where a speed group is the test alone, whose verdict counts once.
     """
@@ -97,7 +97,7 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
             v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
             v.criterion.unit, not record.repeats(t),
         )
-        for t in record.trials
+        for t in (*record.trials, *record.since)
         for v in [t.verdict]
     ]  # fmt: skip
     table = pd.DataFrame(rows, columns=list(_TRIAL_COLUMNS))

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.support import largest_share
-from crashfuse.certification.track_record import TrackRecord
-from crashfuse.wording import Sentence
+from crashfuse.certification.track_record import TrackRecord, Trial
+from crashfuse.wording import Sentence, joined
 
 INTERVAL = 0.95
 """Share of tests that intervals are made to hold."""
@@ -56,13 +56,27 @@ def waived_sentence(record: TrackRecord, criteria: Criteria) -> Iterator[str]:
 
 
 def interval_sentence(record: TrackRecord) -> Iterator[str]:
-    """How many intervals held what left-out tests measured, if there are any."""
+    """How many intervals held what left-out tests measured, if there are any, and which did not."""
     inside, n = record.intervals
     if n:
-        yield (
+        said = (
             f"{inside} of {counted(n, 'interval')} held what the left-out test measured ({100 * inside / n:.0f} %; "
-            "made to hold 95 % of single tests), of left-out tests inside what the others check."
+            "made to hold 95 % of single tests), of left-out tests inside what the others check{}."
         )
+        yield Sentence(said, missed_intervals(record.missed_intervals))
+
+
+def missed_intervals(trials: Sequence[Trial]) -> str:
+    """What was measured outside its interval, and where that was."""
+    if not trials:
+        return ""
+    each = [
+        Sentence("{} {} {}, not {}", trial.held_out, own.criterion.name, own.criterion.shown(trial.measured),
+                 own.criterion.interval(own.lower, own.upper))
+        for trial in trials
+        for own in [trial.verdict]
+    ]  # fmt: skip
+    return Sentence("; outside: {}", listed(each))
 
 
 def is_too_narrow(inside: int, n: int) -> bool:
@@ -115,4 +129,4 @@ def counted(n: int, noun: str) -> str:
 def listed(names: Sequence[str]) -> str:
     """The first names, and how many there are more."""
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+    return Sentence("{}{}", joined(names[:_NAMED], ", "), more)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, Self, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -54,15 +54,21 @@ class Verdicts:
         """Number of verdicts of each kind, one row a criterion."""
         return counts_table(self.certification)
 
-    def since(self, earlier: str | Path) -> pd.DataFrame:
-        """What became of an earlier certification, by its ``certification.json`` or folder, as ``changes.csv``.
+    def beside(self, earlier: str | Path) -> Self:
+        """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``.
+
+        What that said of tests that were run since counts in the record, and can leave verdicts open.
 
         Raises
         ------
         DataError
-            If there is no such certification.
+            If there is no such certification, or it is of another vehicle.
         """
-        return changes_table(Changes.of(self.certification.beside(read_earlier(Path(earlier)))))
+        return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
+
+    def since(self, earlier: str | Path) -> pd.DataFrame:
+        """What became of an earlier certification, as ``changes.csv``; raises as :meth:`beside`."""
+        return changes_table(Changes.of(self.beside(earlier).certification))
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
         """A figure of the page Certify.

@@ -78,6 +78,11 @@ def chosen_config() -> StudyConfig:
     )
 
 
+def said_of(campaign: Campaign) -> Hashable:
+    """Equal for equal data, and equal remarks on them, which stand in reports: why a test is left out is no data."""
+    return campaign.fingerprint, campaign.remarks
+
+
 class Request(ABC, Generic[T]):
     """A computation that any page can request; identifies one job."""
 
@@ -139,7 +144,7 @@ class StudyRequest(Request[Study]):
 
     @property
     def key(self) -> Hashable:  # noqa: D102
-        return "study", self.campaign.fingerprint, self.held_out, self.config
+        return "study", said_of(self.campaign), self.held_out, self.config
 
     @property
     def title(self) -> str:  # noqa: D102
@@ -193,7 +198,7 @@ class FitRequest(Request[Fitted]):
     @property
     def key(self) -> Hashable:  # noqa: D102
         config = self.config
-        return "fit", self.campaign.fingerprint, config.approaches, config.preset, config.seed, config.device
+        return "fit", said_of(self.campaign), config.approaches, config.preset, config.seed, config.device
 
     @property
     def title(self) -> str:  # noqa: D102

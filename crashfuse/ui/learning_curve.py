@@ -20,7 +20,7 @@ from crashfuse.study.cost import Cost
 from crashfuse.study.learning_curve import CURVE_CONFIG, LearningCurve, is_curve_cached, learning_curve
 from crashfuse.study.one_more_test import sentences
 from crashfuse.ui.chosen import View
-from crashfuse.ui.computation import Request
+from crashfuse.ui.computation import Request, said_of
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.panel import result_or_none
@@ -37,7 +37,7 @@ class LearningCurveRequest(Request[LearningCurve]):
 
     @property
     def key(self) -> Hashable:  # noqa: D102
-        return "learning curve", self.campaign.fingerprint, self.config
+        return "learning curve", said_of(self.campaign), self.config
 
     @property
     def title(self) -> str:  # noqa: D102

@@ -20,7 +20,7 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate_cache import estimate_at
-from crashfuse.units import MPH
+from crashfuse.units import KPH, MPH
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]
 
@@ -214,3 +214,18 @@ def test_only_where_no_test_was_run_an_open_verdict_says_to_test(campaign: Campa
     assert "only: test it, or redesign." in elsewhere.reason
     assert "test it" not in there.reason
     assert f"only. Test {test.id} was run there" in there.reason
+
+
+def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_little_off(campaign: Campaign) -> None:
+    """Up to 1 km/h and 2 % of each weight; of two conditions the nearer one is meant. Nobody hits them to 0.2 %."""
+    test = campaign.tests[1]
+    near, far, other = (
+        replace(test.condition, speed_mps=test.condition.speed_mps + off * KPH) for off in (0.9, -0.95, 1.1)
+    )
+    loose, tight = (Criteria((Criterion("crush", "max_crush", at_most=most),), 0.5) for most in (1e4, 1e-4))
+    for criteria in (loose, tight):
+        found = certify_matrix(campaign, criteria, Matrix(("P1", "P2", "P3"), (near, far, other)), CONFIG, workers=1)
+        assert found.run == {"P1": (test.id,)}
+        assert not {"P1"} & {*found.waived}
+    assert f"Run already: P1 (test {test.id}, at {test.condition}, which missed crush)." in list(to_test(found))
+    assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CONFIG, workers=1).run == {}

@@ -64,6 +64,24 @@ def test_a_group_that_lay_outside_the_others_does_not_widen_what_is_checked(
     assert Domain.of(campaign, for_record=True).reach_mps == pytest.approx(widest * MPH)
 
 
+def test_a_group_that_lay_outside_by_its_factor_does_not_widen_what_is_checked_either(wide: Campaign) -> None:
+    """No other test had its drive, so that it got no verdict when it was left out."""
+    drives = ("FWD", "FWD", "FWD", "AWD")
+    tests = tuple(
+        CrashTest(
+            f"T{i}",
+            replace(wide.tests[0].condition, speed_mps=v * MPH, factors=(("drive", drive),)),
+            wide.tests[0].pulse,
+        )
+        for i, (v, drive) in enumerate(zip((15.0, 18.0, 23.0, 28.0), drives, strict=True))
+    )
+    campaign = replace(wide, tests=tests)
+    assert Domain.of(campaign).reach_mps == pytest.approx(5.0 * MPH)  # from 23 to 18 mph
+    odd = replace(tests[2], condition=replace(tests[2].condition, factors=(("drive", "4WD"),)))
+    rest = replace(campaign, tests=(*tests[:2], odd, tests[3]))
+    assert Domain.of(rest).reach_mps == pytest.approx(3.0 * MPH)
+
+
 def test_a_gap_wider_than_any_that_was_left_out_is_outside(wide: Campaign) -> None:
     """Tests at 15, 18, 21 and 50, 53 mph: the middle of the gap is farther from a test than any left-out test was."""
     speeds = (15.0, 18.0, 21.0, 50.0, 53.0)

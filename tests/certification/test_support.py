@@ -53,14 +53,27 @@ def test_few_verdicts_of_its_own_are_told_with_what_they_can_show() -> None:
     said = Support(52, 0, own_decided=2, own_wrong=0, near=True).reservation(0.95)
     assert said is not None
     assert said.startswith(
-        "Only 2 left-out verdicts on this metric, 0 wrong (at most 78 %): too few to support the confidence"
+        "Only 2 verdicts on this metric, one a test, 0 wrong (at most 78 %): too few to support the confidence"
     )
     assert said.endswith("; with those on other criteria, 0 of 52 wrong.")
     none = Support(50, 0, own_decided=0, own_wrong=0, near=True).reservation(0.95)
-    assert none == "No left-out verdict on this metric; with those on other criteria, 0 of 50 wrong."
+    assert none == "No verdict on this metric was held against a test; with those on other criteria, 0 of 50 wrong."
     assert Support(50, 0, own_decided=9, own_wrong=0, near=True).reservation(0.95) is None
     many = Support(200, 3, own_decided=30, own_wrong=3, near=True).reservation(0.95)
     assert many is not None
     assert many.startswith(
-        "3 of 30 left-out verdicts on this metric wrong (at most 24 %): too many to support the confidence;"
+        "3 of 30 verdicts on this metric, one a test, wrong (at most 24 %): too many to support the confidence alone;"
     )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "n", "refuted"), [(1, 2, False), (2, 8, False), (2, 7, True), (3, 12, True), (0, 9, False)]
+)
+def test_right_verdicts_on_others_do_not_make_up_for_its_own_wrong_ones(wrong: int, n: int, refuted: bool) -> None:
+    """Two of seven are too many for 0.95, as fewer than one in twenty of such records would have as many."""
+    support = Support(500, wrong, n, wrong, near=True)
+    assert bool(binom.sf(wrong - 1, n, 0.05) < 0.05) is refuted
+    said = support.shortfall(0.95)
+    assert (said is not None) is refuted
+    if said is not None:
+        assert said.startswith(f"{wrong} of {n} verdicts on this metric were wrong, one a test: that refutes")

@@ -183,10 +183,12 @@ def test_intervals_that_held_what_was_measured_are_counted_once_a_metric() -> No
 
 
 def test_near_means_within_one_width_of_the_interval() -> None:
-    """Of the limit; an interval with an open end counts as near."""
+    """Of the limit; where one end is not known it is as far from the value as the other, and never just anywhere."""
     assert trial("met", 461.0).near
     assert not trial("met", 459.0).near
-    assert trial("met", 100.0, interval=(480.0, None)).near
+    assert trial("met", 461.0, interval=(480.0, None)).near
+    assert not trial("met", 459.0, interval=(480.0, None)).near
+    assert not trial("open", 499.0, interval=(None, None)).near
 
 
 def test_trials_without_a_probability_are_left_out_of_reliability() -> None:
@@ -198,13 +200,23 @@ def test_trials_without_a_probability_are_left_out_of_reliability() -> None:
 
 def test_a_test_that_is_left_out_both_ways_supports_no_more_than_once() -> None:
     """Its metrics vary together, alone as with its speed group: whatever is right in it, others have to be."""
-    some = [
-        Criterion(name, name, at_most=500.0) for name in ("max_crush", "static_crush", "peak", "mean", "olc", "vpi")
-    ]
-    own = [trial("met", 495.0, left_out=way, criterion=each) for each in some for way in ("test", "speed group")]
+    some = [Criterion(of, of, at_most=500.0) for of in ("max_crush", "static_crush", "peak", "mean", "olc", "vpi")]
+    ways: list[tuple[LeftOut, float]] = [("test", 0.9), ("speed group", 0.8)]
+    own = [trial("met", 495.0, p, left_out=way, criterion=each) for each in some for way, p in ways]
     assert TrackRecord(tuple(own)).support(some[0]).decided == 5
+    assert TrackRecord(tuple(own[:2])).support(some[0]).decided == 1
     other = trial("met", 495.0, held_out="T2", criterion=some[0])
     assert TrackRecord((*own, other)).support(some[0]).decided == 6
+
+
+def test_one_miss_is_one_however_often_the_test_was_left_out_or_planned() -> None:
+    """Whether the test stays in use or is thrown out then makes no difference."""
+    ways: list[tuple[LeftOut, float]] = [("test", 0.9), ("speed group", 0.8), ("planned", 0.95)]
+    wrong = [trial("met", 505.0, p, left_out=way) for way, p in ways]
+    right = [trial("met", 495.0, held_out=f"T{i}") for i in range(2, 10)]
+    stays = TrackRecord((*wrong[:2], *right), since=tuple(wrong[2:])).support(CRUSH)
+    gone = TrackRecord(tuple(right), since=tuple(wrong[2:])).support(CRUSH)
+    assert stays == gone == Support(9, 1, 9, 1, near=True)
 
 
 def test_a_test_that_was_only_planned_can_come_near_a_limit() -> None:

@@ -11,7 +11,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.study.config import StudyConfig
-from crashfuse.ui.computation import Request
+from crashfuse.ui.computation import Request, said_of
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class CertificationRequest(Request[Verdicts]):
     def key(self) -> Hashable:  # noqa: D102
         config = self.config
         settings = config.approaches[0], config.preset, config.seed, config.device
-        return "certification", self.campaign.fingerprint, self.criteria, self.matrix, settings
+        return "certification", said_of(self.campaign), self.criteria, self.matrix, settings
 
     @property
     def title(self) -> str:  # noqa: D102
