@@ -16,6 +16,7 @@ from pathlib import Path
 from crashfuse.campaign import Campaign
 from crashfuse.certification.earlier import FILE, Earlier
 from crashfuse.certification.earlier_file import parse_earlier
+from crashfuse.certification.tested_since import TestedSince
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
@@ -78,6 +79,19 @@ def certifications(campaign: Campaign) -> dict[str, Earlier]:
             if earlier is not None and earlier.is_of(campaign):
                 found[path.name] = earlier
     return dict(sorted(found.items(), key=lambda kept: kept[1].date, reverse=True))
+
+
+def beside_none(campaign: Campaign) -> str:
+    """What to know of a certification that is beside no earlier one, if tests of today were run since some; or ""."""
+    knew_less = [own for own in certifications(campaign).values() if TestedSince(own, campaign).new]
+    if not knew_less:
+        return ""
+    n, dates = len(knew_less), sorted(own.date for own in knew_less)
+    kept = "One is kept" if n == 1 else f"{n} are kept"
+    return (
+        f"Beside no earlier certification. {kept} on this machine that did not know every test of today (the first of "
+        f"{dates[0]}): what was wrong then does not count here."
+    )
 
 
 def keep_certification(content: bytes, campaign: Campaign) -> Earlier:

@@ -52,12 +52,15 @@ def certify(arguments: argparse.Namespace) -> None:
         certification = certification.beside(earlier)
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
         write_certification(certification, folder, display)
+    alone = "" if earlier is not None else kept_files.beside_none(campaign)  # before this one is kept
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it
         kept_files.keep_certification(content, campaign)
     print(counts_table(certification, display.units).to_string(index=False))
     since = () if earlier is None else change_sentences(Changes.of(certification))
     print(*map(display.words, dict.fromkeys((*summary(certification), *since))), sep="\n")
+    if alone:
+        print(f"{alone} --since holds one against them.")
     if campaign.notice:
         print(campaign.notice)
     say_written(arguments.out, "certification")

@@ -80,7 +80,13 @@ def test_the_certifications_of_a_vehicle_are_found_by_having_one_of_their_tests(
         record = {**RECORD, "date": f"2026-11-{day}T12:00:00+00:00", "tests_sha256": tests, **changed}
         return kept_files.keep_certification(json.dumps(record).encode(), campaign)
 
-    fewer, whole = kept(20, {"renamed": digests[one]}), kept(22, digests)
+    assert kept_files.beside_none(campaign) == ""
+    whole = kept(22, digests)
+    assert kept_files.beside_none(campaign) == ""  # it knew all
+    fewer = kept(20, {"renamed": digests[one]})
+    assert "One is kept on this machine that did not know every test of today (the first of 2026-11-20" in (
+        kept_files.beside_none(campaign)
+    )
     assert kept(23, digests).date == whole.date
     kept(21, {one: "0" * 64})
     kept_files.keep(b"id,speed_mph\n", "matrix.csv")

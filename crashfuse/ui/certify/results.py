@@ -4,6 +4,7 @@ import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
+from crashfuse.certification import kept_files
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
@@ -54,6 +55,8 @@ def show(judgement: Judgement) -> None:
             word.capitalize(), f"{counts[word]:,}", share, delta_color="off", delta_arrow="off", help=_MEANINGS[word]
         )
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
+    if certification.since is None and (alone := kept_files.beside_none(certification.campaign)):
+        st.caption(f":material/history: {plain(alone)} Choose one under *Earlier verdicts*.")
     with st.container(height=46 + 24 * FEW_CONDITIONS if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(
             lambda: verdicts.plot(display=display),
