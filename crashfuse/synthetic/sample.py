@@ -96,15 +96,15 @@ _MATRIX = (
     (16.7, 2120.0, 1600.0, "Type I", "FWD"),
     (19.0, 2100.0, 1600.0, "Type I", "FWD"),
     (22.0, 2180.0, 1750.0, "Type II", "AWD"),
-    (25.0, 2100.0, 1550.0, "Type I", "FWD"),
-    (25.0, 2160.0, 1700.0, "Type II", "AWD"),
+    (23.5, 2100.0, 1550.0, "Type I", "FWD"),
+    (26.3, 2160.0, 1700.0, "Type II", "AWD"),
     (27.5, 2100.0, 1550.0, "Type I", "FWD"),
     (29.5, 2160.0, 1700.0, "Type II", "AWD"),
     (32.5, 2100.0, 1550.0, "Type I", "FWD"),
-    (35.0, 2170.0, 1720.0, "Type II", "AWD"),
+    (34.0, 2170.0, 1720.0, "Type II", "AWD"),
     (40.0, 2170.0, 1720.0, "Type II", "AWD"),
 )
-"""Conditions to judge, as in Table 1: at the tests' speeds, between them, and one beyond all tests and runs."""
+"""Conditions to judge, as in Table 1: that of a test, between tests, and one beyond all tests and runs."""
 
 
 def sample_campaign(seed: int = 0) -> Campaign:
