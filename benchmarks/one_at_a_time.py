@@ -94,21 +94,21 @@ def _settled(plan: _Plan) -> list[dict[str, object]]:
 
 def _one_at_a_time(
     plan: _Plan, matrix: Matrix, criteria: Criteria, key: Callable[[Row], float]
-) -> tuple[int, dict[str, Row], np.ndarray]:
+) -> tuple[int, dict[str, Row], list[int]]:
     """How many tests are run until nothing is open, the rows of the others, and what was said of those that were run.
 
     That is how many verdicts were met or not met, how many of them wrong, how many intervals held what was measured,
     and of how many.
     """
     run: tuple[CrashTest, ...] = ()
-    said, before = np.zeros(4, dtype=int), None
+    said, before = [0, 0, 0, 0], None
     while True:
         campaign = Campaign(plan.name, plan.cae, (*plan.begun, *run))
         found = certify_matrix(campaign, criteria, matrix, cache=Cache(), workers=1)
         if before is not None:
             found = found.beside(before)
             changes = Changes.of(found)
-            said += [*changes.outcomes[:2], *changes.intervals]
+            said = [said[0] + changes.outcomes[0], said[1] + changes.outcomes[1], *changes.intervals]
         before = parse_earlier(certification_json(found))
         left = {i: row for i, row in found.rows.items() if i not in found.run}
         unsettled = {

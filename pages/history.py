@@ -4,7 +4,16 @@ import streamlit as st
 
 from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.ui import frame
-from crashfuse.ui.history import compare, is_suggested, of_campaign, show_results, ticked, turn_to_opened, visible
+from crashfuse.ui.history import (
+    compare,
+    is_suggested,
+    of_campaign,
+    show_results,
+    ticked,
+    turn_to_opened,
+    visible,
+    with_ticked,
+)
 from crashfuse.ui.history_notes import edit_ticked
 
 view = frame.enter()
@@ -22,7 +31,7 @@ st.caption(
 )
 listed = of_campaign(results, here)
 chosen = ticked(results, listed)
-show_results(listed, chosen, display, here)
+show_results(with_ticked(results, listed, chosen), chosen, display, here)
 if not is_suggested():
     edit_ticked(chosen, display)
 compare(chosen, display)

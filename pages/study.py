@@ -6,6 +6,7 @@ import streamlit as st
 
 from crashfuse.study.recommendation import recommend
 from crashfuse.ui import explanations, frame, page_tables
+from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figures import choose
 from crashfuse.ui.learning_curve import show_learning_curve
@@ -16,19 +17,27 @@ from crashfuse.ui.study.outcome import Outcome
 TABS = {"Ratings": ratings.show, "Bands": band.show, "The paper's tables": paper.show, "Files and report": files.show}
 LEARNING_CURVE = "How many tests are enough"  # needs no study
 
+
+def request_of(view: View) -> StudyRequest:
+    """Each test left out in turn, and then with its speed group, unless a fit takes minutes, or a GPU: the paper's."""
+    config = chosen_config()
+    both = replace(config, leave_out="both") if config.preset == "fast" else config
+    return StudyRequest(view.campaign, view.campaign.test_ids, both)
+
+
 view = frame.enter_with_campaign(
-    "Study", lambda view: f"{len(view.campaign.tests)} tests, each left out in turn", by_group=ratings.by_group()
+    "Study",
+    lambda view: f"{len(view.campaign.tests)} tests, each left out in turn",
+    by_group=lambda view: ratings.by_group(request_of(view)),
 )
-campaign, config = view.campaign, chosen_config()
+campaign, request = view.campaign, request_of(view)
+config = request.config
 stop_with_a_single_test(campaign)
 tab = choose("Tab", [*TABS, LEARNING_CURVE], key="study_tab")
 if tab == LEARNING_CURVE:
-    show_learning_curve(view, config)
+    show_learning_curve(view, chosen_config())
     st.stop()
-again = ""
-if config.preset == "fast":  # a fit with the paper's settings takes minutes, or a GPU
-    config, again = replace(config, leave_out="both"), "; then again without any other test at about its speed"
-request = StudyRequest(campaign, campaign.test_ids, config)
+again = "; then again without any other test at about its speed" if config.leave_out == "both" else ""
 study = result_of(
     request,
     invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn, "
@@ -44,7 +53,7 @@ explanations.show_missing(config, study.config.approaches)
 if outcome.whole:
     first, *others = map(view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
-    told = others.pop(-1 if study.speed_groups is not None and ratings.by_group() else 0)
+    told = others.pop(-1 if study.speed_groups is not None and ratings.by_group(request) else 0)
     longest = max(study.config.windows_ms)
     if outcome.window_ms != longest:  # what is said does not follow the choice in the sidebar
         told += f" This is over {page_tables.window_label(longest)}."

@@ -10,26 +10,35 @@ import shutil
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from crashfuse.campaign_folder.added import named
 from crashfuse.campaign_folder.condition_tables import read_what_can_be
 from crashfuse.campaign_folder.history import changing, taking_turns
-from crashfuse.campaign_folder.settings import LONGEST_REASON, read_settings
+from crashfuse.campaign_folder.settings import read_settings, reason
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.campaign_folder.upload import FILES
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.files.toml_text import toml_text
 
-_LIST = re.compile(r"^unused[ \t]*=[ \t]*(\[[^\]]*\]|\{[^\n]*\})[ \t]*(#[^\n]*)?\r?(\n|\Z)", re.M)
+_STRING = r""" "(?:[^"\\\n]|\\.)*" | '[^'\n]*' """
+_LIST = re.compile(
+    rf"""
+    ^unused[ \t]*=[ \t]*
+    (?: \[ (?: {_STRING} | \#[^\n]*\n | [^]"'\#] )* \] | \{{ (?: {_STRING} | [^}}"'\n] )* \}} )
+    [ \t]* (?: \#[^\n]* )? \r? (?: \n | \Z )
+    """,
+    re.M | re.X,
+)
 _ENDINGS = ("csv", "parquet")
 
 
-def leave_out(folder: Path, ids: Sequence[str], why: str | None = None) -> str:
+def leave_out(folder: Path, ids: Sequence[str], why: str = "") -> str:
     """Leave tests of a campaign out of use: they stay in the folder, but nothing learns from them or rates them.
 
-    ``unused`` in ``campaign.toml`` lists them, with the reason if one is given; given of tests that are left out
-    already, it is that from now on. A test whose record is damaged can be left out, too.
+    ``unused`` in ``campaign.toml`` lists them, with the reason if one is given. A test whose record is damaged can be
+    left out, too.
 
     Returns
     -------
@@ -39,17 +48,23 @@ def leave_out(folder: Path, ids: Sequence[str], why: str | None = None) -> str:
     Raises
     ------
     UsageError
-        If there is no such test, it is left out already and no reason is given, or none would stay in use.
+        If there is no such test, it is left out already, or none would stay in use.
     DataError
         If the campaign's files cannot be edited, or it is the sample; nothing is changed.
     """
     with taking_turns(folder):
         known, unused = _tests(folder)
-        _require(ids, [test_id for test_id in known if test_id not in unused] if why is None else known, "in use")
-        why = printable(" ".join((why or "").split()), LONGEST_REASON)
+        _require(ids, [test_id for test_id in known if test_id not in unused], "in use")
         _require_one_in_use(known, {*unused, *ids})
-        told = f"Left out of use: {named(ids)}{f' ({why})' if why else ''}"
-        return _set_unused(folder, known, {**unused, **dict.fromkeys(ids, why)}, told)
+        return _set_why(folder, known, unused, ids, why)
+
+
+def say_why(folder: Path, test_id: str, why: str) -> str:
+    """Give a test that is left out of use another reason, or none; otherwise as :func:`leave_out`."""
+    with taking_turns(folder):
+        known, unused = _tests(folder)
+        _require([test_id], list(unused), "left out of use")
+        return _set_why(folder, known, unused, [test_id], why)
 
 
 def use_again(folder: Path, ids: Sequence[str]) -> str:
@@ -133,6 +148,12 @@ def _require_one_in_use(known: Sequence[str], unused: set[str]) -> None:
         raise UsageError("At least one test has to stay in use.")
 
 
+def _set_why(folder: Path, known: Sequence[str], unused: Mapping[str, str], ids: Sequence[str], why: str) -> str:
+    why = reason(why)
+    told = f"Left out of use: {named(ids)}{f' ({why})' if why else ''}"
+    return _set_unused(folder, known, {**unused, **dict.fromkeys(ids, why)}, told)
+
+
 def _set_unused(folder: Path, known: Sequence[str], unused: Mapping[str, str], told: str) -> str:
     path = folder / "campaign.toml"
     with changing(folder, told) as keep:
@@ -146,19 +167,27 @@ def _write_unused(path: Path, unused: Mapping[str, str]) -> None:
     value = unused if any(unused.values()) else list(unused)
     text = path.read_bytes().decode("utf-8-sig") if path.is_file() else ""
     line = f"unused = {toml_text(value)}\n" if value else ""
-    new = line + _LIST.sub("", text, count=1)  # the first line: before any table, whose setting it would be
-    others = {key: value for key, value in tomllib.loads(text).items() if key != "unused"}
-    try:
-        edited = tomllib.loads(new)
-    except tomllib.TOMLDecodeError:
-        edited = {}
-    if edited != others | ({"unused": value} if value else {}):
+    wanted = {key: own for key, own in tomllib.loads(text).items() if key != "unused"}
+    if value:
+        wanted["unused"] = value
+    # the first line: before any table, whose setting it would be
+    edits = [line + text, *(line + text[: own.start()] + text[own.end() :] for own in _LIST.finditer(text))]
+    new = next((edit for edit in edits if _values(edit) == wanted), None)  # what looks like it may be in a text
+    if new is None:
         expected, found = "unused = [...] or {...} at the start of a line", "another form"
         raise DataError(Problem(path.name, expected, found, f"set it by hand: unused = {toml_text(value)}"))
     if new:
         write_atomically(path, new.encode())
     else:
         path.unlink()
+
+
+def _values(text: str) -> dict[str, Any] | None:
+    """The settings in a text; None if it is no TOML."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return None
 
 
 def _without_rows(text: str, ids: Sequence[str]) -> str:

@@ -70,6 +70,13 @@ def own_filter_class(folder: Path) -> float | None:
     return settings.channel_filter_class
 
 
+def reason(text: str) -> str:
+    """Why a test is left out of use, in one line; a longer one is cut, and ends with a sign of that."""
+    line = " ".join(text.split())
+    whole = printable(line, LONGEST_REASON)
+    return whole if len(whole) <= LONGEST_REASON else printable(line, LONGEST_REASON - 1)
+
+
 def _imported_with(entries: object) -> dict[str, float]:
     """The CFCs that ``crashfuse import`` filtered tests with, by id, from the provenance that it wrote."""
     found: dict[str, float] = {}
@@ -88,7 +95,7 @@ def _unused(listed: object, problems: list[Problem]) -> dict[str, str]:
         expected = 'a list of ids such as ["T09"], or reasons by id such as {T09 = "sensor came loose"}'
         problems.append(Problem("campaign.toml", expected, shown(listed), "correct the value", "unused"))
         return {}
-    return {test_id: printable(" ".join(own.split()), LONGEST_REASON) for test_id, own in why.items()}
+    return {test_id: reason(own) for test_id, own in why.items()}
 
 
 def _is_text(value: object) -> bool:

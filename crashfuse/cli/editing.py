@@ -17,7 +17,7 @@ def edit(arguments: argparse.Namespace) -> None:
         return
     if arguments.because and not arguments.leave_out:
         raise UsageError("--because is the reason of --leave-out.")
-    leaving = partial(leave_out, why=arguments.because)
+    leaving = partial(leave_out, why=arguments.because or "")
     asked = ((leaving, arguments.leave_out), (use_again, arguments.use), (remove_tests, arguments.remove))
     for change_it, ids in asked:
         if ids:

@@ -21,16 +21,17 @@ _SAME = 1e-6  # records are rounded to six digits
 def telling_pair(studies: Sequence[PastResult]) -> tuple[PastResult, PastResult] | None:
     """The two of one campaign with most ratings in common that can differ, the latest of these; the earlier first.
 
-    They can differ if they rest on other data, another preset, seed or device, or if each left out in its own way.
+    They can differ if they rest on other data, another preset, seed or device, or if each left out in its own way. Of
+    one name with another test under each id, they are perhaps of two vehicles, and do not count.
     """
-    by_date = sorted(studies, key=lambda study: study.date)
-    rivals = (
-        (len(rated & others), one, other)
-        for (one, rated), (other, others) in combinations([(study, _rated(study)) for study in by_date], 2)
-        if _can_differ(one, other)
-    )
-    best = max(rivals, key=lambda rival: (rival[0], rival[2].date, rival[1].date), default=None)
-    return best[1:] if best and best[0] else None
+    best, most = None, 0
+    latest_first = sorted(studies, key=lambda study: study.date, reverse=True)
+    for (other, others), (one, rated) in combinations([(study, _rated(study)) for study in latest_first], 2):
+        if min(len(rated), len(others)) <= most or not _can_differ(one, other):  # before what takes long
+            continue
+        if (common := len(rated & others)) > most and not _are_perhaps_two_vehicles(one, other):
+            best, most = (one, other), common
+    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +53,14 @@ class StudyComparison:
                 "These two have no rating in common: no test that both left out, no approach, or no window."
             )
         if not self._of_one_vehicle:
+            names = f"{self.first.campaign} and {self.second.campaign}"
+            why = (
+                f"{names} are not one vehicle: a test of the one is not the test of the same name of the other"
+                if self._alike
+                else f"Whether {names} are one vehicle cannot be told without the raw CAE model in both"
+            )
             raise UsageError(
-                f"{self.first.campaign} and {self.second.campaign} are not one vehicle: a test of the one is not "
-                "the test of the same name of the other, so nothing is compared. Choose two studies of one campaign, "
-                "or of a changed copy of it."
+                f"{why}, so nothing is compared. Choose two studies of one campaign, or of a changed copy of it."
             )
 
     @cached_property
@@ -150,23 +155,26 @@ class StudyComparison:
         return {f"{way}, {other_way}": (own, other)}
 
     @cached_property
-    def _raw(self) -> pd.DataFrame:
-        """Ratings of the raw CAE model, which learns from no test: equal for the same test and CAE run."""
-        raw = self.ratings[self.ratings["approach"] == Cae.name]
-        return raw.assign(same=raw["difference"].abs() <= _SAME)
+    def _alike(self) -> dict[str, bool]:
+        return _alike(self.first, self.second)
 
     @property
     def _of_one_vehicle(self) -> bool:
         """True for one campaign, and for a changed copy: named otherwise, but some test and CAE run are the same."""
         first, second = self.first, self.second
         named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
-        return named or bool(self._raw.groupby("held_out")["same"].all().any())
+        return named or any(self._alike.values())
 
     @property
     def _what_differs(self) -> str:
-        if self._raw.empty:
+        if not self._alike:
             return "tests are compared by their ids, whatever was measured in them."
-        if changed := ", ".join(self._raw.loc[~self._raw["same"], "held_out"].unique()):
+        if _are_perhaps_two_vehicles(self.first, self.second):
+            return (
+                "the raw CAE model is rated differently in every common test, so these are perhaps two vehicles, "
+                "unless all tests or CAE runs were changed."
+            )
+        if changed := ", ".join(test for test, alike in self._alike.items() if not alike):
             return f"the raw CAE model is rated differently in {changed}, so these tests or CAE runs are not the same."
         return "not in these tests, in which the raw CAE model is rated the same."
 
@@ -201,5 +209,23 @@ def _rated(study: PastResult) -> frozenset[tuple[str, str, float]]:
 
 
 def _can_differ(one: PastResult, other: PastResult) -> bool:
+    if one.campaign != other.campaign:
+        return False
     asked = [(each.fingerprint, each.config.preset, each.config.seed, each.config.device) for each in (one, other)]
-    return one.campaign == other.campaign and (asked[0] != asked[1] or not {*one.by_way} & {*other.by_way})
+    return asked[0] != asked[1] or not {*one.by_way} & {*other.by_way}
+
+
+def _are_perhaps_two_vehicles(one: PastResult, other: PastResult) -> bool:
+    """True if they rest on different data, and no test that both rated the raw CAE model in is the same."""
+    alike = _alike(one, other) if one.fingerprint != other.fingerprint else {}
+    return bool(alike) and not any(alike.values())
+
+
+def _alike(one: PastResult, other: PastResult) -> dict[str, bool]:
+    """Whether the raw CAE model, which learns from no test, rates equally: then test and CAE run are the same."""
+    found = {}
+    for test in one.ratings:
+        own, others = (each.ratings.get(test, {}).get(Cae.name, {}) for each in (one, other))
+        if common := own.keys() & others.keys():
+            found[test] = all(abs(own[window] - others[window]) <= _SAME for window in common)
+    return found

@@ -43,7 +43,7 @@ class StudyPlan:
         if len(campaign.tests) < 2:
             raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
         config.check()
-        if config.leave_out == "speed group" and not self._has_speed_groups:
+        if config.leave_out == "speed group" and not has_speed_groups(campaign):
             raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
         for window in config.windows_ms:
             for test_id in self.held_out:
@@ -53,13 +53,12 @@ class StudyPlan:
     def configs(self) -> tuple[StudyConfig, ...]:
         """One config for each way of leaving tests out; if both were requested, only the possible ones."""
         ways = self.config.split_configs
-        return ways if self._has_speed_groups else ways[:1]
+        return ways if has_speed_groups(self.campaign) else ways[:1]
 
-    @property
-    def _has_speed_groups(self) -> bool:
-        """Whether tests remain when a speed group is left out."""
-        campaign = self.campaign
-        return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
+
+def has_speed_groups(campaign: Campaign) -> bool:
+    """Whether tests remain when a speed group is left out."""
+    return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
 
 
 def check_window(test: CrashTest, window_ms: float) -> None:

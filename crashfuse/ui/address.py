@@ -214,7 +214,7 @@ def publish() -> None:
     """
     state, page = _state(), _state()[_PAGE]
     shown, asked, known = parameters(page), given(), _of(page)
-    said = {key: known[key].texts(state[key]) for key in asked if key in known and state[key] is not None}
+    said = {key: known[key].texts(value) for key in asked if key in known and (value := state.get(key)) is not None}
     if not shown.items() <= asked.items() or said != asked:
         st.query_params.from_dict(shown)
 

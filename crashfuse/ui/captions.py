@@ -8,6 +8,7 @@ from hashlib import sha256
 import plotly.graph_objects as go
 import streamlit as st
 
+from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.figures import RUN, Further
 from crashfuse.reporting.plots.display import Display
@@ -18,6 +19,7 @@ from crashfuse.ui.computation import chosen_config
 from crashfuse.wording import IN_SI, SYSTEMS
 
 _LONGEST_NAME, _DIGEST = 90, 6
+_QUESTION = ("criteria", "matrix", "uploaded", "confidence", "earlier", "speeds", "front_weights", "rear_weights")
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 
 
@@ -59,6 +61,8 @@ def caption(figure: go.Figure, alt: str, drawn: str = "", beside: Sequence[Furth
     names += [*_units(figure, display, campaign), *settings(), *(f"without {test}" for test in unused)]
     if beside:
         names.append(f"with {' '.join(map(_briefly, beside))}")
+    if page == "certify":
+        details += [f"{LABELS[state['approach']]} judged", f"Confidence {state['confidence']:.6g}"]
     if page in _WITH_SETTINGS:
         config = chosen_config()
         details += [f"{config.preset.capitalize()} settings, seed {config.seed}", *map(str.capitalize, _left_out(page))]
@@ -74,7 +78,8 @@ def settings() -> list[str]:
     if page not in _WITH_SETTINGS:
         return []
     preset = [f"{config.preset} settings"] if config.preset != usual.preset else []
-    return [*_left_out(page), *preset, *([f"seed {config.seed}"] if config.seed != usual.seed else [])]
+    question = _question() if page == "certify" else []
+    return [*_left_out(page), *question, *preset, *([f"seed {config.seed}"] if config.seed != usual.seed else [])]
 
 
 def file_name(*parts: str) -> str:
@@ -88,9 +93,19 @@ def file_name(*parts: str) -> str:
 
 
 def _campaign(page: str) -> Campaign | None:
-    """The open campaign; none on the page History, whose studies may be of any."""
-    name = st.session_state.get("campaign")
-    return campaigns.load(name) if name and page != "history" else None
+    """The open campaign; none of History, whose studies may be of any, nor of an import, whose files are of none."""
+    state = st.session_state
+    elsewhere = page == "history" or (page == "data" and state.get("import"))
+    name = state.get("campaign")
+    return campaigns.load(name) if name and not elsewhere else None
+
+
+def _question() -> list[str]:
+    """What is asked of a certification otherwise than usual: its approach, and a digest of all else."""
+    chosen = address.parameters("certify")
+    asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION or key.startswith("grid_")}
+    digest = sha256(repr(asked).encode()).hexdigest()[:_DIGEST]
+    return [*(LABELS[approach] for approach in chosen.get("approach", [])), *([digest] if asked else [])]
 
 
 def _left_out(page: str) -> list[str]:

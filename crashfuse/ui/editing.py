@@ -6,7 +6,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, use_again
+from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, say_why, use_again
 from crashfuse.campaign_folder.history import changes, undo
 from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.settings import LONGEST_REASON
@@ -82,9 +82,15 @@ def _change_use(view: View, used: tuple[str, ...]) -> None:
 
 
 def _say_why(view: View, test_id: str, key: str) -> None:
-    """Keep the reason; an empty one, too."""
-    why = st.session_state[key]
-    _edit(view, lambda: leave_out(view.folder, [test_id], why))
+    """Keep the reason, an empty one, too; a test that is in use by now, by the click that ended typing, needs none."""
+
+    def keep() -> str:
+        try:
+            return say_why(view.folder, test_id, st.session_state[key])
+        except UsageError:
+            return f"{test_id} is not left out any more: no reason was kept"
+
+    _edit(view, keep)
 
 
 def _take_out(view: View) -> None:

@@ -64,7 +64,7 @@ def enter() -> View | None:
 
 
 def enter_with_campaign(
-    title: str, detail: Callable[[View], str] | None = None, *, by_group: bool | None = None
+    title: str, detail: Callable[[View], str] | None = None, *, by_group: Callable[[View], bool] | None = None
 ) -> View:
     """Start a page that needs a campaign; without one, say what to do and stop.
 
@@ -74,9 +74,8 @@ def enter_with_campaign(
     view = enter()
     if view is not None:
         config = chosen_config() if detail else None
-        if by_group is None:
-            by_group = st.session_state["leave_out"] == "speed group" and address.acts("leave_out", address.here().page)
-        show_head(view, title, "" if detail is None else detail(view), config, by_group=by_group)
+        grouped = (by_group or _chosen_by_group)(view)
+        show_head(view, title, "" if detail is None else detail(view), config, by_group=grouped)
         if detail is not None:
             _require_a_seed()
     else:
@@ -86,6 +85,10 @@ def enter_with_campaign(
         show_link("data", "Open a campaign of your own", ":material/folder_open:")
         st.stop()
     return view
+
+
+def _chosen_by_group(_: View) -> bool:
+    return st.session_state["leave_out"] == "speed group" and address.acts("leave_out", address.here().page)
 
 
 def _require_a_seed() -> None:

@@ -24,6 +24,7 @@ from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.page_tables import window_label
+from crashfuse.ui.pins import pin_all
 from crashfuse.ui.predict.condition import fill_in
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
@@ -55,6 +56,12 @@ def of_campaign(results: list[PastResult], here: str) -> list[PastResult]:
         return results
     labels = {"this": plain(here), "all": "All campaigns"}
     return own if choose("Campaigns", list(labels), key="listed", label_of=labels.__getitem__) == "this" else results
+
+
+def with_ticked(results: list[PastResult], listed: list[PastResult], chosen: list[PastResult]) -> list[PastResult]:
+    """The list with whatever is ticked, of any campaign: what is compared can be seen, and its tick taken away."""
+    missing = [result for result in chosen if result not in listed]
+    return sorted([*listed, *missing], key=results.index) if missing else listed
 
 
 def is_suggested() -> bool:
@@ -127,6 +134,9 @@ def compare(chosen: list[PastResult], display: Display) -> None:
     st.markdown(f"First: **{plain(described(first, display))}**  \nSecond: **{plain(described(second, display))}**")
     if not (first.tests or second.tests):
         _offer_predictions(first, second)
+        return
+    if not (first.tests and second.tests):
+        st.info("A prediction has no ratings: tick two studies, or two predictions.", icon=":material/join_inner:")
         return
     try:
         compared = _compared(first.id, second.id, chosen)
@@ -214,7 +224,7 @@ def _open(result: PastResult, *pinned: PastResult) -> None:
     if result.condition is not None:
         fill_in(campaigns.load(name), result.condition)
     if pinned:
-        st.session_state["pins"] = [each.condition.text for each in (result, *pinned) if each.condition is not None]
+        pin_all([each.condition for each in (result, *pinned) if each.condition is not None])
     st.session_state[_OPENED] = _page(result)
 
 

@@ -1,6 +1,6 @@
 """Pinned predictions: conditions that stay, to be seen beside each other, in one link and one report."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import streamlit as st
 
@@ -20,6 +20,12 @@ def pinned() -> dict[str, Condition]:
         except UsageError:  # the link has been cut or changed
             continue
     return dict(list(found.items())[:_MOST])
+
+
+def pin_all(conditions: Sequence[Condition]) -> None:
+    """Pin conditions beside those that are; if they are too many, the oldest go."""
+    new = [condition.text for condition in conditions]
+    st.session_state["pins"] = [*(text for text in pinned() if text not in new), *new][-_MOST:]
 
 
 def show_pins(view: View, condition: Condition, remember: Callable[[], None]) -> None:

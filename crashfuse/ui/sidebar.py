@@ -38,7 +38,9 @@ def sidebar(page: str) -> Choice:
     with st.sidebar:
         links = st.container(gap=None)
         names = list(campaigns.open_campaigns())
-        if state["campaign"] not in (None, *names):
+        if state["campaign"] in names:
+            state.pop(ASKED, None)  # by Forward, or opened elsewhere: the address is written again
+        elif state["campaign"] is not None:
             _note("You have not opened the campaign {} of this link. Open its folder, or upload it, on the page Data; "
                   "the link then shows what it stands for.", state["campaign"])  # fmt: skip
             state[ASKED], state["campaign"] = state["campaign"], None
@@ -132,9 +134,9 @@ def _note(sentence: str, asked: str) -> None:
 
 
 def _turn_to_campaign() -> None:
-    """Begin with another campaign's own defaults: a test's name may mean another condition there."""
-    st.session_state.pop(ASKED, None)
-    address.leave_campaign()
+    """Begin with another campaign's own defaults, a test's name may mean another condition there; but for a link's."""
+    if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
+        address.leave_campaign()
     forget()
 
 

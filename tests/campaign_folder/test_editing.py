@@ -11,10 +11,11 @@ import pytest
 from crashfuse import cli
 from crashfuse.campaign_folder import editing, history
 from crashfuse.campaign_folder.additions import add_to_campaign
-from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, use_again
+from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, say_why, use_again
 from crashfuse.campaign_folder.history import changes, undo
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
+from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.errors import DataError, UsageError
 from tests.campaign_folder.test_additions import _reshape as reshape
 from tests.campaign_folder.test_additions import addition
@@ -58,12 +59,56 @@ def test_why_a_test_is_left_out_stays_with_it(folder: Path) -> None:
     assert campaign.remarks == (
         'Left out of use, neither learned from nor rated: T1 (no reason given), T3 (sensor "B" came loose } at 20 ms).',
     )
-    leave_out(folder, ["T1"], "repeated as T2")
-    leave_out(folder, ["T3"], "")
+    say_why(folder, "T1", "repeated as T2")
+    say_why(folder, "T3", "")
     assert load_campaign(folder).why_unused == {"T1": "repeated as T2", "T3": ""}
     assert load_campaign(folder).fingerprint == campaign.fingerprint
     use_again(folder, ["T1"])
     assert (folder / "campaign.toml").read_text() == f'unused = ["T3"]\n{SETTINGS}'
+
+
+def test_saying_why_leaves_no_test_out(folder: Path) -> None:
+    """A test that is in use by then stays in use; one that is left out is not left out once more."""
+    before = content_of(folder)
+    with pytest.raises(UsageError, match="There is no test 'T3' that is left out of use; there is none"):
+        say_why(folder, "T3", "its sensor came loose")
+    assert content_of(folder) == before
+    leave_out(folder, ["T3"])
+    with pytest.raises(UsageError, match="There is no test 'T3' that is in use"):
+        leave_out(folder, ["T3"], "its sensor came loose")
+
+
+def test_a_reason_is_cut_to_what_the_page_takes(folder: Path) -> None:
+    """With the sign that it was cut; one that just fits stays whole, and both read back as they were written."""
+    for why, kept in (("x" * LONGEST_REASON, "x" * LONGEST_REASON), ("y" * 300, "y" * (LONGEST_REASON - 1) + "…")):
+        leave_out(folder, ["T3"], why)
+        assert load_campaign(folder).why_unused == {"T3": kept}
+        use_again(folder, ["T3"])
+
+
+@pytest.mark.parametrize("why", ["", 'see [3]} # "4"'])
+def test_an_id_may_hold_what_ends_a_list(folder: Path, why: str) -> None:
+    """What was written with it is recognised again."""
+    table = folder / "tests.csv"
+    table.write_text(table.read_text().replace("T1", "T[1]}"))
+    (folder / "tests" / "T1.csv").rename(folder / "tests" / "T[1]}.csv")
+    leave_out(folder, ["T[1]}"], why)
+    leave_out(folder, ["T2"])
+    assert load_campaign(folder).test_ids == ("T3", "T4")
+    use_again(folder, ["T[1]}", "T2"])
+    assert (folder / "campaign.toml").read_text() == SETTINGS
+
+
+@pytest.mark.parametrize("line", ["unused = {old}", 'unused = ["T1"]'])
+def test_what_looks_like_the_list_in_another_setting_stays(folder: Path, line: str) -> None:
+    """A notice of several lines may quote one, above the list itself."""
+    notice = f'notice = """\n{line}\n"""\n'
+    (folder / "campaign.toml").write_text(f"{notice}{SETTINGS}")
+    leave_out(folder, ["T2"])
+    assert (folder / "campaign.toml").read_text() == f'unused = ["T2"]\n{notice}{SETTINGS}'
+    (folder / "campaign.toml").write_text(f'{notice}unused = ["T2"]\n{SETTINGS}')
+    use_again(folder, ["T2"])
+    assert (folder / "campaign.toml").read_text() == f"{notice}{SETTINGS}"
 
 
 def test_a_list_that_a_person_wrote_is_edited(folder: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, Settled, settle
+from crashfuse.importing.detection import UnknownUnit
 from crashfuse.readers.record import PartialCondition, RecordedChannel
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Kinematics
@@ -229,6 +230,18 @@ def test_a_pulse_that_will_be_refused_asks_for_no_weights_first() -> None:
     assert weights.expected == "the weights on both axles of T1"
     assert "--front-weight-kg F --rear-weight-kg R" in weights.advice
     assert change.expected.startswith("a change of velocity near the impact speed")
+
+
+def test_a_unit_that_the_speed_may_tell_is_asked_for_along_with_the_speed_alone() -> None:
+    """Without both, the speed is what is missing; with a speed that tells none, the unit is."""
+    unknown = record(channel(unit=None), condition=PartialCondition(None, None, 950.0, 750.0))
+    with pytest.raises(DataError) as caught:
+        settle(unknown)
+    assert not [problem for problem in caught.value.problems if isinstance(problem, UnknownUnit)]
+    untold = record(channel(scale=0.02, unit=None), condition=PartialCondition(SPEED_MPS))
+    with pytest.raises(DataError) as caught:
+        settle(untold)
+    assert [problem for problem in caught.value.problems if isinstance(problem, UnknownUnit)]
 
 
 @pytest.mark.parametrize(

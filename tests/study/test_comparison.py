@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from crashfuse.errors import UsageError
+from crashfuse.study import comparison
 from crashfuse.study.comparison import StudyComparison, telling_pair
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, Ratings
@@ -102,6 +103,26 @@ def test_studies_of_two_vehicles_are_refused() -> None:
     assert StudyComparison(study(FIRST), renamed).ways == ["test"]
 
 
+def test_without_the_raw_cae_model_it_is_not_known_whether_two_vehicles_are_one() -> None:
+    """A changed copy is not said to be another vehicle."""
+    fused = {"T1": {"fused": {60.0: 0.8}}}
+    copy = study({}, ratings=fused, campaign="copy of alpha", fingerprint="b")
+    for first in (study({}, ratings=fused), study(FIRST)):
+        with pytest.raises(UsageError, match="Whether alpha and copy of alpha are one vehicle cannot be told without"):
+            StudyComparison(first, copy)
+
+
+def test_of_one_name_two_may_be_two_vehicles() -> None:
+    """If no common test is the same, they are compared on request, with that caution, and not suggested."""
+    first = raw({"T1": 0.5, "T2": 0.5}, date="2030-01-01T00:00:00+00:00")
+    other = raw({"T1": 0.6, "T2": 0.4}, fingerprint="b", date="2030-01-02T00:00:00+00:00")
+    assert "in every common test, so these are perhaps two vehicles" in StudyComparison(first, other).cautions[0]
+    assert telling_pair([first, other]) is None
+    again = raw({"T1": 0.5, "T2": 0.7}, fingerprint="c", date="2030-01-03T00:00:00+00:00")
+    assert "two vehicles" not in StudyComparison(first, again).cautions[0]
+    assert telling_pair([first, other, again]) == (first, again)
+
+
 def test_two_without_anything_in_common_are_refused() -> None:
     """No test, or no approach."""
     for other in (study({"T9": 0.5}), study({}, ratings={"T1": {"time_domain": {60.0: 0.5}}})):
@@ -121,3 +142,31 @@ def test_the_pair_that_tells_most_is_of_one_campaign_and_can_differ() -> None:
     grouped = study({"T1": 0.7}, config=StudyConfig(leave_out="speed group"), date="2030-01-07T00:00:00+00:00")
     assert telling_pair([own_test, grouped]) == (grouped, own_test)
     assert telling_pair([old, study({"T9": 0.5}, config=StudyConfig(seed=1))]) is None
+
+
+def test_of_all_pairs_that_with_most_in_common_tells_most() -> None:
+    """Not the latest, if it has less; the latest of those that have as much."""
+    sizes = {"2030-01-01": 4, "2030-01-02": 3, "2030-01-03": 4, "2030-01-04": 2, "2030-01-05": 3}
+    studies = [
+        study(dict(list(FIRST.items())[:size]), config=StudyConfig(seed=seed), date=f"{day}T00:00:00+00:00")
+        for seed, (day, size) in enumerate(sizes.items())
+    ]
+    assert telling_pair(studies) == (studies[0], studies[2])
+    assert telling_pair(studies[1:]) == (studies[2], studies[4])
+
+
+def test_a_pair_is_found_among_all_records_that_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page History asks with every click: hundreds of large studies are not compared each with each."""
+    tests = {f"T{number}": 0.5 for number in range(40)}
+    studies = [
+        study(tests, config=StudyConfig(seed=seed), date=f"20{seed:02d}-01-01T00:00:00+00:00") for seed in range(99)
+    ]
+    looked_at = []
+
+    def can_differ(*pair: PastResult) -> bool:
+        looked_at.append(pair)
+        return True
+
+    monkeypatch.setattr(comparison, "_can_differ", can_differ)
+    assert telling_pair(studies) == (studies[-2], studies[-1])
+    assert len(looked_at) == 1

@@ -116,6 +116,18 @@ def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(cam
     assert "farther in speed" in recommend_for([there], campaign, there.prediction.condition).sentences[1]
 
 
+@pytest.mark.parametrize(
+    ("mph", "said"),
+    [(14.5, "within"), (13.1, "within"), (12.9, "faster"), (35.5, "within"), (36.9, "within"), (37.1, "slower")],
+)
+def test_a_condition_hardly_beyond_all_tests_has_tests_on_no_side(campaign: Campaign, mph: float, said: str) -> None:
+    """The tests are of 15 to 35 mph; nearer than 2 mph is at about the speed of one of them."""
+    found = expected_rating(at(campaign, mph, {test.id: test.pulse.accel_mps2 for test in campaign.tests}), campaign)
+    assert found is not None
+    assert found.side == ("" if said == "within" else said)
+    assert f" {said} " in found.sentence
+
+
 def test_where_no_test_was_left_out_nothing_is_expected(campaign: Campaign) -> None:
     """The paper's preset does not ask."""
     assert expected_rating(at(campaign, 30.0, {}), campaign) is None

@@ -6,7 +6,8 @@ import pytest
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
-from crashfuse.signals.pulse import Pulse
+from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
@@ -57,6 +58,29 @@ def test_at_most_a_hundred_draws_are_rated_evenly_over_all(
     assert found[1] == pytest.approx(alone, abs=1e-3)
     assert fold.estimate("fused").prediction.draws_mps2 is draws
     assert fold.with_band == ("fused",)
+
+
+@pytest.mark.parametrize("name", ["max_crush", "peak"])
+def test_crush_and_peak_lie_inside_the_intervals_that_are_told(campaign: Campaign, name: str) -> None:
+    """Which may hold the test where its draws do not, and the other way round; without any the draws count."""
+    test = campaign.tests[1]
+    measured = {own.name: own.value for own in pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps)}
+    value, field = measured[name], {"max_crush": "crush", "peak": "peak"}[name]
+    assert value is not None
+
+    def inside(draws: FloatArray, lower: float | None, upper: float | None) -> bool:
+        interval = Metric(name, value, lower, upper, "mm", drawn=True)
+        others = tuple(own for own in pulse_metrics(draws[0], test.condition.speed_mps) if own.name != name)
+        estimate = Estimate("fused", Prediction(test.condition, draws[0], draws), {}, 0.0)
+        vars(estimate)["metrics"] = (interval, *others)  # instead of those that it would compute
+        found = Fold.of(test, [estimate], [60.0]).coverage("fused")
+        return bool(getattr(found, field))
+
+    around, beside = (np.linspace(*ends, 21)[:, None] * test.pulse.accel_mps2 for ends in ((0.9, 1.1), (0.6, 0.8)))
+    assert inside(beside, value - 1, value + 1)
+    assert not inside(around, value + 1, value + 2)
+    assert inside(around, None, None)
+    assert not inside(beside, None, None)
 
 
 def test_an_approach_without_a_band_has_no_spread(campaign: Campaign) -> None:

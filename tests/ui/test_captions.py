@@ -1,5 +1,6 @@
 """A figure that has left its page says what it shows: by the name of its files, and above its picture."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -95,6 +96,31 @@ def test_what_does_not_act_on_a_page_is_not_said_there(captioned: Captioned) -> 
     assert settings() == []
     on_history = captioned(page="history")
     assert (on_history.name, on_history.details) == ("pulses", "")
+
+
+def test_figures_of_different_certifications_have_different_names(captioned: Captioned) -> None:
+    """By the approach that is judged, and by whatever else is asked; which verdicts are listed is not asked."""
+    usual: dict[str, Any] = {"approach": "fused", "criteria": ["max_crush~~~430~"], "confidence": 0.95}
+    chosen = {"page": "certify", **usual, "defaults": usual, "matrix": None, "verdicts": ["met"]}
+    plain = captioned(**chosen)
+    assert plain.name == "Tiny_pulses_g"
+    assert "Fused judged · Confidence 0.95 · Fast settings" in plain.details
+    assert captioned(**{**chosen, "approach": "cae"}).name == "Tiny_pulses_g_CAE"
+    asked: list[dict[str, Any]] = [
+        {"confidence": 0.9}, {"criteria": ["max_crush~~~400~"]}, {"earlier": "abc"}, {"matrix": "grid"},
+        {"grid_airbag": ["new"]}, {"grid_airbag": ["old"]},
+    ]  # fmt: skip
+    names = [captioned(**{**chosen, **other}).name for other in asked]
+    assert all(re.fullmatch(r"Tiny_pulses_g_[0-9a-f]{6}", name) for name in names)
+    assert len({*names}) == len(asked)
+    assert captioned(**{**chosen, **asked[0]}).name == names[0]
+
+
+def test_the_preview_of_an_import_is_not_said_to_be_of_the_open_campaign(captioned: Captioned) -> None:
+    """A real test that is looked at beside the sample is no synthetic one."""
+    preview = captioned(page="data", **{"import": "v09876.zip"})
+    assert (preview.name, preview.details) == ("pulses", "")
+    assert captioned(page="compare", **{"import": "v09876.zip"}).name == "Tiny_T2_pulses_0-60ms_g"
 
 
 @pytest.mark.parametrize(

@@ -412,7 +412,7 @@ def test_what_is_downloaded_asks_for_the_same(asking: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("asked", ["2", "0.3", "1.0", "95", "-1"])
 def test_a_confidence_that_there_is_not_never_becomes_the_lowest(asking: Path, visit: Visit, asked: str) -> None:
-    """The stricter the request, the more lenient would the answer be: the campaign's own is taken, and that is said."""
+    """The stricter the request, the more lenient would the answer be: the one before is taken, which is said."""
     session = visit("certify", **LINK, confidence=asked)
     assert f"A confidence is from 0.5 to 0.999999, not {float(asked):g}; 0.9 is taken." in session.words
     (confidence,) = session.app.number_input
@@ -420,7 +420,15 @@ def test_a_confidence_that_there_is_not_never_becomes_the_lowest(asking: Path, v
     confidence.set_value(0.8).run()
     assert "is taken" not in session.words
     session.app.number_input[0].set_value(float(asked)).run()  # typed, it is told as well
-    assert f"not {float(asked):g}; 0.9 is taken." in session.words
+    assert f"not {float(asked):g}; 0.8 is taken." in session.words
+    session.app.number_input[0].set_value(0.7).run()
+    session.app.number_input[0].set_value(0.8).run()
+    assert "is taken" not in session.words
+    session.app.number_input[0].set_value(float(asked)).run()
+    assert f"not {float(asked):g}; 0.8 is taken." in session.run().words  # it may be drawn again at once
+    session.go("data").go("certify")
+    assert session.app.number_input[0].value == 0.8
+    assert "is taken" not in session.words
     (asking / "criteria.toml").write_text(CRITERIA.replace("confidence = 0.9", "confidence = 0.9995"))
     (confidence,) = visit("certify", **LINK).app.number_input
     assert confidence.value == 0.9995

@@ -14,6 +14,7 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import sample_folder
+from crashfuse.campaign_folder.editing import leave_out, use_again
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import Problem
 from crashfuse.execution.cache import default_folder
@@ -345,6 +346,24 @@ def test_a_test_is_left_out_of_use_and_the_change_undone(visit: Visit, open_camp
         assert "Left out of use: T3" in "".join(c.value for c in session.go(page).app.sidebar.caption)
     session.press("Undo")  # of the reason
     assert session.press("Undo").numbers["Tests"] == "4"
+    assert in_use(session) == ["T1", "T2", "T3", "T4"]
+    assert not (open_campaign / "campaign.toml").exists()
+
+
+def test_a_reason_that_a_click_overtook_leaves_nothing_out(visit: Visit, open_campaign: Path) -> None:
+    """Text that is typed is sent along with the click that ends typing, here on the test itself."""
+    leave_out(open_campaign, ["T3"])
+    session = visit()
+    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
+    why.set_value("its sensor came loose")
+    pills(session)[0].set_value(["T1", "T2", "T3", "T4"])
+    session.run()
+    assert in_use(session) == ["T1", "T2", "T3", "T4"]
+    leave_out(open_campaign, ["T3"])
+    session = visit()
+    (why,) = [field for field in session.app.text_input if field.label == "Why is T3 left out?"]
+    use_again(open_campaign, ["T3"])  # in another session
+    why.set_value("its sensor came loose").run()
     assert in_use(session) == ["T1", "T2", "T3", "T4"]
     assert not (open_campaign / "campaign.toml").exists()
 

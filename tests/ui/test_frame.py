@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -115,6 +116,35 @@ def test_another_campaign_is_not_shown_in_place_of_that_of_the_link(
     assert "This link holds out “T9”, but that test is not among the tests" in session.words
     session.app.sidebar.selectbox(key="test in mph-lb").select("T2").run()
     assert "which this link holds out" not in session.words
+
+
+def test_the_campaign_of_a_link_keeps_the_links_choices_once_it_is_open(visit: Visit, campaign_folder: Path) -> None:
+    """Opened in another session, and then chosen in the sidebar."""
+    session = visit("compare", campaign=campaign_folder.name, test="T3", window="20")
+    assert "No campaign is open yet" in session.words
+    name = campaigns.open_folder(campaign_folder)
+    opened = campaigns.opened_here()
+    opened[name] = replace(opened[name], for_all=True)
+    session.run().app.sidebar.selectbox(key="campaign").select(name).run()
+    assert session.app.session_state["test"] == "T3"
+    assert session.app.session_state["window"] == 20.0
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_the_address_is_written_again_once_a_campaign_is_open(visit: Visit) -> None:
+    """After Forward, say: it takes the campaign from the address, and nobody has chosen it in the sidebar."""
+    session = visit("data", campaign="elsewhere")
+    session.app.session_state["campaign"] = "sample"
+    session.run()
+    assert session.app.query_params["campaign"] in ("sample", ["sample"])
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_factor_that_nobody_knows_may_come_into_the_address(visit: Visit) -> None:
+    """Typed into it, or of a link that was changed: it goes again."""
+    session = visit("certify")
+    session.app.query_params["grid_bogus"] = "1"
+    session.run()
 
 
 @pytest.mark.usefixtures("open_campaign")

@@ -112,6 +112,34 @@ def test_two_predictions_are_shown_on_predict_with_both_pinned(visit: Visit, ope
     assert "rest on different data or settings" in visit("history", first=one.id, second=otherwise.id).words
 
 
+def test_predictions_that_are_pinned_stay_beside_two_that_are_shown(visit: Visit, open_campaign: Path) -> None:
+    """Beyond six the oldest go."""
+    data = load_campaign(open_campaign).fingerprint
+    one, other = predicted(50, data), predicted(56, data)
+    session = visit("history", first=one.id, second=other.id)
+    session.app.session_state["pins"] = [f"{kph}kph 900kg 700kg" for kph in (41, 50, 42, 43, 44, 45)]
+    session.press("Show both on Predict")
+    assert session.app.session_state["pins"] == [f"{kph}kph 900kg 700kg" for kph in (42, 43, 44, 45, 50, 56)]
+
+
+def test_a_study_and_a_prediction_are_not_compared(visit: Visit) -> None:
+    """A prediction has no ratings; nothing else is blamed."""
+    words = visit("history", first=kept(1).id, second=predicted(50).id).words
+    assert "A prediction has no ratings: tick two studies, or two predictions." in words
+    assert "no rating in common" not in words
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_what_is_ticked_is_in_the_list_whatever_its_campaign(visit: Visit) -> None:
+    """Else two were compared of which one cannot be seen, nor its tick taken away."""
+    kept(1, "elsewhere", seed=2)
+    here, elsewhere = kept(2, "campaign"), kept(3, "elsewhere")
+    session = visit("history", first=here.id, second=elsewhere.id)
+    assert list(session.app.dataframe[0].value["Campaign"]) == ["elsewhere", "campaign"]
+    assert session.app.session_state["past results"]["selection"]["rows"] == [0, 1]
+    assert "Campaign" not in visit("history", first=here.id, second="").app.dataframe[0].value
+
+
 def test_what_the_visitor_has_not_opened_is_not_said_to_be_closed(visit: Visit) -> None:
     """Another may have it open on this server."""
     one, other = predicted(50), predicted(56)

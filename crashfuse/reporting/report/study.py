@@ -91,7 +91,7 @@ def _left_out(config: StudyConfig, alone: bool) -> str:
     which = "The test was left out" if alone else "Each test was left out"
     if config.leave_out == "speed group":
         return f"{which} together with all tests at about its speed, and predicted from the rest."
-    return f"{which}{'' if alone else ' in turn'} and predicted from all others."
+    return f"{which}{'' if alone else ' in turn'} and predicted from the others."
 
 
 def _whole(study: Study, display: Display) -> dict[str, object]:

@@ -21,6 +21,7 @@ from crashfuse.ui.text import plain
 
 _FILE, _EDITOR = "criteria.toml", "editor of criteria"
 _NO_CONFIDENCE = "confidence that there is not"  # session key: which one is taken, and a sentence
+_CONFIDENCE_BEFORE = "confidence before"  # session key: the last one that there is
 _LIMIT_HELP = "In the unit beside the metric; shown to four digits."
 _COLUMNS = {"name": "str", "metric": "str", "window_ms": "float", "at_least": "float", "at_most": "float"}
 _METRICS = {
@@ -96,8 +97,10 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     address.publish()
     confidence = beside.number_input(
         "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session",
+        on_change=lambda: state.pop(_NO_CONFIDENCE, None),
         help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
     )  # fmt: skip
+    state[_CONFIDENCE_BEFORE] = confidence
     taken, told = state.get(_NO_CONFIDENCE, (None, ""))
     if confidence == taken:  # until another is chosen: the page may be drawn again at once
         st.warning(told, icon=":material/tune:")
@@ -130,16 +133,20 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
 
 def _take_declared(view: View) -> DataError | None:
     """Make the criteria in the campaign's folder the default; returns what is wrong with them, if anything is."""
-    path, declared, wrong = view.folder / _FILE, None, None
+    state, path, declared, wrong = st.session_state, view.folder / _FILE, None, None
     try:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
         wrong = error
     address.default("criteria", _texts(_table(declared)))
-    usual, asked = declared.confidence if declared else CONFIDENCE, st.session_state["confidence"]
+    usual, asked = declared.confidence if declared else CONFIDENCE, state["confidence"]
+    if _upload_key(view) not in state:  # the page was left, or shows another campaign
+        for key in (_NO_CONFIDENCE, _CONFIDENCE_BEFORE):
+            state.pop(key, None)
     if asked is not None and not LEAST_SURE <= asked <= MOST_SURE:  # the field would refuse it without a word
-        told = f"A confidence is from {LEAST_SURE:g} to {MOST_SURE:g}, not {asked:g}; {usual:g} is taken."
-        st.session_state.update({"confidence": None, _NO_CONFIDENCE: (usual, told)})
+        taken = state.get(_CONFIDENCE_BEFORE, usual)
+        told = f"A confidence is from {LEAST_SURE:g} to {MOST_SURE:g}, not {asked:g}; {taken:g} is taken."
+        state.update({"confidence": taken, _NO_CONFIDENCE: (taken, told)})
     address.default("confidence", usual)
     return wrong
 
@@ -190,8 +197,12 @@ def _entered(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     return {str(name): value for name, value in row.items() if not pd.isna(value) and value != ""}
 
 
+def _upload_key(view: View) -> str:
+    return f"criteria file {view.campaign.fingerprint[:8]}"
+
+
 def _show_upload(view: View) -> None:
-    key = f"criteria file {view.campaign.fingerprint[:8]}"
+    key = _upload_key(view)
     wrong = f"{key}: wrong"
 
     def take() -> None:
@@ -203,6 +214,7 @@ def _show_upload(view: View) -> None:
         except DataError as error:
             st.session_state[wrong] = under_its_name(error, _FILE, file.name)
             return
+        st.session_state.pop(_NO_CONFIDENCE, None)
         st.session_state.update(criteria=_texts(_table(criteria)), confidence=criteria.confidence)
 
     st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take)

@@ -4,11 +4,12 @@ import streamlit as st
 
 from crashfuse.reporting import glossary
 from crashfuse.study.account import worst_test
+from crashfuse.study.plan import has_speed_groups
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.chosen import choose_held_out
-from crashfuse.ui.computation import chosen_config
+from crashfuse.ui.computation import StudyRequest, jobs
 from crashfuse.ui.figures import choose, show_clickable
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.study.outcome import Outcome
@@ -18,11 +19,17 @@ from crashfuse.ui.text import plain
 _ALONE, _GROUP = page_tables.WAYS.values()
 
 
-def by_group() -> bool:
-    """Whether the reader has chosen the tests left out with all at about their speed, where studies have both ways."""
-    config = chosen_config()
-    both = config.preset == "fast"
-    return st.session_state.get("ways") == _GROUP if both else config.leave_out == "speed group"
+def by_group(request: StudyRequest) -> bool:
+    """Whether tests are left out with all at about their speed: where a study has both ways, as the reader has chosen.
+
+    Of a study that is being computed, the way that is shown: at first each test left out alone.
+    """
+    if request.config.leave_out != "both":
+        return request.config.leave_out == "speed group"
+    job = jobs().get(request.key)
+    study = None if job is None else job.part if job.result is None else job.result
+    both = has_speed_groups(request.campaign) if study is None else study.speed_groups is not None
+    return both and st.session_state.get("ways") == _GROUP
 
 
 def choose_way(outcome: Outcome) -> tuple[Study, str]:
