@@ -22,6 +22,7 @@ UNTOUCHED = "Criteria whose limit no left-out test came near"
 NOT_GIVEN, NOT_TOGETHER = "Conditions without a factor that the tests have", "Factors that no test has together"
 FEW = "Criteria whose own record does not support the confidence alone"
 NOT_USED = "Tests that are not used"
+NOT_USUAL = "Criteria by another occupant model than the usual one"
 WRONG_SINCE, NARROW_SINCE = "Verdicts that tests run since contradict", "Intervals that tests run since contradict"
 
 
@@ -51,6 +52,7 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
             for test in certification.campaign.tests
             if (notes := certification.campaign.cae.extrapolation(test.condition))
         ),
+        NOT_USUAL: tuple(_by_own_occupant(certification)),
         NOT_USED: tuple(_not_used(certification)),
         WRONG_SINCE: () if changes is None else tuple(wrong_since(changes)),
         NARROW_SINCE: () if changes is None else tuple(narrow_sentence(changes)),
@@ -109,6 +111,15 @@ def _together(certification: Certification) -> dict[str, str]:
         if each and not any(given.items() <= own.items() for own in tested):
             found[i] = ", ".join(f"{name} {value}" for name, value in given.items())
     return found
+
+
+def _by_own_occupant(certification: Certification) -> Iterator[str]:
+    """Which criteria rest on the campaign's own occupant model."""
+    occupant = certification.campaign.occupant
+    words = {"olc": occupant.olc_words, "vpi": occupant.vpi_words}
+    for own in certification.criteria.items:
+        if said := words.get(own.metric, ""):
+            yield f"{own.name}: by {said}, as campaign.toml has it, so it is no number to compare with others'."
 
 
 def _not_used(certification: Certification) -> Iterator[str]:

@@ -24,6 +24,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report import certification_report
 from crashfuse.reporting.track_record_sentences import brier_sentence, record_sentence, waived_sentence
+from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import MPH
 from crashfuse.wording import KPH_KG
@@ -130,6 +131,15 @@ def test_exceptions_are_all_named(certification: Certification) -> None:
     told = "crush: No verdict on this metric was held against a test; with those on other criteria, 0 of 2 wrong."
     assert few == (told,)
     assert told in summary(certification)
+
+
+def test_an_occupant_model_of_ones_own_is_an_exception(certification: Certification) -> None:
+    """A limit on OLC means another number by it; crush does not."""
+    own = replace(certification.campaign, occupant=OccupantModel(olc_free_flight_mm=120.0))
+    subject = "Criteria by another occupant model than the usual one"
+    (told,) = exceptions(replace(certification, campaign=own))[subject]
+    assert told.startswith("OLC: by 120 + 235 mm, as campaign.toml has it")
+    assert subject not in exceptions(certification)
 
 
 def test_open_cells_say_how_far_their_limit_is(certification: Certification, text: str) -> None:
