@@ -73,7 +73,7 @@ def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: "Server
 
 
 def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> None:
-    """A field below the heat map does what a click on it does. Whatever has the focus shows it."""
+    """A field below the heat map does what a click does, and Space on a rating. What has the focus shows it."""
     study(user, small_server)
     user.browser.execute_script("document.activeElement.blur(); window.focus()")
     keyboard = ActionChains(user.browser)
@@ -88,6 +88,13 @@ def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> N
     assert any(reached("Open a test on Compare") for _ in range(80))
     keyboard.send_keys("T3").pause(0.5).send_keys(Keys.ENTER).perform()
     user.sees("Test T3: 26.0 mph")
+
+    def explained() -> bool:
+        user.find('.cf-ratings [data-approach="cae"]').send_keys(Keys.SPACE)
+        return "compare_tab=Why&explained=cae" in user.browser.current_url
+
+    user.wait(explained, "Space opened no explanation.")
+    assert user.browser.execute_script("return document.querySelector('[data-testid=stMain]').scrollTop") == 0
 
 
 def test_the_report_of_a_study_shows_the_chosen_tests_in_the_units_of_the_page(
