@@ -49,6 +49,8 @@ class Support:
         Whether a test came near the limit.
     most : float
         Highest confidence that any record supports in this metric, by its verdicts on random vehicles.
+    before, wrong_before : int
+        Verdicts that were given on tests before these were run, on any metric, and the wrong ones.
     """
 
     decided: int
@@ -57,25 +59,27 @@ class Support:
     own_wrong: int
     near: bool
     most: float = 1.0
+    before: int = 0
+    wrong_before: int = 0
 
     @property
     def confidence(self) -> float:
         """Highest confidence that the record supports: the expected share of right verdicts, ``most`` at most."""
         return min(_expected_right(self.decided, self.wrong), self.most)
 
-    def contradicts(self, confidence: float) -> bool:
-        """Whether so many of its own verdicts are wrong that the confidence is refuted (exact, at 95 %).
-
-        Right ones on other criteria do not make up for that.
-        """
-        n, wrong = self.own_decided, self.own_wrong
-        return wrong > 0 and float(betainc(wrong, n - wrong + 1, 1 - confidence)) < 1 - _LEVEL
-
     def shortfall(self, confidence: float) -> str | None:
-        """A sentence on what record would support this confidence; None if this one does."""
-        if self.contradicts(confidence):
-            own = f"{self.own_wrong} of {self.own_decided} verdicts on this metric were wrong, one a test"
-            return f"{own}: that refutes a confidence of {confidence:g}, whatever was right on others."
+        """A sentence on what record would support this confidence; None if this one does.
+
+        What was wrong on its own metric, or before tests were run, can refute it (exact, at 95 %): right ones on other
+        criteria, or on left-out tests, do not make up for that.
+        """
+        for n, wrong, told in (
+            (self.own_decided, self.own_wrong, "verdicts on this metric, one a test,"),
+            (self.before, self.wrong_before, "verdicts that were given on tests before they were run"),
+        ):
+            if wrong and float(betainc(wrong, n - wrong + 1, 1 - confidence)) < 1 - _LEVEL:
+                refuted = f"that refutes a confidence of {confidence:g}, whatever else was right"
+                return f"{wrong} of {n} {told} were wrong: {refuted}."
         if reaches(self.confidence, confidence):
             return None
         if not reaches(self.most, confidence):

@@ -211,7 +211,7 @@ class TrackRecord:
         most = SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
         of_its_own = _decided(_most_of_each((*own, *later)))
         near = any(trial.near for trial in (*own, *(trial for trial in later if trial.verdict.criterion == criterion)))
-        return Support(*_decided(every), *of_its_own, near, most)
+        return Support(*_decided(every), *of_its_own, near, most, *_decided(_most_of_each(self.since)))
 
     @property
     def brier(self) -> tuple[float, float] | None:

@@ -76,4 +76,6 @@ def test_right_verdicts_on_others_do_not_make_up_for_its_own_wrong_ones(wrong: i
     said = support.shortfall(0.95)
     assert (said is not None) is refuted
     if said is not None:
-        assert said.startswith(f"{wrong} of {n} verdicts on this metric were wrong, one a test: that refutes")
+        assert said.startswith(f"{wrong} of {n} verdicts on this metric, one a test, were wrong: that refutes")
+    before = Support(500, wrong, 0, 0, near=True, before=n, wrong_before=wrong).shortfall(0.95)
+    assert (before is not None) is refuted
