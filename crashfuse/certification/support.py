@@ -36,15 +36,14 @@ def largest_share(count: int, n: int) -> float:
 class Support:
     """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
 
-    Of a test one verdict a metric counts, and of all metrics five, wrong ones first, however often it was left out or
-    planned.
+    Of a test one verdict a metric counts each time it was left out or planned, and five in all, wrong ones first.
 
     Attributes
     ----------
     decided, wrong : int
         Verdicts *met* and *not met*, and those that a test contradicted.
     own_decided, own_wrong : int
-        Those on the criterion itself, and on its metric before tests were run.
+        Those on the criterion itself, and on its metric before tests were run; one a test.
     near : bool
         Whether a test came near the limit.
     most : float

@@ -81,14 +81,17 @@ def one_a_metric(trials: Sequence[Trial]) -> tuple[Trial, ...]:
 
 
 def _most_of_each(trials: Sequence[Trial]) -> tuple[Trial, ...]:
-    """Of each test no more verdicts than it tells independently, the wrong ones first, then decided ones.
-
-    However often it was left out, or planned, a metric of it counts once: what it missed is one miss.
-    """
-    told: dict[str, dict[str, Trial]] = {}
+    """Of each test no more verdicts than it tells independently, the wrong ones first, then decided ones."""
+    told: dict[str, list[Trial]] = {}
     for trial in sorted(trials, key=lambda trial: (not trial.wrong, not trial.verdict.decided)):
-        told.setdefault(trial.held_out, {}).setdefault(quantity(trial.verdict.criterion), trial)
-    return tuple(trial for own in told.values() for trial in list(own.values())[:MOST_OF_A_TEST])
+        told.setdefault(trial.held_out, []).append(trial)
+    return tuple(trial for own in told.values() for trial in own[:MOST_OF_A_TEST])
+
+
+def _one_a_test(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+    """Of the verdicts on a metric of a test, however often it was left out or planned, a wrong one, or a decided one."""
+    worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
+    return tuple({(t.held_out, quantity(t.verdict.criterion)): t for t in worst_last}.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,11 +210,11 @@ class TrackRecord:
         """What the record says of a criterion."""
         own = self.of(criterion)
         later = [trial for trial in self.since if quantity(trial.verdict.criterion) == quantity(criterion)]
-        every = _most_of_each((*own, *self.telling.trials, *self.since))
+        every = _most_of_each(one_a_metric((*own, *self.telling.trials, *self.since)))
         most = SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
-        of_its_own = _decided(_most_of_each((*own, *later)))
+        of_its_own = _decided(_one_a_test((*own, *later)))
         near = any(trial.near for trial in (*own, *(trial for trial in later if trial.verdict.criterion == criterion)))
-        return Support(*_decided(every), *of_its_own, near, most, *_decided(_most_of_each(self.since)))
+        return Support(*_decided(every), *of_its_own, near, most, *_decided(_one_a_test(self.since)))
 
     @property
     def brier(self) -> tuple[float, float] | None:
