@@ -89,7 +89,7 @@ def _most_of_each(trials: Sequence[Trial]) -> tuple[Trial, ...]:
 
 
 def _one_a_test(trials: Sequence[Trial]) -> tuple[Trial, ...]:
-    """Of the verdicts on a metric of a test, however often it was left out or planned, a wrong or else a decided one."""
+    """Of the verdicts on a metric of a test, left out or planned however often, a wrong one or else a decided one."""
     worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
     return tuple({(t.held_out, quantity(t.verdict.criterion)): t for t in worst_last}.values())
 
