@@ -170,7 +170,7 @@ class TrackRecord:
 
     @cached_property
     def telling(self) -> "TrackRecord":
-        """What shows something: verdicts on limits that some left-out test came near or belied, one a metric of a test."""
+        """What shows something: verdicts on limits that left-out tests came near, or belied; one a metric of a test."""
         names = {trial.verdict.criterion.name for trial in self.counted if trial.near or trial.wrong}
         return TrackRecord(one_a_metric([t for t in self.counted if t.verdict.criterion.name in names]))
 
