@@ -14,6 +14,7 @@ from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import Trial, one_a_metric
 from crashfuse.certification.verdict import Verdict, needs_no_test
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 
 _DIGITS = 5  # of m/s and kg: conditions go through mph and lb
@@ -145,6 +146,17 @@ class Changes:
     def missed(self) -> tuple[Trial, ...]:
         """The others."""
         return tuple(trial for trial in self._held if not trial.held)
+
+    @property
+    def off_condition(self) -> tuple[CrashTest, ...]:
+        """Tests outside an interval that were not quite at the condition that it was for."""
+        there = {test.id: test for test in self.later.campaign.tests}
+        found = {
+            own.held_out: there[own.held_out]
+            for own in self.missed
+            if own.held_out in there and not there[own.held_out].condition.is_at(own.verdict.condition)
+        }
+        return tuple(found.values())
 
     @cached_property
     def _held(self) -> tuple[Trial, ...]:

@@ -173,7 +173,7 @@ def outcome_sentences(changes: Changes) -> tuple[str, ...]:
     inside, intervals = changes.intervals
     if intervals:
         told = f"{inside} of {counted(intervals, 'interval')} held what tests run since measured (made to hold 95 %)"
-        held = Sentence(f"{told}{{}}.", missed_intervals(changes.missed))
+        held = Sentence(f"{told}{{}}.", _missed(changes))
         found.append(next(narrow_sentence(changes), held))
     for name, own in changes.waived_outcomes.items():
         for test, (missed, unknown) in own.items():
@@ -185,12 +185,21 @@ def outcome_sentences(changes: Changes) -> tuple[str, ...]:
 
 
 def narrow_sentence(changes: Changes) -> Iterator[str]:
-    """Which intervals did not hold what tests run since measured, if these are too many for intervals of 95 %."""
+    """Which intervals did not hold what tests run since measured, if these are too many for intervals of 95 %.
+
+    What one test alone missed hangs together, and is no sign of that.
+    """
     inside, n = changes.intervals
-    if not is_too_narrow(inside, n):
-        return
-    told = f"{inside} of {counted(n, 'interval')} held what tests run since measured, made to hold 95 %: they were too "
-    yield Sentence(f"{told}narrow{{}}.", missed_intervals(changes.missed))
+    if is_too_narrow(inside, n) and len({trial.held_out for trial in changes.missed}) > 1:
+        held = f"{inside} of {counted(n, 'interval')} held what tests run since measured"
+        yield Sentence(f"{held}, made to hold 95 %: they were too narrow{{}}.", _missed(changes))
+
+
+def _missed(changes: Changes) -> str:
+    """The intervals that did not hold, and which tests were not quite where these were for."""
+    off = [Sentence("{} at {}", test.id, test.condition) for test in changes.off_condition]
+    said = Sentence("; not quite at its condition: {}", listed(off)) if off else ""
+    return Sentence("{}{}", missed_intervals(changes.missed), said)
 
 
 def wrong_since(changes: Changes) -> Iterator[str]:

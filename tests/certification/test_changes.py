@@ -474,3 +474,21 @@ def test_what_was_said_to_need_no_test_and_missed_counts_in_the_dossier(later: C
     counts = json.loads(certification_json(beside))["track_record"]["waived_with_those_since"]
     assert (counts["n"], counts["wrong"]) == (told, missed)
     assert missed > 0
+
+
+def test_what_one_test_alone_missed_is_no_sign_that_intervals_are_too_narrow(later: Certification) -> None:
+    """Its metrics hang together; what it missed is told all the same, and that it was not quite at the condition."""
+    _, second, *rest = later.campaign.test_ids
+    some = later.campaign.without(rest)
+    test = some.test(second)
+    off = replace(test.condition, speed_mps=test.condition.speed_mps + 0.5 * KPH)
+    moved = replace(some, tests=tuple(replace(own, condition=off) if own.id == second else own for own in some.tests))
+    narrow = EarlierVerdict("open", 0.5, 1.0, 2.0)
+    rows = [(narrow, narrow, OPEN)] * len(later.matrix.ids)
+    for campaign, told in ((some, ""), (moved, f"; not quite at its condition: {second} at {off}")):
+        beside = replace(later, campaign=campaign).beside(earlier(later, rows))
+        assert "Intervals that tests run since contradict" not in exceptions(beside)
+        told_of = said(Changes.of(beside))
+        assert "0 of 2 intervals held what tests run since measured (made to hold 95 %); outside: " in told_of
+        assert told in told_of
+        assert ("not quite" in told_of) is bool(told)
