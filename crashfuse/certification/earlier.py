@@ -43,12 +43,6 @@ class EarlierVerdict(NamedTuple):
         verdict = Verdict(condition, criterion, None, self.lower, self.upper, self.probability, self.word, "")
         return Trial(test, "planned", verdict, measured, None)
 
-    def holds(self, value: float) -> bool | None:
-        """Whether the 95 % interval holds a value; None if it was not known."""
-        if self.lower is None and self.upper is None:
-            return None
-        return (self.lower is None or self.lower <= value) and (self.upper is None or value <= self.upper)
-
 
 @dataclass(frozen=True, eq=False)
 class Earlier:

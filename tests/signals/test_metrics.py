@@ -264,3 +264,13 @@ def test_real_car_has_its_known_metrics(sensors: list[str]) -> None:
     for name, (low, high) in known.items():
         slack = 0.05 if name in ("olc", "vpi") else 0.5  # what is known is rounded
         assert low - slack <= found[name] <= high + slack, name
+
+
+def test_an_interval_of_which_one_end_is_known_holds_what_is_on_its_side() -> None:
+    """None at all is no answer."""
+    ends = ((1.0, 2.0), (None, 2.0), (None, None))
+    known, half, unknown = (Metric("peak", None, lower, upper, "g") for lower, upper in ends)
+    assert [known.holds(value) for value in (0.9, 1.0, 2.1)] == [False, True, False]
+    assert half.holds(-1.0)
+    assert unknown.holds(1.0) is None
+    assert known.holds(None) is None
