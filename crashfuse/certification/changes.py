@@ -1,6 +1,6 @@
 """What became of an earlier certification: verdicts that changed, and what tests that it did not know measured."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Self
@@ -11,7 +11,7 @@ from crashfuse.certification.earlier import Earlier, EarlierVerdict, Outcomes
 from crashfuse.certification.forecast import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
-from crashfuse.certification.track_record import Trial, one_a_metric
+from crashfuse.certification.track_record import TrackRecord, Trial, one_a_metric
 from crashfuse.certification.verdict import Verdict, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -121,31 +121,20 @@ class Changes:
 
         However many conditions and limits are alike, a metric of a test counts once, as wrong if any verdict was.
         """
-        told: dict[tuple[str, str], bool] = {}
-        for cell in self.cells:
-            for test, true in cell.came_true.items():
-                key = test, quantity(cell.criterion)
-                told[key] = true and told.get(key, True)
-        return len(told), list(told.values()).count(False), len({test for test, _ in told})
+        return _outcomes(self.since.latest)
 
     @property
     def outcomes_before(self) -> tuple[int, int, int]:
         """The same of certifications before the earlier one."""
-        told = [trial for trial in one_a_metric(self.earlier.trials) if trial.verdict.decided]
-        return len(told), sum(trial.wrong for trial in told), len({trial.held_out for trial in told})
+        return _outcomes(self.earlier.trials)
 
-    @property
-    def intervals(self) -> tuple[int, int]:
-        """How many 95 % intervals of then held what tests since measured, and of how many; one a metric of a test.
+    @cached_property
+    def record(self) -> TrackRecord:
+        """All that was said of tests before they were run, by certifications before the earlier one, too.
 
-        With those of certifications before: one test at a time is never enough to tell.
+        One test at a time is never enough to tell whether intervals hold.
         """
-        return len(self._held) - len(self.missed), len(self._held)
-
-    @property
-    def missed(self) -> tuple[Trial, ...]:
-        """The others."""
-        return tuple(trial for trial in self._held if not trial.held)
+        return TrackRecord(self.since.told)
 
     @property
     def off_condition(self) -> tuple[CrashTest, ...]:
@@ -153,17 +142,10 @@ class Changes:
         there = {test.id: test for test in self.later.campaign.tests}
         found = {
             own.held_out: there[own.held_out]
-            for own in self.missed
+            for own in self.record.missed_intervals
             if own.held_out in there and not there[own.held_out].condition.is_at(own.verdict.condition)
         }
         return tuple(found.values())
-
-    @cached_property
-    def _held(self) -> tuple[Trial, ...]:
-        known = (trial for trial in self.since.told if trial.verdict.word != "outside")
-        some = (trial for trial in known if (trial.verdict.lower, trial.verdict.upper) != (None, None))
-        missed_last = sorted(some, key=lambda trial: not trial.held)
-        return tuple({(own.held_out, quantity(own.verdict.criterion)): own for own in missed_last}.values())
 
     @property
     def waived_outcomes(self) -> dict[str, Outcomes]:
@@ -217,6 +199,11 @@ class Changes:
     @cached_property
     def _waived(self) -> frozenset[str]:
         return frozenset(self.earlier.waived)
+
+
+def _outcomes(trials: Sequence[Trial]) -> tuple[int, int, int]:
+    told = [trial for trial in one_a_metric(trials) if trial.verdict.decided]
+    return len(told), sum(trial.wrong for trial in told), len({trial.held_out for trial in told})
 
 
 def _place(condition: Condition) -> tuple[object, ...]:

@@ -78,18 +78,20 @@ class TestedSince:
         return {test: {own.name: own.value for own in then.metrics_of(then.test(test))} for test in self.at}
 
     @cached_property
-    def told(self) -> tuple[Trial, ...]:
-        """The earlier verdicts on metrics of tests that tell, after those of certifications before it.
-
-        So certifying twice forgets nothing that was wrong once.
-        """
+    def latest(self) -> tuple[Trial, ...]:
+        """The earlier verdicts on metrics of tests that tell."""
         conditions, rows = dict(self.earlier.matrix.items), self.earlier.rows
-        found = list(self.earlier.trials)
-        for test, i in self.at.items():
-            for criterion, before in zip(self.earlier.criteria.items, rows[i], strict=True):
-                if (value := self.shown[test].get(criterion.metric)) is not None:
-                    found.append(before.trial(test, conditions[i], criterion, value))
-        return tuple(found)
+        return tuple(
+            before.trial(test, conditions[i], criterion, value)
+            for test, i in self.at.items()
+            for criterion, before in zip(self.earlier.criteria.items, rows[i], strict=True)
+            if (value := self.shown[test].get(criterion.metric)) is not None
+        )
+
+    @property
+    def told(self) -> tuple[Trial, ...]:
+        """The same after those of certifications before it: certifying twice forgets nothing that was wrong once."""
+        return *self.earlier.trials, *self.latest
 
     def trials(self, criteria: Criteria) -> tuple[Trial, ...]:
         """Those on metrics of these criteria; open if given with less confidence than is asked for today."""

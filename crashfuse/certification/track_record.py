@@ -74,10 +74,14 @@ def _decided(trials: tuple[Trial, ...]) -> tuple[int, int]:
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
 
 
-def one_a_metric(trials: Sequence[Trial]) -> tuple[Trial, ...]:
-    """Of the verdicts on one metric of a left-out test a wrong one, if there is any, or else a decided one."""
+def one_a_metric(trials: Sequence[Trial], *, each_time: bool = True) -> tuple[Trial, ...]:
+    """Of the verdicts on one metric of a test a wrong one, if there is any, or else a decided one.
+
+    One each time that the test was left out or planned, or one in all.
+    """
     worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
-    return tuple({(t.held_out, t.left_out, quantity(t.verdict.criterion)): t for t in worst_last}.values())
+    found = {(t.held_out, each_time and t.left_out, quantity(t.verdict.criterion)): t for t in worst_last}
+    return tuple(found.values())
 
 
 def _most_of_each(trials: Sequence[Trial]) -> tuple[Trial, ...]:
@@ -86,12 +90,6 @@ def _most_of_each(trials: Sequence[Trial]) -> tuple[Trial, ...]:
     for trial in sorted(trials, key=lambda trial: (not trial.wrong, not trial.verdict.decided)):
         told.setdefault(trial.held_out, []).append(trial)
     return tuple(trial for own in told.values() for trial in own[:MOST_OF_A_TEST])
-
-
-def _one_a_test(trials: Sequence[Trial]) -> tuple[Trial, ...]:
-    """Of the verdicts on a metric of a test, left out or planned however often, a wrong one or else a decided one."""
-    worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
-    return tuple({(t.held_out, quantity(t.verdict.criterion)): t for t in worst_last}.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,14 +175,18 @@ class TrackRecord:
     @property
     def intervals(self) -> tuple[int, int]:
         """How many 95 % intervals held what was measured, and of how many; two criteria on one metric share theirs."""
-        n = len(one_a_metric([trial for trial in self._inside if trial.verdict.probability is not None]))
+        n = len(one_a_metric(self._with_interval))
         return n - len(self.missed_intervals), n
 
     @property
     def missed_intervals(self) -> tuple[Trial, ...]:
         """Trials whose interval did not hold what was measured, one a metric each time a test was left out."""
-        known = (trial for trial in self._inside if trial.verdict.probability is not None)
-        return one_a_metric([trial for trial in known if not trial.held])
+        return one_a_metric([trial for trial in self._with_interval if not trial.held])
+
+    @property
+    def _with_interval(self) -> list[Trial]:
+        """Those inside of whose interval an end is known."""
+        return [t for t in self._inside if (t.verdict.lower, t.verdict.upper) != (None, None)]
 
     def waived(self, criteria: Criteria) -> tuple[int, int, int]:
         """How many tests were left out, how many need not have been run, and how many of these missed a criterion."""
@@ -212,9 +214,9 @@ class TrackRecord:
         later = [trial for trial in self.since if quantity(trial.verdict.criterion) == quantity(criterion)]
         every = _most_of_each(one_a_metric((*own, *self.telling.trials, *self.since)))
         most = SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
-        of_its_own = _decided(_one_a_test((*own, *later)))
+        of_its_own, before = (_decided(one_a_metric(some, each_time=False)) for some in ((*own, *later), self.since))
         near = any(trial.near for trial in (*own, *(trial for trial in later if trial.verdict.criterion == criterion)))
-        return Support(*_decided(every), *of_its_own, near, most, *_decided(_one_a_test(self.since)))
+        return Support(*_decided(every), *of_its_own, near, most, *before)
 
     @property
     def brier(self) -> tuple[float, float] | None:

@@ -170,7 +170,7 @@ def outcome_sentences(changes: Changes) -> tuple[str, ...]:
             f"Certifications before it: verdicts met or not met on {counted(n, 'metric')} of {counted(tests, 'test')} "
             f"run since, {wrong} wrong; those on metrics of today's criteria count as well."
         )
-    inside, intervals = changes.intervals
+    inside, intervals = changes.record.intervals
     if intervals:
         told = f"{inside} of {counted(intervals, 'interval')} held what tests run since measured (made to hold 95 %)"
         held = Sentence(f"{told}{{}}.", _missed(changes))
@@ -189,8 +189,8 @@ def narrow_sentence(changes: Changes) -> Iterator[str]:
 
     What one test alone missed hangs together, and is no sign of that.
     """
-    inside, n = changes.intervals
-    if is_too_narrow(inside, n) and len({trial.held_out for trial in changes.missed}) > 1:
+    inside, n = changes.record.intervals
+    if is_too_narrow(inside, n) and len({trial.held_out for trial in changes.record.missed_intervals}) > 1:
         held = f"{inside} of {counted(n, 'interval')} held what tests run since measured"
         yield Sentence(f"{held}, made to hold 95 %: they were too narrow{{}}.", _missed(changes))
 
@@ -199,7 +199,7 @@ def _missed(changes: Changes) -> str:
     """The intervals that did not hold, and which tests were not quite where these were for."""
     off = [Sentence("{} at {}", test.id, test.condition) for test in changes.off_condition]
     said = Sentence("; not quite at its condition: {}", listed(off)) if off else ""
-    return Sentence("{}{}", missed_intervals(changes.missed), said)
+    return Sentence("{}{}", missed_intervals(changes.record.missed_intervals), said)
 
 
 def wrong_since(changes: Changes) -> Iterator[str]:

@@ -26,7 +26,7 @@ def certification_json(certification: Certification) -> bytes:
 
 def _since(changes: Changes) -> dict[str, object]:
     n, wrong, tests = changes.outcomes
-    inside, intervals = changes.intervals
+    inside, intervals = changes.record.intervals
     return {
         "sha256": changes.earlier.digest,
         "before": changes.earlier.before,

@@ -107,7 +107,7 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(later: Certification
     assert changes.since.new == (fastest,)
     assert changes.tested == {f"at {fastest}": (fastest,)}
     assert changes.outcomes == (1, int(wrong), 1)
-    assert changes.intervals == (int(10 <= found["max_crush"] <= 500), 2)
+    assert changes.record.intervals == (int(10 <= found["max_crush"] <= 500), 2)
     (row,) = changes_table(changes).query("came_true != ''").to_dict("records")
     assert (row["id"], row["criterion"], row["came_true"]) == (f"at {fastest}", "peak", not wrong)
     assert row["measured"] == pytest.approx(found["peak"])
@@ -415,10 +415,8 @@ def test_intervals_that_were_missed_one_test_at_a_time_add_up(later: Certificati
         kept = replace(parse_earlier(certification_json(step)), run={}, verdicts=tuple(rows))
         assert len(kept.before) == len(known) - 1
     again = Changes.of(later.beside(kept))
-    assert (again.intervals, {own.held_out for own in again.missed}) == (
-        at_once.intervals,
-        {own.held_out for own in at_once.missed},
-    )
+    assert again.record.intervals == at_once.record.intervals
+    assert [{own.held_out for own in each.record.missed_intervals} for each in (again, at_once)] == [{*others}] * 2
     assert "they were too narrow" in said(again)
     assert "It was beside others in its turn, the latest first, by SHA-256: " in said(again)
 
