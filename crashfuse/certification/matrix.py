@@ -1,6 +1,6 @@
 """The matrix of conditions that verdicts are wanted for: from a table, or as a grid."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -15,6 +15,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError, shortened
 from crashfuse.files.csv_output import csv_bytes
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.estimate import BOUNDS, is_beyond
 from crashfuse.units import KPH
 from crashfuse.wording import Sentence
@@ -52,20 +53,24 @@ class Matrix:
 
     def made_for(self, tests: Iterable[CrashTest]) -> dict[str, str]:
         """The condition that each test was made for: the nearest up to 1 km/h and 2 % of each weight away, by id."""
-        found = {}
-        for test in tests:
-            away = {i: _away(test.condition, own) for i, own in self.items if own.may_be(test.condition)}
-            if away and min(away.values()) <= 1:
-                found[test.id] = min(away, key=away.__getitem__)
-        return found
+        return {test.id: self.ids[near[0]] for test, near in self._near(tests) if near}
 
     def run(self, tests: Sequence[CrashTest]) -> tuple[tuple[str, ...], ...]:
         """By condition the ids of the tests that were made for it, or are at it although another one is nearer."""
-        made_for = self.made_for(tests)
-        return tuple(
-            tuple(test.id for test in tests if made_for.get(test.id) == i or test.condition.is_at(own))
-            for i, own in self.items
-        )
+        found: list[list[str]] = [[] for _ in self.ids]
+        for test, near in self._near(tests):
+            for place in near:
+                if place == near[0] or test.condition.is_at(self.conditions[place]):
+                    found[place].append(test.id)
+        return tuple(map(tuple, found))
+
+    def _near(self, tests: Iterable[CrashTest]) -> Iterator[tuple[CrashTest, list[int]]]:
+        """The places of the conditions that each test may have been made for, the nearest first."""
+        planned = np.array([own.vector for own in self.conditions])
+        for test in tests:
+            away = _away(test.condition, planned)
+            near = sorted(np.flatnonzero(away <= 1).tolist(), key=away.__getitem__)
+            yield test, [place for place in near if self.conditions[place].may_be(test.condition)]
 
     @classmethod
     def read(cls, path: Path, factors: Mapping[str, Sequence[str]]) -> Self:
@@ -139,7 +144,8 @@ class Matrix:
         return cls(ids, conditions)
 
 
-def _away(test: Condition, planned: Condition) -> float:
-    """How far a test is from a condition; up to 1 it may have been made for it."""
-    off = np.abs(test.vector - planned.vector) / [_SPEED_MPS, *(_WEIGHT * planned.vector[1:])]
-    return float(off.max()) - 1e-9  # to the last digit of units
+def _away(test: Condition, planned: FloatArray) -> FloatArray:
+    """How far a test is from conditions, shape (n, 3); up to 1 it may have been made for one."""
+    allowed = np.column_stack([np.full(len(planned), _SPEED_MPS), _WEIGHT * planned[:, 1:]])
+    off = np.abs(test.vector - planned) / allowed
+    return np.asarray(off.max(axis=1) - 1e-9)  # to the last digit of units

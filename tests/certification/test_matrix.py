@@ -2,12 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, UsageError
+from crashfuse.signals.pulse import DT_S, Pulse
 from crashfuse.units import KPH, LB, MPH
 
 FACTORS = {"drive": ("AWD", "FWD")}
@@ -123,3 +128,35 @@ def test_a_grid_that_cannot_be_predicted_is_refused(speeds: list[float], sentenc
     """Said before anything learns."""
     with pytest.raises(UsageError, match=sentence):
         Matrix.grid(speeds, [900.0], [650.0], {})
+
+
+near_conditions = st.builds(
+    Condition,
+    st.integers(0, 30).map(lambda step: 15.0 + 0.1 * step * KPH),
+    st.integers(0, 10).map(lambda step: 900.0 * (1 + 0.005 * step)),
+    st.sampled_from([700.0, 714.0, 720.0]),
+    st.sampled_from([(), (("drive", "FWD"),), (("drive", "AWD"),), (("drive", ""), ("seat", "1"))]),
+)
+
+
+@given(st.lists(near_conditions, min_size=1, max_size=8, unique=True), st.lists(near_conditions, max_size=4))
+def test_a_test_is_made_for_the_nearest_condition_within_its_tolerance(
+    planned: list[Condition], run: list[Condition]
+) -> None:
+    """As asked of each condition by itself: 1 km/h and 2 % of each weight, and no factor tells them apart."""
+    matrix = Matrix(tuple(f"P{i}" for i in range(len(planned))), tuple(planned))
+    tests = [CrashTest(f"T{i}", own, Pulse(np.arange(2) * DT_S, np.zeros(2))) for i, own in enumerate(run)]
+
+    def away(test: CrashTest, condition: Condition) -> float:
+        speed, front, rear = np.abs(test.condition.vector - condition.vector).tolist()
+        return max(speed / KPH, front / (0.02 * condition.front_weight_kg), rear / (0.02 * condition.rear_weight_kg))
+
+    found = matrix.made_for(tests)
+    for test in tests:
+        near = {i: away(test, own) for i, own in matrix.items if own.may_be(test.condition)}
+        assert (test.id in found) is any(own <= 1 + 1e-9 for own in near.values())
+        assert test.id not in found or near[found[test.id]] == pytest.approx(min(near.values()))
+    assert matrix.run(tests) == tuple(
+        tuple(test.id for test in tests if found.get(test.id) == i or test.condition.is_at(own))
+        for i, own in matrix.items
+    )
