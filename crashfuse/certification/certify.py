@@ -135,6 +135,17 @@ class Certification:
             and needs_no_test(row, self.criteria.confidence) is at_once
         }
 
+    @cached_property
+    def counted_once(self) -> dict[str, str]:
+        """Conditions that are another one by :meth:`Matrix.alike`, one that was run or need not be first."""
+        return self.matrix.alike((*self.run, *self.waived))
+
+    @property
+    def saved(self) -> tuple[int, int]:
+        """How many tests need not be run, and of how many, each counted once."""
+        n = len(self.matrix.ids) - len(self.counted_once)
+        return len(self.waived.keys() - self.counted_once.keys()), n
+
     @property
     def run_first(self) -> str | None:
         """The fastest of two or more conditions that a test can settle, after which others may need none; or None.

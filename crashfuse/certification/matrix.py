@@ -55,7 +55,7 @@ class Matrix:
         """The condition that each test was made for: the nearest up to 1 km/h and 2 % of each weight away, by id."""
         return {test.id: self.ids[near[0]] for test, near in self._near(tests) if near}
 
-    def run(self, tests: Sequence[CrashTest]) -> tuple[tuple[str, ...], ...]:
+    def run(self, tests: Iterable[CrashTest]) -> tuple[tuple[str, ...], ...]:
         """By condition the ids of the tests that were made for it, or are at it although another one is nearer."""
         found: list[list[str]] = [[] for _ in self.ids]
         for test, near in self._near(tests):
@@ -66,11 +66,28 @@ class Matrix:
 
     def _near(self, tests: Iterable[CrashTest]) -> Iterator[tuple[CrashTest, list[int]]]:
         """The places of the conditions that each test may have been made for, the nearest first."""
-        planned = np.array([own.vector for own in self.conditions])
+        planned = self._vectors
         for test in tests:
             away = _away(test.condition, planned)
             near = sorted(np.flatnonzero(away <= 1).tolist(), key=away.__getitem__)
             yield test, [place for place in near if self.conditions[place].may_be(test.condition)]
+
+    def alike(self, first: Iterable[str] = ()) -> dict[str, str]:
+        """Conditions that are another one up to 1 km/h and 2 % of each weight, with that one's id.
+
+        Those that come ``first`` stand for others, then those that stand first in the matrix.
+        """
+        conditions, planned = dict(self.items), self._vectors
+        found: dict[str, str] = {}
+        for i in (*first, *self.ids):
+            if i not in found:
+                near = (self.ids[place] for place in np.flatnonzero(_away(conditions[i], planned) <= 1))
+                found |= {own: i for own in near if own not in found and conditions[own].may_be(conditions[i])}
+        return {i: other for i, other in found.items() if i != other}
+
+    @property
+    def _vectors(self) -> FloatArray:
+        return np.array([own.vector for own in self.conditions])
 
     @classmethod
     def read(cls, path: Path, factors: Mapping[str, Sequence[str]]) -> Self:

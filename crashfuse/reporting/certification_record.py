@@ -95,6 +95,8 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "domain": _domain(certification.domain),
         "verdicts": verdict_counts(certification),
         "waived": {i: {"at_least": low, "at_most": high} for i, (low, high) in certification.waived.items()},
+        "saved": dict(zip(("n", "tests"), certification.saved, strict=True)),
+        "counted_once": certification.counted_once,
         "uncertain": {i: {"at_least": low, "at_most": high} for i, (low, high) in certification.uncertain.items()},
         "run_first": certification.run_first,
         "track_record": {

@@ -70,6 +70,8 @@ def to_test(certification: Certification) -> Iterator[str]:
             "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
             f"{listed(_with_least(waived, known_of))}."
         )
+    yield from _counted_once(certification)
+    if waived:
         yield from waived_sentence(certification.record, certification.criteria)
         yield from _with_those_since(certification)
         yield from _little_known(certification)
@@ -102,6 +104,16 @@ def to_test(certification: Certification) -> Iterator[str]:
             yield "No condition of the matrix needs a test."
         elif len(missing) < len(certification.matrix.ids):
             yield "No other condition of the matrix needs a test."
+
+
+def _counted_once(certification: Certification) -> Iterator[str]:
+    """Which conditions are no tests of their own, and how many need not be run without them, if there are any."""
+    if once := certification.counted_once:
+        n, of = certification.saved
+        yield (
+            f"{n} of {counted(of, 'test')} need not be run, as conditions that are one to within 1 km/h and 2 % of "
+            f"each weight are counted once: {listed([f'{i} (as {other})' for i, other in once.items()])}."
+        )
 
 
 def _with_those_since(certification: Certification) -> Iterator[str]:

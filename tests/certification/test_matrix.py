@@ -1,5 +1,6 @@
 """The matrix of conditions: from a table or as a grid, each condition once."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -130,6 +131,18 @@ def test_a_grid_that_cannot_be_predicted_is_refused(speeds: list[float], sentenc
         Matrix.grid(speeds, [900.0], [650.0], {})
 
 
+def test_conditions_within_the_tolerance_of_a_test_are_one() -> None:
+    """B is A and D is C, not E, though it is near D; whatever comes first stands for the others. Factors tell apart."""
+    here = Condition(15.0, 900.0, 700.0)
+    speeds = {"A": 15.0, "B": 15.0 + 0.9 * KPH, "C": 17.0, "D": 17.0 + 0.9 * KPH, "E": 17.0 + 1.8 * KPH}
+    matrix = Matrix(tuple(speeds), tuple(replace(here, speed_mps=v) for v in speeds.values()))
+    assert matrix.alike() == {"B": "A", "D": "C"}
+    assert matrix.alike(["D", "B"]) == {"A": "B", "C": "D", "E": "D"}
+    heavier = replace(here, front_weight_kg=900.0 * 1.021)
+    drives = [replace(here, factors=(("drive", drive),)) for drive in ("FWD", "AWD")]
+    assert Matrix(tuple("ABC"), (heavier, *drives)).alike() == {}
+
+
 near_conditions = st.builds(
     Condition,
     st.integers(0, 30).map(lambda step: 15.0 + 0.1 * step * KPH),
@@ -149,7 +162,8 @@ def test_a_test_is_made_for_the_nearest_condition_within_its_tolerance(
 
     def away(test: CrashTest, condition: Condition) -> float:
         speed, front, rear = np.abs(test.condition.vector - condition.vector).tolist()
-        return max(speed / KPH, front / (0.02 * condition.front_weight_kg), rear / (0.02 * condition.rear_weight_kg))
+        off = (speed / KPH, front / (0.02 * condition.front_weight_kg), rear / (0.02 * condition.rear_weight_kg))
+        return float(max(off))
 
     found = matrix.made_for(tests)
     for test in tests:

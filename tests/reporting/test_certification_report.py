@@ -294,6 +294,20 @@ def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confid
     assert list(certification_record(found)["waived"]) == [ids[1], ids[2]]  # type: ignore[call-overload]
 
 
+def test_conditions_that_are_one_are_one_test_that_need_not_be_run(certification: Certification) -> None:
+    """Or copies would pad what is saved; beside a condition that was run, a copy saves nothing."""
+    many = matrix(certification.campaign, 20.0, 20.1, 20.2, 30.0)
+    met = tuple(replace(own, word="met", probability=1.0) for own in certification.verdicts[0])
+    found = replace(certification, matrix=many, verdicts=(met,) * 4)
+    once = "need not be run, as conditions that are one to within 1 km/h and 2 % of each weight are counted once: "
+    assert f"2 of 2 tests {once}M20.1 (as M20), M20.2 (as M20)." in summary(found)
+    record = certification_record(found)
+    assert (record["saved"], record["counted_once"]) == ({"n": 2, "tests": 2}, {"M20.1": "M20", "M20.2": "M20"})
+    ran = tuple(replace(own, run={"T1": 1.0}) for own in met)
+    assert replace(found, verdicts=(met, met, ran, met)).saved == (1, 2)
+    assert "counted once" not in " ".join(summary(certification))
+
+
 def test_a_condition_that_was_run_is_told_by_what_it_showed(certification: Certification) -> None:
     """Not among those that a test would miss: the test did."""
     first, second, third = certification.verdicts

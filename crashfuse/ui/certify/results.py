@@ -36,15 +36,16 @@ def show(judgement: Judgement) -> None:
     """Show the counts of verdicts, the matrix in which a cell can be chosen, and all of them as a table."""
     verdicts, certification, display = judgement.verdicts, judgement.certification, judgement.display
     counts, (answer, wrong, *columns) = verdict_counts(certification), st.columns(len(WORDS) + 2)
-    n, n_waived = len(certification.matrix.ids), len(certification.waived)
+    n, (saved, of) = len(certification.matrix.ids), certification.saved
     sure = f"confidence {certification.criteria.confidence:g}"
     answer.metric(
-        "Need not be run", f"{n_waived} of {n}", sure, delta_color="off", delta_arrow="off",
-        help="Conditions at which a test would meet all criteria at once, with the confidence asked for.",
+        "Need not be run", f"{saved} of {of}", sure, delta_color="off", delta_arrow="off",
+        help="Conditions at which a test would meet all criteria at once, with the confidence asked for; those that "
+        "are one to within 1 km/h and 2 % of each weight are counted once.",
     )  # fmt: skip
-    saved, missed = saved_and_missed(certification)
+    told, missed = saved_and_missed(certification)
     wrong.metric(
-        "Wrong so far", f"{missed} of {saved}" if saved else "–", at_most(missed, saved) if saved else None,
+        "Wrong so far", f"{missed} of {told}" if told else "–", at_most(missed, told) if told else None,
         delta_color="off", delta_arrow="off", help="Of left-out tests that need not have been run by their verdicts, "
         "and tests that an earlier certification said need not be run and that were run since, those that missed a "
         "criterion; with the exact one-sided 95 % bound of their share.",
