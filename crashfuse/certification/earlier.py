@@ -38,10 +38,10 @@ class EarlierVerdict(NamedTuple):
         """Whether no test was needed to tell."""
         return self.word in ("met", "not met")
 
-    def trial(self, test: str, condition: Condition, criterion: Criterion, measured: float) -> Trial:
-        """It as one of a test that was only planned then, beside what was measured."""
+    def trial(self, test: str, condition: Condition, criterion: Criterion, measured: float, shift: float = 0) -> Trial:
+        """It as one of a test that was only planned then, beside what was measured, without the shift."""
         verdict = Verdict(condition, criterion, None, self.lower, self.upper, self.probability, self.word, "")
-        return Trial(test, "planned", verdict, measured, None)
+        return Trial(test, "planned", verdict, measured, None, shift)
 
 
 @dataclass(frozen=True, eq=False)

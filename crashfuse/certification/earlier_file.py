@@ -89,11 +89,13 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
     return checked
 
 
-def _trial(test: str, condition: str, criterion: dict[str, Any], said: list[Any], measured: float) -> Trial:
+def _trial(
+    test: str, condition: str, criterion: dict[str, Any], said: list[Any], measured: float, shift: float = 0.0
+) -> Trial:
     (limit,) = criteria_of([criterion]).items
-    if not is_number(measured) or id_trouble(test):
+    if not is_number(measured) or not is_number(shift) or id_trouble(test):
         raise ValueError("no measured value of a test")
-    return _verdict(*said).trial(test, Condition.parse(condition), limit, float(measured))
+    return _verdict(*said).trial(test, Condition.parse(condition), limit, float(measured), float(shift))
 
 
 def _outcomes(tests: dict[str, dict[str, list[str]]]) -> Outcomes:

@@ -27,10 +27,12 @@ class Trial:
     left_out : {"test", "speed group", "planned"}
         What was left out with it; *planned*: an earlier certification gave the verdict before the test was run.
     measured : float
-        In the criterion's unit.
+        In the criterion's unit, without the ``shift``.
     cae_probability : float or None
         That the raw CAE model gives, with the error that it had in the other tests as its band; None for ratings, and
         of planned tests.
+    shift : float
+        What a planned test showed beyond that because it was not quite at the condition, as the CAE model says.
     """
 
     held_out: str
@@ -38,6 +40,7 @@ class Trial:
     verdict: Verdict
     measured: float
     cae_probability: float | None
+    shift: float = 0.0
 
     @property
     def met(self) -> bool:

@@ -5,14 +5,21 @@ from collections.abc import Iterator
 import pandas as pd
 
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.changes import Change, Changes
+from crashfuse.certification.changes import Changes
 from crashfuse.certification.earlier import EarlierVerdict
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.verdict import Verdict
 from crashfuse.reporting.certification_tables import condition_columns, factors_of, probability_text
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certification_settings
-from crashfuse.reporting.track_record_sentences import at_most, counted, is_too_narrow, listed, missed_intervals
+from crashfuse.reporting.track_record_sentences import (
+    at_most,
+    counted,
+    is_too_narrow,
+    listed,
+    measured_words,
+    missed_intervals,
+)
 from crashfuse.wording import Sentence, joined
 
 _DIGEST = 12  # characters of it in a sentence
@@ -37,6 +44,7 @@ def changes_table(changes: Changes) -> pd.DataFrame:
             "verdict": "" if cell.now is None else cell.now.word,
             "test": test,
             "measured": measured,
+            "shift": changes.since.shift(test, cell.criterion.metric),
             "came_true": cell.came_true.get(test, ""),
         }
         for cell in changes.cells
@@ -63,7 +71,10 @@ def shown_changes(changes: Changes, display: Display = DEFAULT) -> pd.DataFrame:
             "Now": _word(cell.now),
             "Probability now": "–" if cell.now is None else probability_text(cell.now.probability),
             "Measured since": "; ".join(
-                display.words(Sentence("{} {}", test, cell.criterion.shown(value)))
+                display.words(
+                    Sentence("{} {}", test, measured_words(own, value, changes.since.shift(test, own.metric)))
+                )
+                for own in [cell.criterion]
                 for test, value in cell.measured.items()
             )
             or "–",
@@ -139,6 +150,13 @@ def _tested(changes: Changes) -> Iterator[str]:
         yield joined(["Tested since: ", joined(there, ", "), "."], "")
     elif since.new:
         yield "None of these tests was run where it judged a metric, so none tells whether its verdicts came true."
+    if turned := [
+        Sentence("{} {} {}", trial.held_out, own.name, measured_words(own, trial.measured, trial.shift))
+        for trial in since.latest
+        for own in [trial.verdict.criterion]
+        if trial.verdict.decided and own.is_met_by(trial.measured + trial.shift) is not trial.met
+    ]:
+        yield Sentence("Where a test was run decides whether its verdict came true: {}.", listed(turned))
     if since.repeats:
         known = [f"{i} (test {test})" for test, i in since.repeats.items()]
         yield f"Run where it knew a test already, and not counted: {listed(known)}."
@@ -204,16 +222,13 @@ def _missed(changes: Changes) -> str:
 
 def wrong_since(changes: Changes) -> Iterator[str]:
     """Each verdict that a test run since contradicted."""
-    for cell in changes.cells:
-        yield from (_wrong(cell, test) for test, came_true in cell.came_true.items() if not came_true)
-    for trial in changes.earlier.trials:
+    for trial in changes.since.told:
         own = trial.verdict
         if trial.wrong:
             yield Sentence(
-                "{}, before it was run, by an earlier certification: {} ({}) at {} was said to be {} (probability {}); "
-                "measured {}.",
+                "{}, before it was run: {} ({}) at {} was said to be {} (probability {}); measured {}.",
                 trial.held_out, own.criterion.name, own.criterion.limits, own.condition, own.word,
-                probability_text(own.probability), own.criterion.shown(trial.measured),
+                probability_text(own.probability), measured_words(own.criterion, trial.measured, trial.shift),
             )  # fmt: skip
 
 
@@ -227,15 +242,6 @@ def gone_sentences(since: TestedSince) -> Iterator[str]:
         why = f" ({since.campaign.reason_of(gone.test)})" if gone.test in left_out else ""
         said = "{} was run at {}, and its record of then is not used any more{}; it {}."
         yield Sentence(said, gone.test, gone.condition, why, ", and ".join(told))
-
-
-def _wrong(cell: Change, test: str) -> str:
-    return Sentence(
-        "{}: {} ({}) was said to be {}; {} measured {}.",
-        cell.name, cell.criterion.name, cell.criterion.limits,
-        f"{_word(cell.before)} (probability {probability_text(cell.before and cell.before.probability)})", test,
-        cell.criterion.shown(cell.measured[test]),
-    )  # fmt: skip
 
 
 def _changed(changes: Changes) -> Iterator[str]:

@@ -50,6 +50,7 @@ def _since(changes: Changes) -> dict[str, object]:
                 "criterion": _criterion(own.criterion),
                 "said": (own.word, own.probability, own.lower, own.upper),
                 "measured": trial.measured,
+                "shift": trial.shift,
             }
             for trial in changes.since.told
             for own in [trial.verdict]

@@ -18,7 +18,7 @@ from crashfuse.wording import MPH_LB, UnitSystem, said
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
-    *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted"),
+    *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted", "shift"),
 )
 _JUDGED = ("met", "not met", "decided")
 
@@ -95,7 +95,7 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
         (
             t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
             v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
-            v.criterion.unit, not record.repeats(t),
+            v.criterion.unit, not record.repeats(t), t.shift,
         )
         for t in (*record.trials, *record.since)
         for v in [t.verdict]

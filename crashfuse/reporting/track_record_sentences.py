@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.support import largest_share
 from crashfuse.certification.track_record import TrackRecord, Trial
-from crashfuse.wording import Sentence, joined
+from crashfuse.wording import Quantity, Sentence, joined
 
 INTERVAL = 0.95
 """Share of tests that intervals are made to hold."""
@@ -71,12 +71,21 @@ def missed_intervals(trials: Sequence[Trial]) -> str:
     if not trials:
         return ""
     each = [
-        Sentence("{} {} {}, not {}", trial.held_out, own.criterion.name, own.criterion.shown(trial.measured),
-                 own.criterion.interval(own.lower, own.upper))
+        Sentence("{} {} {}, not {}", trial.held_out, of.name, found, of.interval(own.lower, own.upper))
         for trial in trials
-        for own in [trial.verdict]
-    ]  # fmt: skip
+        for own, of in [(trial.verdict, trial.verdict.criterion)]
+        for found in [measured_words(of, trial.measured, trial.shift)]
+    ]
     return Sentence("; outside: {}", listed(each))
+
+
+def measured_words(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:
+    """What a test measured; if it was off its condition, with the value there as the CAE model says."""
+    if value is None or not shift:
+        return criterion.shown(value)
+    return Sentence(
+        "{} ({} at its condition, by the CAE model)", criterion.shown(value + shift), criterion.shown(value)
+    )
 
 
 def is_too_narrow(inside: int, n: int) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification, certify_matrix
 from crashfuse.certification.changes import Changes
@@ -27,6 +28,7 @@ from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_sentences import summary
 from crashfuse.reporting.report import certification_report
+from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, MPH
@@ -275,7 +277,7 @@ def test_a_certification_in_between_forgets_no_wrong_verdict(later: Certificatio
     assert Changes.of(again).waived_outcomes == Changes.of(between).waived_outcomes != {}
     told = exceptions(again)["Verdicts that tests run since contradict"]
     assert len(told) == 3
-    assert "before it was run, by an earlier certification: peak (at most 0.0001 g) at 25.0 mph" in told[0]
+    assert "before it was run: peak (at most 0.0001 g) at 25.0 mph" in told[0]
     assert "was said to be met (probability 0.990)" in told[0]
     third = later.beside(parse_earlier(certification_json(again)))
     assert third.record.support(PEAK) == between.record.support(PEAK)
@@ -490,3 +492,33 @@ def test_what_one_test_alone_missed_is_no_sign_that_intervals_are_too_narrow(lat
         assert "0 of 2 intervals held what tests run since measured (made to hold 95 %); outside: " in told_of
         assert told in told_of
         assert ("not quite" in told_of) is bool(told)
+
+
+def test_what_a_test_off_its_condition_measured_is_moved_there_as_the_cae_model_says(later: Certification) -> None:
+    """By the emulator at both; the peak jumps, and stays. Where that decides, it is told, and the chain knows it."""
+    second, *rest = later.campaign.test_ids[1:]
+    here = later.campaign.test(second).condition
+    off = replace(here, speed_mps=here.speed_mps + 0.9 * KPH)
+    some = later.campaign.without(rest)
+    moved = replace(some, tests=tuple(replace(own, condition=off) if own.id == second else own for own in some.tests))
+    emulator = CaeModel(cache=Cache()).fit(moved.cae).emulator_
+    there, planned = (float(metric_values(emulator.predict(c), c.speed_mps)["max_crush"]) for c in (off, here))
+    raw = {own.name: own.value or 0.0 for own in moved.metrics_of(moved.test(second))}
+    limit = replace(CRUSH, at_most=raw["max_crush"] - 0.5 * (there - planned))
+    before = earlier(later, alike(*[MET] * len(later.matrix.ids)), criteria=Criteria((limit, PEAK, GOOD), 0.8))
+    beside = replace(later, campaign=moved).beside(before)
+    again = replace(later, campaign=moved).beside(parse_earlier(certification_json(beside)))
+    for own in (beside, again):
+        assert own.since is not None
+        crush, peak = own.since.told
+        assert crush.shift == pytest.approx(there - planned) != 0
+        assert crush.measured + crush.shift == pytest.approx(raw["max_crush"])
+        assert (crush.wrong, peak.shift) == (False, 0)
+        assert peak.measured == pytest.approx(raw["peak"])
+    words = f"{limit.shown(raw['max_crush'])} ({limit.shown(crush.measured)} at its condition, by the CAE model)"
+    assert f"Where a test was run decides whether its verdict came true: {second} crush {words}." in said(
+        Changes.of(beside)
+    )
+    assert f"{second} {words}" in shown_changes(Changes.of(beside))["Measured since"].tolist()
+    (row,) = changes_table(Changes.of(beside)).query("test != '' and criterion == 'crush'").to_dict("records")
+    assert row["measured"] + row["shift"] == pytest.approx(raw["max_crush"])
