@@ -24,15 +24,19 @@ RUN = "cae:"
 """What may stand before the id of a CAE run, and must where a test has the same id."""
 
 
-class Elsewhere(Protocol):
-    """A prediction at another condition."""
+class OtherPrediction(Protocol):
+    """A prediction at another condition, or with other settings."""
+
+    @property
+    def text(self) -> str:
+        """In what it differs, in the shortest words: equal for equal ones of a figure."""
 
     def curve(self, display: Display) -> tuple[str, Estimate]:
         """Its name in a legend, and itself."""
 
 
-Further = str | Elsewhere
-"""What a figure shows beside its own curves: a test or CAE run by its id, or a prediction at another condition."""
+Further = str | OtherPrediction
+"""What a figure shows beside its own curves: a test or CAE run by its id, or another prediction."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,11 @@ class PredictedPulse:
         return self.estimate.prediction.condition
 
     @property
+    def text(self) -> str:
+        """The condition in the shortest words."""
+        return self.condition.text
+
+    @property
     def estimate(self) -> Estimate:
         """That of the preferred approach."""
         by_name = {estimate.approach: estimate for estimate in self.estimates}

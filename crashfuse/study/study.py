@@ -114,8 +114,9 @@ class Study:
         approaches : sequence of str, optional
             The approaches that are shown; by default all. Of several, ``rating`` and the figures of networks show the
             preferred one.
-        also : sequence of str or PredictedPulse
-            Pulses put beside those of a test: tests and CAE runs by their ids, and predictions elsewhere.
+        also : sequence of str, PredictedPulse or EarlierPrediction
+            Pulses put beside those of a test: tests and CAE runs by their ids, predictions elsewhere, and of the same
+            test with other settings.
         band : str, optional
             The approach whose band is filled; by default the preferred one.
         measured : bool

@@ -14,6 +14,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.reporting.earlier_prediction import earlier_name
 from crashfuse.reporting.figures import RUN, Further, prediction_name, pulse_name
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
@@ -21,6 +22,7 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
+from crashfuse.ui.earlier import earlier_predictions, offered_earlier, tell_missing
 from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.pins import pinned
 from crashfuse.ui.text import plain
@@ -41,10 +43,11 @@ class Shown:
         Whether the held-out test is among it.
     approaches : tuple of str
         Those that are shown.
-    also : tuple of str or PredictedPulse
-        What is put beside them: tests and CAE runs by their ids, and pinned predictions.
+    also : tuple of str, PredictedPulse or EarlierPrediction
+        What is put beside them: tests and CAE runs by their ids, pinned predictions, and those of the held-out test
+        with other settings.
     band : str
-        The approach whose band is filled; pinned predictions are those by it.
+        The approach whose band is filled; predictions put beside it are by it, too.
     key : Hashable
         Equal for equal choices: part of the key of a cached figure.
     """
@@ -89,11 +92,11 @@ def choose_curves(
 
 def key_of(also: Sequence[Further]) -> Hashable:
     """Equal for equal pulses put beside others: part of the key of a cached figure."""
-    return tuple(each.condition.text if isinstance(each, PredictedPulse) else each for each in also)
+    return tuple(each if isinstance(each, str) else each.text for each in also)
 
 
 def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> str:
-    """The approach whose band is filled and by which pinned predictions are: the recommended one, or as chosen."""
+    """The approach whose band is filled and by which other predictions are: the recommended one, or as chosen."""
     chosen = st.session_state["band"]
     if chosen in predictions and predictions[chosen].draws_mps2 is not None:
         return str(chosen)
@@ -140,7 +143,7 @@ def _choose_band(predictions: Mapping[str, Prediction], recommended: str | None)
             st.session_state["band"] = _RECOMMENDED
         st.selectbox(
             "Filled band", list(labels), format_func=labels.__getitem__, key="band", persist_state="session",
-            help="Of other bands the edges are drawn. Pinned predictions are by this approach.",
+            help="Of other bands the edges are drawn. Predictions put beside are by this approach.",
         )  # fmt: skip
     return leading(predictions, recommended)
 
@@ -149,18 +152,26 @@ def _choose_beside(view: View, condition: Condition | None, approach: str, held_
     """Further pulses; with a condition, the tests are among the choices."""
     campaign, pins = view.campaign, pinned()
     at_pins = {f"{_PIN}{text}": prediction_name(approach, at, view.display) for text, at in pins.items()}
-    offered = _offered_runs(campaign.fingerprint, view.display, campaign)
-    if condition is not None:
-        tests = [test for test in campaign.tests if test.id != held_out]
-        offered = {**{test.id: pulse_name(test.id, test.condition, view.display) for test in tests}, **offered}
+    earlier = offered_earlier(campaign, held_out, approach) if held_out else {}
+    tests = [test for test in campaign.tests if condition is not None and test.id != held_out]
     unasked = "" if condition is None or held_out else condition.text  # on Predict pinned predictions are shown anyway
-    if not unasked:
-        offered = {**offered, **at_pins}
-    also = _choose_several("also", offered, "Also show", "tests, CAE runs" if condition else "CAE runs")
+    offered = {
+        **{test.id: pulse_name(test.id, test.condition, view.display) for test in tests},
+        **{name: earlier_name(approach, config, chosen_config()) for name, config in earlier.items()},
+        **({} if unasked else at_pins),
+        **_offered_runs(campaign.fingerprint, view.display, campaign),
+    }
+    kinds = [*(["tests"] if tests else []), *(["other settings"] if earlier else []), "CAE runs"]
+    also = _choose_several("also", offered, "Also show", ", ".join(kinds))
+    if held_out:
+        tell_missing(earlier, held_out)
     if unasked:
         also += [name for name in at_pins if name != f"{_PIN}{unasked}"]
-    wanted = [pins[name.removeprefix(_PIN)] for name in also if name in at_pins]
-    return (*(name for name in also if name not in at_pins), *_pinned_predictions(campaign, wanted, approach))
+    return (
+        *(name for name in also if name not in at_pins and name not in earlier),
+        *earlier_predictions(campaign, held_out, approach, [earlier[name] for name in also if name in earlier]),
+        *_pinned_predictions(campaign, [pins[name.removeprefix(_PIN)] for name in also if name in at_pins], approach),
+    )
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)

@@ -12,7 +12,6 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.figures import RUN, Further
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui import address, campaigns
 from crashfuse.ui.computation import chosen_config
@@ -41,8 +40,8 @@ def caption(figure: go.Figure, alt: str, drawn: str = "", beside: Sequence[Furth
         Its alternative text; as far as the first semicolon it is the title.
     drawn : str
         What is drawn, in few words for the name; by default the title.
-    beside : sequence of str or PredictedPulse
-        What was put beside: tests, CAE runs, pinned predictions.
+    beside : sequence of str, PredictedPulse or EarlierPrediction
+        What was put beside: tests, CAE runs, other predictions.
     """
     page, title = address.here().page, alt.partition(";")[0]
     campaign = _campaign(page)
@@ -127,4 +126,4 @@ def _units(figure: go.Figure, display: Display, campaign: Campaign) -> list[str]
 
 
 def _briefly(beside: Further) -> str:
-    return beside.condition.text if isinstance(beside, PredictedPulse) else str(beside).removeprefix(RUN)
+    return beside.removeprefix(RUN) if isinstance(beside, str) else beside.text

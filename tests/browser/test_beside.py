@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, top_of
+from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, press_tool, rows, top_of
 
 pytestmark = pytest.mark.slow
 
@@ -110,3 +110,22 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.go("History")
     listed = "return document.querySelector('[data-testid=\"stDataFrame\"]')?.textContent ?? ''"
     user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "History never listed the prediction.")
+
+
+def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(
+    small_server: "Server", user: "User"
+) -> None:
+    """It was computed before; the numbers that are saved have it, and the name of their file."""
+    user.open(small_server, "compare", **ONE, test="T3", seed="1")
+    user.starts("Predict test T3", FIGURE)
+    user.open(small_server, "compare", **ONE, test="T3")
+    user.starts("Predict test T3", FIGURE)
+    user.press("Curves", CURVES)
+    user.find('input[aria-label^="Also show"]').send_keys("seed 1", Keys.ENTER)
+    user.sees("Displacement domain, seed 1", FIGURE)
+    user.wait(lambda: "also=by%3Afast+1+test" in user.browser.current_url)
+    user.browser.refresh()
+    user.sees("Displacement domain, seed 1", FIGURE)
+    press_tool(user, '[data-format="csv"]')
+    first, *_ = rows(user.arrived("with-seed-1.csv").read_text(encoding="utf-8"))
+    assert sum(column.startswith("Displacement domain, seed 1") for column in first) >= 3

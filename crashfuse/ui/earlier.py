@@ -1,0 +1,68 @@
+"""Predictions of the held-out test that were computed before, with other settings, to be put beside those shown."""
+
+from collections.abc import Hashable, Iterable, Mapping
+
+import streamlit as st
+
+from crashfuse.campaign import Campaign
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting.earlier_prediction import EarlierPrediction
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.earlier_settings import earlier_settings
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.estimate_cache import find_estimate
+from crashfuse.study.history import past_results
+from crashfuse.ui.computation import chosen_config, jobs
+from crashfuse.ui.text import plain
+
+_PREFIX = "by:"  # begins what stands for settings in the address: no id of a test has a colon in it
+_LOOK_AGAIN_S = 60.0  # the command line may have computed more
+
+
+def offered_earlier(campaign: Campaign, test_id: str, approach: str) -> Mapping[str, StudyConfig]:
+    """Other settings with which an approach predicted a test before, by what stands for them in the address."""
+    shown = chosen_config()
+    return _offered((campaign.fingerprint, jobs().ended), test_id, approach, shown, campaign)
+
+
+def earlier_predictions(
+    campaign: Campaign, test_id: str, approach: str, wanted: Iterable[StudyConfig]
+) -> list[EarlierPrediction]:
+    """The predictions of a test with these settings; those that were deleted meanwhile are left out."""
+    found = ((config, _estimate(campaign.fingerprint, test_id, approach, config, campaign)) for config in wanted)
+    return [EarlierPrediction(estimate, config, chosen_config()) for config, estimate in found if estimate is not None]
+
+
+def tell_missing(offered: Mapping[str, StudyConfig], test_id: str) -> None:
+    """Say that settings were chosen, for another test or by a link, with which this test was not predicted."""
+    asked = {name for name in st.session_state["also"] if name.startswith(_PREFIX)}
+    if asked - {*offered, _text(chosen_config())}:
+        st.caption(f"With other settings chosen under Also show, {plain(test_id)} has not been predicted here yet.")
+
+
+@st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
+def _offered(
+    key: Hashable,  # noqa: ARG001 - of the data, and of what was computed here
+    test_id: str,
+    approach: str,
+    shown: StudyConfig,
+    _campaign: Campaign,
+) -> Mapping[str, StudyConfig]:
+    found = earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
+    return {_text(config): config for config in found}
+
+
+@st.cache_resource(max_entries=12, show_spinner=False)
+def _estimate(
+    fingerprint: str,  # noqa: ARG001 - of the campaign
+    test_id: str,
+    approach: str,
+    config: StudyConfig,
+    _campaign: Campaign,
+) -> Estimate | None:
+    training, condition = config.training_campaign(_campaign, test_id), _campaign.test(test_id).condition
+    return find_estimate(training, condition, approach, config, Cache())
+
+
+def _text(config: StudyConfig) -> str:
+    return f"{_PREFIX}{config.preset} {config.seed} {config.leave_out}"

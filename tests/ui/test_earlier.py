@@ -1,0 +1,56 @@
+"""On Compare, predictions of the held-out test with other settings are offered once they were computed."""
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.ui.conftest import Session
+
+Visit = Callable[..., Session]
+ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
+SEED_1 = "by:fast 1 test"
+NOT_YET = "With other settings chosen under Also show, {} has not been predicted here yet."
+
+
+def predicted(session: Session, test: str = "T2") -> Session:
+    """The page once the test is predicted."""
+    return session.press(f"Predict test {test}").finish()
+
+
+def offered(session: Session) -> list[str]:
+    """What *Also show* offers besides tests and CAE runs."""
+    (also,) = [each for each in session.app.multiselect if each.label == "Also show"]
+    return [option for option in also.options if option.startswith("Displacement domain")]
+
+
+def figure(session: Session) -> str:
+    """What the figure is made of."""
+    return str(session.app.get("plotly_chart")[0].proto.spec)
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_another_seed_and_way_of_leaving_out_are_offered_once_they_are_known(visit: Visit) -> None:
+    """Of the same test; with the settings that they have, they are the ones that the others are put beside."""
+    first = predicted(visit("compare", **ONE, test="T2"))
+    assert offered(first) == []
+    second = predicted(visit("compare", **ONE, test="T2", seed="1", leave_out="speed group"))
+    assert offered(second) == ["Displacement domain, seed 0, left out alone"]
+    assert offered(first.run()) == ["Displacement domain, seed 1, all at its speed left out"]
+    third = predicted(visit("compare", **ONE, test="T3"), "T3")
+    assert offered(third) == []
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
+    """Where it is computed later, it is shown then; the settings that are shown anyway are not missed."""
+    session = predicted(visit("compare", **ONE, test="T2", also=SEED_1))
+    assert NOT_YET.format("T2") in session.words
+    assert "seed 1" not in figure(session)
+    other = predicted(visit("compare", **ONE, test="T2", seed="1", also=SEED_1))
+    assert NOT_YET.format("T2") not in other.words
+    session.run()
+    assert NOT_YET.format("T2") not in session.words
+    assert "Displacement domain, seed 1" in figure(session)
+    session.app.session_state["test"] = "T3"
+    predicted(session.run(), "T3")
+    assert NOT_YET.format("T3") in session.words
