@@ -13,6 +13,7 @@ from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocketClose
 from streamlit import net_util
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
@@ -30,6 +31,7 @@ _ANOTHER_NAME = PlainTextResponse(
     "the name to server.allowedHosts in .streamlit/config.toml.",
     403,
 )
+_ANOTHER_ORIGIN = WebSocketClose(1008)  # against the policy; before it is open, the server answers 403
 
 # on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
 net_util._external_ip = ""
@@ -40,7 +42,8 @@ PagesManager.uses_pages_directory = False
 class Guard:
     """Lets no other page embed the dashboard, so that nobody clicks in it unknowingly, and names each browser.
 
-    Of other names than the allowed ones Streamlit refuses the WebSocket only; here all is refused, and why is said.
+    Of other names than the allowed ones Streamlit refuses the WebSocket only; here all is refused, and why is said. It
+    lets in any page of this machine, whichever program serves it; here the WebSocket is for pages of this server alone.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -48,10 +51,13 @@ class Guard:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
-        if scope["type"] != "http":
+        if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
+        if scope["type"] == "websocket":
+            await (self._app if _is_own_page(connection) else _ANOTHER_ORIGIN)(scope, receive, send)
+            return
         is_known = BROWSER in connection.cookies
         app = self._app if is_host_allowed(connection.headers.get("host")) else _ANOTHER_NAME
 
@@ -66,6 +72,13 @@ class Guard:
             await send(message)
 
         await app(scope, receive, guarded)
+
+
+def _is_own_page(connection: HTTPConnection) -> bool:
+    """Whether a WebSocket is asked for by a page of this server, by one of a configured origin, or by no browser."""
+    host, origin = map(connection.headers.get, ("host", "origin"))
+    known = {own.strip() for own in st.get_option("server.corsAllowedOrigins")}
+    return origin is None or origin in known or origin.partition("://")[2] == host
 
 
 @asynccontextmanager

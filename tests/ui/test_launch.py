@@ -34,6 +34,13 @@ SAFE = {
 OWN_COMMAND = "from crashfuse.ui.launch import launch; launch(8501, None)"
 STREAMLITS_COMMAND = "cli.main(['run', 'app.py'], standalone_mode=False)"
 
+_ELSEWHERE, _CONFIGURED = "elsewhere.example", "https://tools.example"
+
+
+def _pages(port: int) -> list[str]:
+    """Where pages come from: from this server, from another one of this machine, and from elsewhere."""
+    return [f"localhost:{port}", f"127.0.0.1:{port}", "localhost", f"localhost:{port + 1}", f"{_ELSEWHERE}:{port}"]
+
 
 def _answers(port: int) -> bool:
     try:
@@ -43,12 +50,12 @@ def _answers(port: int) -> bool:
         return False
 
 
-def _opened(port: int, host: str, origin: str) -> bool:
+def _opened(port: int, host: str, origin: str | None) -> bool:
     """Whether a page of this origin may open, under this name, the socket that all of the dashboard goes through."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     asked = {
-        "Host": f"{host}:{port}",
-        "Origin": f"http://{origin}:{port}",
+        "Host": host,
+        **({} if origin is None else {"Origin": origin}),
         "Connection": "Upgrade",
         "Upgrade": "websocket",
     }
@@ -93,7 +100,9 @@ def _network() -> Iterator[tuple[dict[str, str], list[str]]]:
 def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, tmp_path: Path) -> None:
     """By our command, anywhere, with a relative folder, or by Streamlit's: answers, and is shut to other sites.
 
-    Nobody is asked anything on the network, and nothing is left running behind it.
+    So it is to pages of this machine that another server, at another port, has sent; of those that are configured it
+    takes any, and of a proxy that passes on the name that the browser asked for. Nobody is asked anything on the
+    network, and nothing is left running behind it.
     """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -103,14 +112,19 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
         command = [sys.executable, "-m", "crashfuse", "app", "--port", str(port), "--campaign", campaign_folder.name]
     with (tmp_path / "log").open("wb") as log, _network() as (way, asked):
         environment = {**os.environ, **way, "STREAMLIT_SERVER_HEADLESS": "true"}
+        environment["STREAMLIT_SERVER_CORS_ALLOWED_ORIGINS"] = _CONFIGURED
         place = campaign_folder.parent if own else ROOT
         server = subprocess.Popen(command, cwd=place, env=environment, stdout=log, stderr=log)
         deadline = time.monotonic() + 60
         while not _answers(port) and server.poll() is None and time.monotonic() < deadline:
             time.sleep(0.1)
         answered = _answers(port)
-        names = ("127.0.0.1", "localhost", "elsewhere.example")
-        opened = {(host, page): answered and _opened(port, host, page) for host in names for page in names}
+        here, proxied = f"localhost:{port}", "localhost"
+        asked_by = [
+            (host, f"http://{page}") for host in (here, f"127.0.0.1:{port}", _ELSEWHERE) for page in _pages(port)
+        ]
+        asked_by += [(here, None), (here, "null"), (here, _CONFIGURED), (proxied, f"https://{proxied}")]
+        opened = [pair for pair in asked_by if answered and _opened(port, *pair)]
         headers = [_headers(port, path) for path in ("/", "/compare", "/_stcore/health", "/%2e%2e/x")]
         server.terminate()
         server.wait(60)
@@ -118,7 +132,10 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
     assert not _answers(port)
     assert "Traceback" not in (tmp_path / "log").read_text()
     assert server.returncode == 0 or not own  # Streamlit's own says "Aborted!", and by which code depends on the moment
-    assert [pair for pair, may in opened.items() if may] == [pair for pair in opened if names[2] not in pair]
+    assert opened == [
+        *((host, f"http://{host}") for host in (here, f"127.0.0.1:{port}")),
+        *((here, None), (here, _CONFIGURED), (proxied, f"https://{proxied}")),
+    ]
     assert {header["x-frame-options"] for header in headers} == {"DENY"}
     assert {header["content-security-policy"] for header in headers} == {"frame-ancestors 'none'"}
     assert asked == []
