@@ -50,6 +50,8 @@ class Shown:
         The approach whose band is filled; predictions put beside it are by it, too.
     key : Hashable
         Equal for equal choices: part of the key of a cached figure.
+    unlike : tuple of str
+        In what it is unlike the usual figure, in few words for names of files: hidden curves, another filled band.
     """
 
     test: bool
@@ -57,6 +59,7 @@ class Shown:
     also: tuple[Further, ...]
     band: str
     key: Hashable
+    unlike: tuple[str, ...]
 
 
 def choose_curves(
@@ -87,7 +90,10 @@ def choose_curves(
     if offered is None and not (approaches or beside or TEST in chosen):
         st.info("No curve is chosen.", icon=":material/visibility_off:")
         st.stop()
-    return Shown(TEST in chosen, approaches, beside, band, (approaches, key_of(beside), band, TEST in chosen))
+    key = approaches, key_of(beside), band, TEST in chosen
+    usual = _usual_band(predictions, recommended) if offered is None else band
+    unlike = unlike_usual([name for name in known if name not in chosen], band, usual)
+    return Shown(TEST in chosen, approaches, beside, band, key, unlike)
 
 
 def key_of(also: Sequence[Further]) -> Hashable:
@@ -95,12 +101,17 @@ def key_of(also: Sequence[Further]) -> Hashable:
     return tuple(each if isinstance(each, str) else each.text for each in also)
 
 
+def unlike_usual(hidden: Sequence[str], band: str, usual: str) -> tuple[str, ...]:
+    """What tells a figure from the one with all curves and the usual filled band, in few words for names of files."""
+    return (*(f"no {_label(name)}" for name in hidden), *([f"{LABELS[band]} band"] if band != usual else []))
+
+
 def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> str:
     """The approach whose band is filled and by which other predictions are: the recommended one, or as chosen."""
     chosen = st.session_state["band"]
     if chosen in predictions and predictions[chosen].draws_mps2 is not None:
         return str(chosen)
-    return recommended if recommended is not None and recommended in predictions else by_preference(predictions)[0]
+    return _usual_band(predictions, recommended)
 
 
 def choose_tests(view: View) -> tuple[tuple[str, ...], tuple[Further, ...]]:
@@ -121,10 +132,18 @@ def without_clicks(figure: go.Figure) -> go.Figure:
 def _choose_of(known: Sequence[str]) -> list[str]:
     chosen = kept_choice(
         "curves", known, st.pills, "Curves", selection_mode="multi", width="content",
-        format_func=lambda name: LABELS.get(name, "Test"),
+        format_func=_label,
         help="The choice stays, whatever else you change, and is in the link.",
     )  # fmt: skip
     return [name for name in known if name in chosen]
+
+
+def _label(curve: str) -> str:
+    return LABELS.get(curve, "Test")
+
+
+def _usual_band(predictions: Mapping[str, Prediction], recommended: str | None) -> str:
+    return recommended if recommended is not None and recommended in predictions else by_preference(predictions)[0]
 
 
 def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder: str) -> list[str]:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
+from crashfuse.ui.beside import unlike_usual
 from tests.ui.conftest import Session
 
 Visit = Callable[..., Session]
@@ -52,3 +53,26 @@ def test_hiding_every_curve_is_possible_and_said(visit: Visit) -> None:
     session.app.session_state["curves"] = []
     session.run()
     assert "No curve is chosen." in session.words
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_figures_of_other_curves_have_files_of_other_names(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same curves come to the same name, even if the band of the recommended approach is asked for by its name."""
+    names: list[str] = []
+    monkeypatch.setattr("crashfuse.ui.figures.offer_files", lambda _, caption, __: names.append(caption.name))
+    approaches = ["cae", "displacement_domain"]
+    session = predicted(visit("compare", campaign="campaign", approaches=approaches, test="T2"), "T2")
+    usual = names[-1]
+    session.app.session_state["band"] = "displacement_domain"
+    session.run()
+    assert names[-1] == usual
+    session.app.session_state["curves"] = ["displacement_domain"]
+    session.run()
+    assert names[-1] == usual.replace("pulses", "pulses-no-Test-no-CAE")
+
+
+def test_a_figure_with_another_filled_band_says_whose_it_is() -> None:
+    """Where it is the usual one and nothing is hidden, nothing is said."""
+    assert unlike_usual([], "time_domain", "fused") == ("Time domain band",)
+    assert unlike_usual(["test", "lf_tcn"], "fused", "fused") == ("no Test", "no LF TCN")
+    assert unlike_usual([], "fused", "fused") == ()

@@ -51,7 +51,7 @@ def show(comparison: Comparison) -> None:
         choice,
         comparison.key,
         curves.key,
-        name=shown,
+        name=" ".join([shown, *curves.unlike]),
         beside=curves.also,
     )
     st.caption(caption)

@@ -84,7 +84,7 @@ def _show_beside_the_cae(
         name,
         comparison.key,
         curves.key,
-        name=f"CAE and {LABELS[name]}",
+        name=" ".join([f"CAE and {LABELS[name]}", *curves.unlike]),
         beside=curves.also,
     )
     st.caption(_MEANING[name])

@@ -24,5 +24,5 @@ def show(answer: Answer) -> None:
         return without_clicks(drawn)
 
     alt = f"Prediction by every approach at {display.condition(condition)}: {shown.lower()}"
-    name = f"{condition.text} {shown.lower()}"
+    name = " ".join([condition.text, shown.lower(), *curves.unlike])
     show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)
