@@ -1,21 +1,30 @@
-"""Back, in the browser, returns to the view that was left."""
+"""Back, in the browser, returns to the view that was left; all moves of a slider in a row are one step."""
 
 import streamlit as st
 
 _JS = """
 // Streamlit opens a page in two steps of history, of which the first has the old page with the choices of the new one:
 // it gets back its own.
-const WITHIN_MS = 3000, push = history.pushState.bind(history);
+const WITHIN_MS = 3000, PAUSE_MS = 1500, push = history.pushState.bind(history);
 let last = {};
+const slid = (from, to) => {  // the one choice that differs between two views of a page, if a slider has the focus
+  const [before, after] = [from, to].map(view => view.searchParams);
+  const changed = [...new Set([...before.keys(), ...after.keys()])]
+    .filter(key => `${before.getAll(key)}` !== `${after.getAll(key)}`);
+  const slides = document.activeElement?.closest('[data-testid="stSlider"]');
+  return slides && from.pathname === to.pathname && changed.length === 1 ? changed[0] : null;
+};
 if (!window.crashfuseHistory) {
   window.crashfuseHistory = true;
   history.pushState = (state, title, url) => {
-    const from = location.href, to = new URL(url, from);
+    const from = location.href, to = new URL(url, from), slider = slid(new URL(from), to);
+    const since = last.to === from ? Date.now() - last.at : Infinity;
     const opens = to.pathname !== location.pathname && to.search === location.search;
-    const justNow = last.to === from && Date.now() - last.at < WITHIN_MS;
-    if (opens && justNow) history.replaceState(history.state, "", last.from);
-    push(state, title, url);
-    last = { from, to: location.href, at: Date.now() };
+    if (opens && since < WITHIN_MS) history.replaceState(history.state, "", last.from);
+    const goesOn = slider && slider === last.slider && since < PAUSE_MS;
+    if (goesOn) history.replaceState(state, title, url);
+    else push(state, title, url);
+    last = { from: goesOn ? last.from : from, to: location.href, at: Date.now(), slider };
   };
 }
 export default () => {};

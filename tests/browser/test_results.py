@@ -86,6 +86,41 @@ def presses(user: "User", slider: "WebElement", key: str) -> None:
     ActionChains(user.browser).send_keys(key).perform()
 
 
+def test_all_moves_of_a_slider_in_a_row_are_one_step_for_back(small_server: "Server", user: "User") -> None:
+    """Another slider is another step, and so is a speed that is typed."""
+    user.sits_at(1440, 1000)
+    user.open(small_server, "predict", approaches=QUICK)
+    user.starts("Predict", FIGURE)
+    user.fill("Impact speed (mph)", "31.5")
+    user.wait(lambda: "speed_mph=31.5" in user.browser.current_url)
+    user.find('[aria-label*="31.5 mph, front"]')
+    speed, weight = user.browser.find_elements(By.CSS_SELECTOR, '[data-testid="stSlider"] input')[:2]
+    assert steps_of(user, speed, "speed_mph", ("31.6", "31.7", "31.8")) == 1
+    assert steps_of(user, weight, "front_weight_lb", ("2010", "2020")) == 1
+    for seen in ("speed_mph=31.8", "speed_mph=31.5", ""):
+        user.browser.back()
+        user.wait(lambda seen=seen: seen in user.browser.current_url)  # type: ignore[misc]
+        user.wait(lambda: "front_weight_lb" not in user.browser.current_url)
+    user.wait(lambda: "speed_mph" not in user.browser.current_url)
+
+
+def steps_of(user: "User", slider: "WebElement", name: str, values: tuple[str, ...]) -> int:
+    """How many steps the browser remembers of moves of a slider, each written to the address as Streamlit writes it.
+
+    All at one moment, whatever else this machine does.
+    """
+    moves = (
+        "const [slider, name, values] = arguments, before = history.length, here = new URL(location.href);"
+        "slider.focus();"
+        "for (const value of values) {"
+        "  here.searchParams.set(name, value);"
+        "  history.pushState(history.state, '', here.search);"
+        "}"
+        "return history.length - before"
+    )
+    return int(user.browser.execute_script(moves, slider, name, values))
+
+
 def test_predict_answers_another_speed_at_once(small_server: "Server", user: "User") -> None:
     """The figure, within 350 px, follows number field and slider, and they each other; so do the links and Back.
 
