@@ -37,9 +37,8 @@ def tell_missing(offered: Mapping[str, StudyConfig], test_id: str) -> None:
     """Say that settings were chosen, for another test or by a link, with which this test was not predicted."""
     asked = {name for name in st.session_state["also"] if name.startswith(_PREFIX)}
     if asked - {*offered, _text(chosen_config())}:
-        st.caption(
-            f"With other settings chosen under Also show, {plain(test_id)} has not been predicted here yet, or comes out the same."
-        )
+        said = "has not been predicted here yet, or comes out the same"
+        st.caption(f"With other settings chosen under Also show, {plain(test_id)} {said}.")
 
 
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
