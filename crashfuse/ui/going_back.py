@@ -6,16 +6,19 @@ _JS = """
 // Streamlit opens a page in two steps of history, of which the first has the old page with the choices of the new one:
 // it gets back its own.
 const WITHIN_MS = 3000, PAUSE_MS = 1500, push = history.pushState.bind(history);
-let last = {};
-const slid = (from, to) => {  // the one choice that differs between two views of a page, if a slider has the focus
+let last = {}, touched = null;
+const slid = (from, to) => {  // the one choice that differs between two views of a page, if a slider was touched last
+  if (!touched?.closest?.('[data-testid="stSlider"]') || from.pathname !== to.pathname) return null;
   const [before, after] = [from, to].map(view => view.searchParams);
   const changed = [...new Set([...before.keys(), ...after.keys()])]
     .filter(key => `${before.getAll(key)}` !== `${after.getAll(key)}`);
-  const slides = document.activeElement?.closest('[data-testid="stSlider"]');
-  return slides && from.pathname === to.pathname && changed.length === 1 ? changed[0] : null;
+  return changed.length === 1 ? changed[0] : null;
 };
 if (!window.crashfuseHistory) {
   window.crashfuseHistory = true;
+  for (const kind of ["keydown", "pointerdown"]) {
+    document.addEventListener(kind, event => { touched = event.target; }, true);
+  }
   history.pushState = (state, title, url) => {
     const from = location.href, to = new URL(url, from), slider = slid(new URL(from), to);
     const since = last.to === from ? Date.now() - last.at : Infinity;

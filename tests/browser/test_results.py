@@ -109,16 +109,16 @@ def steps_of(user: "User", slider: "WebElement", name: str, values: tuple[str, .
 
     All at one moment, whatever else this machine does.
     """
+    presses(user, slider, Keys.SHIFT)
     moves = (
-        "const [slider, name, values] = arguments, before = history.length, here = new URL(location.href);"
-        "slider.focus();"
+        "const [name, values] = arguments, before = history.length, here = new URL(location.href);"
         "for (const value of values) {"
         "  here.searchParams.set(name, value);"
         "  history.pushState(history.state, '', here.search);"
         "}"
         "return history.length - before"
     )
-    return int(user.browser.execute_script(moves, slider, name, values))
+    return int(user.browser.execute_script(moves, name, values))
 
 
 def test_predict_answers_another_speed_at_once(small_server: "Server", user: "User") -> None:
