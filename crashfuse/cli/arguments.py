@@ -91,9 +91,7 @@ def parser() -> argparse.ArgumentParser:
         help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
         "(default: both, but only test with --held-out or --preset paper)",
     )
-    study.add_argument(
-        "--report", choices=("whole", "short"), default="whole", help="report.html in whole (default) or on three pages"
-    )
+    _add_report(study)
     _add_workers(study)
     _add_units(study)
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
@@ -139,6 +137,7 @@ def parser() -> argparse.ArgumentParser:
     predict = command("predict", models.predict, "predict the pulse at a condition that was never tested")
     add_axes(predict, AXES, required=True)
     _add_prediction_options(predict)
+    _add_report(predict)
     outgoing.add_options(predict, "isomme")
 
     train = command("train", models.train, "learn from all tests and CAE runs and save the models")
@@ -168,6 +167,12 @@ def parser() -> argparse.ArgumentParser:
     listing.set_defaults(run=history.studies)
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
+
+
+def _add_report(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--report", choices=("whole", "short"), default="whole", help="report.html in whole (default) or on three pages"
+    )
 
 
 def _add_units(parser: argparse.ArgumentParser) -> None:

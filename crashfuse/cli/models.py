@@ -52,7 +52,9 @@ def predict(arguments: argparse.Namespace) -> None:
     fits = _fits(arguments, campaign)
     estimates = estimates_at(fits, condition)
     with replacing(arguments.out, "prediction"):
-        metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out, export, display)
+        metrics = write_prediction(
+            campaign, estimates, fits[0].config, arguments.out, export, display, arguments.report
+        )
     keep(PastResult.of_prediction(campaign, estimates, fits[0].config))
     shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
     print(shown.to_string(index=False, na_rep="", float_format="{:.4g}".format))

@@ -32,7 +32,7 @@ from crashfuse.reporting.report import (
     study_report,
     sweep_report,
 )
-from crashfuse.reporting.report.options import ReportOptions
+from crashfuse.reporting.report.options import ReportForm, ReportOptions
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost
@@ -97,6 +97,7 @@ def write_prediction(
     folder: str | Path,
     export: PulseExport = PulseExport(),
     display: Display = DEFAULT,
+    report: ReportForm = "whole",
 ) -> pd.DataFrame:
     """Write the prediction at one new condition; returns the metrics.
 
@@ -112,7 +113,7 @@ def write_prediction(
         If there are fewer draws than are to be exported.
     """
     prediction = PredictedPulse(campaign, tuple(estimates))
-    _write(_PREDICTION, folder, prediction, config, export.files(campaign, estimates), display)
+    _write(_PREDICTION, folder, prediction, config, export.files(campaign, estimates), display, report)
     return prediction.metrics
 
 
@@ -197,12 +198,12 @@ _STUDY: Mapping[str, Callable[[Study, Display, ReportOptions], Content]] = {
     "report.html": lambda *result: study_report(*result).encode(),
     "study.json": lambda study, *_: _json(study_record(study)),
 }
-_PREDICTION: Mapping[str, Callable[[PredictedPulse, StudyConfig, PulseFiles, Display], Content]] = {
+_PREDICTION: Mapping[str, Callable[[PredictedPulse, StudyConfig, PulseFiles, Display, ReportForm], Content]] = {
     "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
     "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
     "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
-    "report.html": lambda prediction, config, _, display: prediction_report(
-        prediction.campaign, prediction.estimates, config, display
+    "report.html": lambda prediction, config, _, display, form: prediction_report(
+        prediction.campaign, prediction.estimates, config, display, form=form
     ).encode(),
     **{f"{name}/": (lambda *result, name=name: result[2].get(name)) for name in PULSE_FORMATS},
     "prediction.json": lambda prediction, config, *_: _json(

@@ -105,7 +105,7 @@ CHOICES: dict[str, Choice] = {
     "study_tab": Choice(pages=("study",)),
     "ways": Choice(pages=("study",)),
     "cost": Choice(float, pages=("study",)),
-    "report_form": Choice(str, "whole", REPORT_FORMS, ("compare", "study")),
+    "report_form": Choice(str, "whole", REPORT_FORMS, ("compare", "study", "predict")),
     "report_tests": Choice(tuple, (), pages=("study",), of_campaign=True),
     "predict_tab": Choice(pages=("predict",)),
     "predicted": Choice(pages=("predict",)),

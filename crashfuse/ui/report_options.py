@@ -10,20 +10,27 @@ from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.notes import notes_of
 
 _LABELS: dict[ReportForm, str] = {"whole": "Whole", "short": "Short"}
-_HELP = (
-    "Short: two or three pages with the recommendation, all ratings and the test that was predicted worst. Whole: each "
-    "test, the data, the method and its settings, too. Both in the units and the window of the pages."
+_HELP = "Short: two or three pages with {}. Whole: {}, too. Both in the units and the window of the pages."
+_OF_STUDY = (
+    "the recommendation, all ratings and the test that was predicted worst",
+    "each test, the data, the method and its settings",
 )
+
+
+def choose_form(short: str, whole: str) -> ReportForm:
+    """Ask for the form of the report, and tell what it then has."""
+    st.segmented_control(
+        "Report", REPORT_FORMS, required=True, format_func=_LABELS.__getitem__,
+        key="report_form", persist_state="session", help=_HELP.format(short, whole),
+    )  # fmt: skip
+    form: ReportForm = st.session_state["report_form"]
+    return form
 
 
 def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report and, of several tests, which are shown one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.segmented_control(
-            "Report", REPORT_FORMS, required=True, format_func=_LABELS.__getitem__,
-            key="report_form", persist_state="session", help=_HELP,
-        )  # fmt: skip
-        form: ReportForm = st.session_state["report_form"]
+        form = choose_form(*_OF_STUDY)
         shown: list[str] = []
         if len(tests) > 1:
             shown = kept_choice(

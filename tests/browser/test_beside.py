@@ -62,7 +62,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one.
 
     The figure stays within 350 px, outside the CAE runs, too; of three bands one is filled. Compare shows a pinned
-    prediction beside its test, if asked.
+    prediction beside its test, if asked. The report is short, if that is chosen.
     """
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", **ONE, speed_mph="30")
@@ -98,6 +98,13 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     report = user.downloads_file("report.html")
     assert "Beside other conditions: Displacement domain" in report
     assert "Difference, 34.0 mph" in report
+    assert "Method and settings" in report
+    user.press("Short", PILL)
+    user.wait(lambda: "report_form=short" in user.browser.current_url)
+    user.press("report.html", '[data-testid="stDownloadButton"] button')
+    short = user.arrived("-short_report.html").read_text(encoding="utf-8")
+    assert "Difference, 34.0 mph" in short
+    assert "Method and settings" not in short
     user.press("2 pinned", f"{MAIN} button")
     user.press("34.0 mph", '[data-testid="stPopoverBody"] button')
     user.wait(lambda: "34mph" not in user.browser.current_url)

@@ -228,6 +228,19 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
 
 
+def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campaign) -> None:
+    """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one."""
+    here, *pinned = ([estimate(test)] for test in campaign.tests[:2])
+    text = prediction_report(campaign, here, CONFIG, pinned=pinned, form="short")
+    assert figures(text) == 2
+    for kept in ("Expected over 0–60 ms", "Pulse metric", "Beside other conditions", "Limits</h2>", "--speed-mph 15 "):
+        assert kept in text
+    for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
+        assert left not in text
+    with pytest.raises(UsageError, match="whole"):
+        prediction_report(campaign, here, CONFIG, form="brief")  # type: ignore[arg-type]
+
+
 def test_pinned_predictions_look_as_on_the_page(campaign: Campaign) -> None:
     """The condition itself has the colour of its approach, the pinned ones those of curves that are put beside."""
     here, *pinned = ([estimate(test)] for test in campaign.tests[:3])

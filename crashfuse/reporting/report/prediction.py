@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.errors import one_of
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
+from crashfuse.reporting.report.options import ReportForm
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import details
 from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
@@ -35,17 +37,25 @@ def prediction_report(
     config: StudyConfig,
     display: Display = DEFAULT,
     pinned: Sequence[Sequence[Estimate]] = (),
+    form: ReportForm = "whole",
 ) -> str:
     """HTML report of a prediction, from one estimate per approach at one condition.
 
-    ``pinned`` are estimates by the same approaches at further conditions, which the report shows beside it.
+    ``pinned`` are estimates by the same approaches at further conditions, which the report shows beside it. A short
+    report has recommendation, pulses, metrics and limits on two or three pages.
+
+    Raises
+    ------
+    UsageError
+        If there is no such form.
     """
     condition = estimates[0].prediction.condition
     prediction = PredictedPulse(campaign, tuple(estimates))
     advice = recommend_for(estimates, campaign, condition)
     further = [other[0].prediction.condition for other in pinned]
+    whole = one_of("form of a report", form, {"whole": True, "short": False})
     return render(
-        "prediction",
+        "prediction" if whole else "short_prediction",
         f"prediction at {display.condition(condition)}",
         campaign,
         config,
@@ -58,7 +68,7 @@ def prediction_report(
         over_displacement=prediction.plot("displacement", display=display),
         beside=pinned and _beside(campaign, [estimates, *pinned], advice.approach, display),
         about=details(campaign, estimates, display),
-        bias=campaign.plot("bias", display=display),
+        **({"bias": campaign.plot("bias", display=display)} if whole else {}),
     )
 
 

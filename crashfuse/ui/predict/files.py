@@ -8,6 +8,7 @@ from crashfuse.reporting.side_by_side import conditions_table
 from crashfuse.ui.downloads import download_bytes, download_report, download_table
 from crashfuse.ui.occupant_model import offer_pulses
 from crashfuse.ui.predict.answer import Answer
+from crashfuse.ui.report_options import choose_form
 
 
 def show(answer: Answer) -> None:
@@ -15,6 +16,10 @@ def show(answer: Answer) -> None:
     campaign, estimates, config = answer.campaign, answer.estimates, answer.config
     prediction, pinned = answer.prediction, answer.pinned
     of = f"{campaign.name} {answer.view.display.briefly(answer.condition)}"
+    form = choose_form(
+        "recommendation, pulses, metrics and limits",
+        "the pulse over displacement, how the fits went, the data, the method and its settings",
+    )
     with st.container(horizontal=True):
         download_table("pulses.csv", lambda: prediction.pulses, of)
         download_table("metrics.csv", lambda: prediction.metrics, of)
@@ -22,6 +27,9 @@ def show(answer: Answer) -> None:
             download_table("side_by_side.csv", lambda: conditions_table([estimates, *pinned]), of)
         download_bytes("pulses.parquet", lambda: parquet_bytes(prediction.pulses), of)
         if answer.whole:
-            download_report(lambda: prediction_report(campaign, estimates, config, answer.view.display, pinned), of)
+            display = answer.view.display
+            download_report(
+                lambda: prediction_report(campaign, estimates, config, display, pinned, form), f"{of} {form}"
+            )
     if answer.recommended is not None:
         offer_pulses(campaign, estimates, answer.recommended, config.seed)
