@@ -363,6 +363,9 @@ def test_predict_writes_pulses_metrics_and_report(
     assert said.endswith(f"Written to {out}: {files_said}\n")
     assert all(list(out.glob(part)) for part in set(RESULT_FILES["prediction"]) - {"lsdyna/", "radioss/"})
     assert "Extrapolation: front weight 2400 lb" in (out / "report.html").read_text()
+    assert "Method and settings" in (out / "report.html").read_text()
+    assert cli.main([*command, "--approach", "cae", "displacement_domain", "--report", "short"]) == cli.DONE
+    assert "Method and settings" not in (out / "report.html").read_text()
 
 
 def test_predict_takes_factors_that_tests_have_and_no_others(

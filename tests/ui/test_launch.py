@@ -120,7 +120,7 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
             time.sleep(0.1)
         answered = _answers(port)
         here, proxied = f"localhost:{port}", "localhost"
-        asked_by = [
+        asked_by: list[tuple[str, str | None]] = [
             (host, f"http://{page}") for host in (here, f"127.0.0.1:{port}", _ELSEWHERE) for page in _pages(port)
         ]
         asked_by += [(here, None), (here, "null"), (here, _CONFIGURED), (proxied, f"https://{proxied}")]
