@@ -1,16 +1,16 @@
 """How often verdicts are wrong: ``python benchmarks/certification.py --vehicles 4``.
 
 Each seed is another synthetic vehicle (``benchmarks/vehicles.py``), a sister of the sample's, tested at the eleven
-conditions of Zeng et al. 2023, Table 1, or one of any kind; other numbers of tests, and those of any kind, lie evenly
-over speed. The limits lie in the middle of what occurs at 60 further conditions, so that guessing is wrong half the
-time; every verdict is compared with a test that nothing was learned from. Printed: coverage and width of the metrics'
-intervals, verdicts by kind and how many were wrong, Brier scores beside those of the raw CAE with its own error as
-band, the probabilities in bins, and seconds.
+conditions of Zeng et al. 2023, Table 1, or one of any kind, with a calibrated CAE model or not; other numbers of tests,
+and those of any kind, lie evenly over speed. The limits lie in the middle of what occurs at 60 further conditions, so
+that guessing is wrong half the time; every verdict is compared with a test that nothing was learned from. Printed:
+coverage and width of the metrics' intervals, verdicts by kind and how many were wrong, Brier scores beside those of the
+raw CAE with its own error as band, the probabilities in bins, and seconds.
 """
 
 import argparse
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -33,6 +33,8 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.synthetic.sample import TABLE_1
 from crashfuse.units import LB, MPH
 
+_SISTER = "sister"
+_KINDS: dict[str, Callable[[int], World]] = {_SISTER: World.of, "any": World.any, "calibrated": World.calibrated}
 _N_NEW = 60
 _METRICS = tuple(METRIC_LABELS)
 LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
@@ -42,10 +44,10 @@ _QUANTILES = (0.5, 0.75, 0.9)
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
-def _vehicle(seed: int, n_tests: int, any_kind: bool) -> tuple[Campaign, tuple[CrashTest, ...]]:
+def _vehicle(seed: int, n_tests: int, kind: str) -> tuple[Campaign, tuple[CrashTest, ...]]:
     """A campaign of a random vehicle, and further tests of it."""
-    world, rng = World.any(seed) if any_kind else World.of(seed), np.random.default_rng([seed, 9])
-    if n_tests == len(TABLE_1) and not any_kind:
+    world, rng = _KINDS[kind](seed), np.random.default_rng([seed, 9])
+    if n_tests == len(TABLE_1) and kind == _SISTER:
         conditions = [Condition(speed * MPH, front * LB, rear * LB) for speed, front, rear, *_ in TABLE_1]
     else:
         conditions = world.over_speed(rng, n_tests)
@@ -185,7 +187,7 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, default=4)
     parser.add_argument("--first", type=int, default=301, help="seed of the first vehicle")
     parser.add_argument("--tests", type=int, default=len(TABLE_1))
-    parser.add_argument("--any", action="store_true", help="vehicles of any kind instead of sisters of the sample's")
+    parser.add_argument("--kind", choices=list(_KINDS), default=_SISTER, help="of vehicle")
     parser.add_argument("--approach", default="fused")
     parser.add_argument("--campaign", nargs="+", default=[], help="campaign folders: their own records instead")
     given = parser.parse_args()
@@ -195,7 +197,7 @@ def main() -> None:
         return
     tables, whole = zip(
         *(
-            _judged(seed, *_vehicle(seed, given.tests, given.any), given.approach)
+            _judged(seed, *_vehicle(seed, given.tests, given.kind), given.approach)
             for seed in range(given.first, given.first + given.vehicles)
         ),
         strict=True,

@@ -2,7 +2,8 @@
 
 ``World.of`` draws a sister of the sample campaign's vehicle. ``World.any`` draws one of many kinds: small cars to
 pickup trucks, soft or stiff, engines that reach the barrier early, late or never, few long folds or many short ones,
-CAE models that are nearly right or far off, and on some vehicles folds that begin elsewhere in each crash.
+CAE models that are nearly right or far off, and on some vehicles folds that begin elsewhere in each crash. Their models
+know no rates and are too soft; those of ``World.calibrated`` were made to crush as far as the vehicle at its top speed.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,6 +13,7 @@ from typing import Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import brentq
 from scipy.stats import qmc
 
 from crashfuse.cae_library import CaeLibrary
@@ -19,6 +21,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.study.next_test import ConditionRange
 from crashfuse.synthetic.models import CAE_MODEL, SENSOR_NOISE_MPS2, TRUTH, scattered
@@ -80,12 +83,20 @@ class World:
         folding = float(np.exp(rng.normal(np.log(0.012), 0.5))) if folds else 0.0
         scatter = float(np.exp(0.4 * rng.standard_normal()))
         conditions = _spread_out(low * [0.7, 1, 1], high, n_runs or int(np.exp(rng.uniform(4.25, 6.0))), seed)
-        streams = [np.random.default_rng([seed, 8, i]) for i in range(len(conditions))]
-        # a CAE model's folds do not vary with the specimen, but with the condition they begin elsewhere, too
-        runs = [folded_elsewhere(model, 0.3 * folding, own) for own in streams] if folds else [model]
         reach = ConditionRange(Condition(*low.tolist()), Condition(*high.tolist()))
-        cae = _library(recorded(runs, conditions, None), conditions)
-        return cls(model, truth, cae, seed, reach, scatter, folding)
+        return cls(model, truth, _runs(model, conditions, folding, seed), seed, reach, scatter, folding)
+
+    @classmethod
+    def calibrated(cls, seed: int) -> Self:
+        """The vehicle of :meth:`any`, its CAE model's forces scaled to the vehicle's crush at the top speed."""
+        world = cls.any(seed)
+        low, high = world.range.low, world.range.high
+        fast = Condition(high.speed_mps, *(0.5 * (low.vector + high.vector)[1:]).tolist())
+        share = brentq(
+            lambda own: _crush(_stronger(world.model, own), fast) - _crush(world.truth, fast), 0.3, 3, xtol=1e-3
+        )
+        model = _stronger(world.model, share)
+        return replace(world, model=model, cae=_runs(model, world.cae.conditions, world.folding_m, seed))
 
     def conditions(self, rng: np.random.Generator, n: int) -> list[Condition]:
         """Draw conditions at random in the range."""
@@ -146,6 +157,26 @@ def _another(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
 def _by_zone(vehicle: Vehicle, changed: Callable[[CrushZone], CrushZone]) -> Vehicle:
     rails, shell, engine, firewall = map(changed, (vehicle.rails, vehicle.shell, vehicle.engine, vehicle.firewall))
     return replace(vehicle, rails=rails, shell=shell, engine=engine, firewall=firewall)
+
+
+def _stronger(vehicle: Vehicle, share: float) -> Vehicle:
+    def zone(old: CrushZone) -> CrushZone:
+        forces = tuple((share * np.array(old.force_n)).tolist())
+        return replace(old, force_n=forces, unloading_npm=old.unloading_npm * max(share, 1))
+
+    return _by_zone(vehicle, zone)
+
+
+def _crush(vehicle: Vehicle, condition: Condition) -> float:
+    pulses = recorded([vehicle], [condition], None)
+    return float(metric_values(pulses[0], condition.speed_mps)["max_crush"])
+
+
+def _runs(model: Vehicle, conditions: tuple[Condition, ...], folding_m: float, seed: int) -> CaeLibrary:
+    """CAE runs: folds do not vary with the specimen, but with the condition they begin elsewhere, too."""
+    streams = [np.random.default_rng([seed, 8, i]) for i in range(len(conditions))]
+    models = [folded_elsewhere(model, 0.3 * folding_m, own) for own in streams] if folding_m else [model]
+    return _library(recorded(models, conditions, None), conditions)
 
 
 def scattered_about(rng: np.random.Generator, value: float, spread: float) -> float:
