@@ -137,8 +137,12 @@ class Certification:
 
     @cached_property
     def counted_once(self) -> dict[str, str]:
-        """Conditions that are another one by :meth:`Matrix.alike`, one that was run or need not be first."""
-        return self.matrix.alike((*self.run, *self.waived))
+        """Conditions that are another one by :meth:`Matrix.alike`: one that still takes a test first, then one run.
+
+        So one that need not be run saves nothing beside one that takes a test; and this is none of those that were run.
+        """
+        run, waived = self.run, self.waived
+        return self.matrix.alike([i for i in self.matrix.ids if i not in run and i not in waived], list(run))
 
     @property
     def saved(self) -> tuple[int, int]:

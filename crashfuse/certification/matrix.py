@@ -72,17 +72,20 @@ class Matrix:
             near = sorted(np.flatnonzero(away <= 1).tolist(), key=away.__getitem__)
             yield test, [place for place in near if self.conditions[place].may_be(test.condition)]
 
-    def alike(self, first: Iterable[str] = ()) -> dict[str, str]:
+    def alike(self, *groups: Sequence[str]) -> dict[str, str]:
         """Conditions that are another one up to 1 km/h and 2 % of each weight, with that one's id.
 
-        Those that come ``first`` stand for others, then those that stand first in the matrix.
+        Those of the groups stand for others in their order, then those that stand first in the matrix. No condition of
+        one group is one of another group.
         """
         conditions, planned = dict(self.items), self._vectors
+        group = {i: place for place, ids in enumerate(groups) for i in ids}
         found: dict[str, str] = {}
-        for i in (*first, *self.ids):
+        for i in (*group, *self.ids):
             if i not in found:
                 near = (self.ids[place] for place in np.flatnonzero(_away(conditions[i], planned) <= 1))
-                found |= {own: i for own in near if own not in found and conditions[own].may_be(conditions[i])}
+                own = [other for other in near if group.get(other, group.get(i)) == group.get(i)]
+                found |= {other: i for other in own if other not in found and conditions[other].may_be(conditions[i])}
         return {i: other for i, other in found.items() if i != other}
 
     @property

@@ -138,6 +138,7 @@ def test_conditions_within_the_tolerance_of_a_test_are_one() -> None:
     matrix = Matrix(tuple(speeds), tuple(replace(here, speed_mps=v) for v in speeds.values()))
     assert matrix.alike() == {"B": "A", "D": "C"}
     assert matrix.alike(["D", "B"]) == {"A": "B", "C": "D", "E": "D"}
+    assert matrix.alike(["D"], ["C", "B"]) == {"A": "B", "E": "D"}
     heavier = replace(here, front_weight_kg=900.0 * 1.021)
     drives = [replace(here, factors=(("drive", drive),)) for drive in ("FWD", "AWD")]
     assert Matrix(tuple("ABC"), (heavier, *drives)).alike() == {}

@@ -308,6 +308,18 @@ def test_conditions_that_are_one_are_one_test_that_need_not_be_run(certification
     assert "counted once" not in " ".join(summary(certification))
 
 
+def test_a_test_that_is_needed_is_not_one_that_need_not_be_run(certification: Certification) -> None:
+    """Who runs it runs the condition beside it, too, which so saves nothing; one run beside it does not settle it."""
+    many = matrix(certification.campaign, 20.0, 20.3, 20.6, 30.0)
+    met = tuple(replace(own, word="met", probability=1.0) for own in certification.verdicts[0])
+    unsettled = tuple(replace(own, word="open", probability=0.5) for own in met)
+    found = replace(certification, matrix=many, verdicts=(met, unsettled, met, met))
+    assert (found.counted_once, found.saved) == ({"M20": "M20.3", "M20.6": "M20.3"}, (1, 2))
+    ran = tuple(replace(own, run={"T1": 1.0}) for own in met)
+    found = replace(certification, matrix=many, verdicts=(ran, unsettled, met, met))
+    assert (found.counted_once, found.saved) == ({"M20.6": "M20.3"}, (1, 3))
+
+
 def test_a_condition_that_was_run_is_told_by_what_it_showed(certification: Certification) -> None:
     """Not among those that a test would miss: the test did."""
     first, second, third = certification.verdicts
