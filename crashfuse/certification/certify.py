@@ -11,7 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import Earlier
-from crashfuse.certification.evidence import held
+from crashfuse.certification.evidence import held, run_at
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
@@ -90,7 +90,7 @@ class Certification:
         earlier.require_of(self.campaign)
         since = TestedSince(earlier, self.campaign)
         record = replace(self.record, since=since.trials(self.criteria))
-        rows = held(self.judged, self.matrix.run(self.campaign.tests), self.criteria, record)
+        rows = held(self.judged, run_at(self.campaign, self.matrix), self.criteria, record)
         gone = [since.gone_at(condition) for condition in self.matrix.conditions]
         verdicts = tuple(
             tuple(beside_gone_tests(own, tests) for own in row) for row, tests in zip(rows, gone, strict=True)
@@ -224,7 +224,7 @@ def certify_matrix(
         forecasts |= known.all(cells, place, _JUDGE)
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     record = record_of(campaign, criteria, approach, forecasts)
-    domain, run = Domain.of(campaign), matrix.run(campaign.tests)
+    domain, run = Domain.of(campaign), run_at(campaign, matrix)
     judged = tuple(
         judge(forecasts[cell], cell.condition, criteria, domain.outside(cell.condition), was_run=bool(tests))
         for cell, tests in zip(cells, run, strict=True)

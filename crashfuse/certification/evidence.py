@@ -3,11 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria
+from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.support import Support
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, beside_tests
+from crashfuse.condition import Condition
 from crashfuse.wording import joined
+
+
+def run_at(campaign: Campaign, matrix: Matrix) -> tuple[tuple[str, ...], ...]:
+    """By condition of a matrix the ids of the tests of a campaign that were run there, by :meth:`Matrix.run`."""
+    return matrix.run((test.id, test.condition) for test in campaign.tests)
 
 
 def held(
@@ -30,10 +38,13 @@ def _beside_tests(verdict: Verdict, run: Sequence[str], record: TrackRecord) -> 
     if not run:
         return verdict
     measured: dict[str, float | None] = dict.fromkeys(run)
+    off: dict[str, Condition] = {}
     for trial in record.trials:
         if trial.held_out in measured and trial.left_out == "test" and trial.verdict.criterion == verdict.criterion:
             measured[trial.held_out] = trial.measured
-    return beside_tests(verdict, measured)
+            if not trial.verdict.condition.is_at(verdict.condition):
+                off[trial.held_out] = trial.verdict.condition
+    return beside_tests(verdict, measured, off)
 
 
 def _supported(verdict: Verdict, support: Support, confidence: float) -> Verdict:

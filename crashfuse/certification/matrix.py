@@ -12,7 +12,6 @@ import pandas as pd
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.frames import in_memory
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError, shortened
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.signals.pulse import FloatArray
@@ -51,26 +50,26 @@ class Matrix:
         """Each condition with its id."""
         return tuple(zip(self.ids, self.conditions, strict=True))
 
-    def made_for(self, tests: Iterable[CrashTest]) -> dict[str, str]:
+    def made_for(self, tests: Iterable[tuple[str, Condition]]) -> dict[str, str]:
         """The condition that each test was made for: the nearest up to 1 km/h and 2 % of each weight away, by id."""
-        return {test.id: self.ids[near[0]] for test, near in self._near(tests) if near}
+        return {test: self.ids[near[0]] for test, _, near in self._near(tests) if near}
 
-    def run(self, tests: Iterable[CrashTest]) -> tuple[tuple[str, ...], ...]:
+    def run(self, tests: Iterable[tuple[str, Condition]]) -> tuple[tuple[str, ...], ...]:
         """By condition the ids of the tests that were made for it, or are at it although another one is nearer."""
         found: list[list[str]] = [[] for _ in self.ids]
-        for test, near in self._near(tests):
+        for test, there, near in self._near(tests):
             for place in near:
-                if place == near[0] or test.condition.is_at(self.conditions[place]):
-                    found[place].append(test.id)
+                if place == near[0] or there.is_at(self.conditions[place]):
+                    found[place].append(test)
         return tuple(map(tuple, found))
 
-    def _near(self, tests: Iterable[CrashTest]) -> Iterator[tuple[CrashTest, list[int]]]:
+    def _near(self, tests: Iterable[tuple[str, Condition]]) -> Iterator[tuple[str, Condition, list[int]]]:
         """The places of the conditions that each test may have been made for, the nearest first."""
         planned = self._vectors
-        for test in tests:
-            away = _away(test.condition, planned)
+        for test, there in tests:
+            away = _away(there, planned)
             near = sorted(np.flatnonzero(away <= 1).tolist(), key=away.__getitem__)
-            yield test, [place for place in near if self.conditions[place].may_be(test.condition)]
+            yield test, there, [place for place in near if self.conditions[place].may_be(there)]
 
     def alike(self, *groups: Sequence[str]) -> dict[str, str]:
         """Conditions that are another one up to 1 km/h and 2 % of each weight, with that one's id.

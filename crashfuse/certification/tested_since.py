@@ -56,7 +56,7 @@ class TestedSince:
     @cached_property
     def _made_for(self) -> dict[str, str]:
         """The condition that each new test was made for, by its id then."""
-        return self.earlier.matrix.made_for(self.campaign.test(test) for test in self.new)
+        return self.earlier.matrix.made_for((test, self.campaign.test(test).condition) for test in self.new)
 
     @property
     def at(self) -> dict[str, str]:

@@ -99,16 +99,20 @@ def towards_half(probability: float) -> float:
     return (math.ceil(each - 1e-9) if probability < 0.5 else math.floor(each + 1e-9)) / 1000
 
 
-def beside_tests(verdict: Verdict, run: Mapping[str, float | None]) -> Verdict:
-    """The verdict beside what tests at its condition measured; open if one of them contradicts it."""
+def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
+    """The verdict beside what tests at its condition measured; open if one of them contradicts it.
+
+    ``off`` are the conditions of those that were not quite there.
+    """
     criterion = verdict.criterion
     did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
     met = {test: value is not None and criterion.is_met_by(value) for test, value in run.items()}
     told = [
-        Sentence(f"Test {{}} was run there {did} {{}}, which {'meets' if met[test] else 'misses'} it.", test, shown)
+        Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, criterion.shown(value), does)
         for test, value in run.items()
         if value is not None
-        for shown in [criterion.shown(value)]
+        for where in [Sentence("for it, at {},", off[test]) if test in off else "there"]
+        for does in ["meets" if met[test] else "misses"]
     ]
     against = [test for test, value in run.items() if value is not None and met[test] is not (verdict.word == "met")]
     word: Word = "open" if verdict.decided and against else verdict.word

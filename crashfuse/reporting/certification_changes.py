@@ -150,18 +150,27 @@ def _tested(changes: Changes) -> Iterator[str]:
         yield joined(["Tested since: ", joined(there, ", "), "."], "")
     elif since.new:
         yield "None of these tests was run where it judged a metric, so none tells whether its verdicts came true."
-    if turned := [
-        Sentence("{} {} {}", trial.held_out, own.name, measured_words(own, trial.measured, trial.shift))
-        for trial in since.latest
-        for own in [trial.verdict.criterion]
-        if trial.verdict.decided and own.is_met_by(trial.measured + trial.shift) is not trial.met
-    ]:
-        yield Sentence("Where a test was run decides whether its verdict came true: {}.", listed(turned))
+    yield from turned_by_the_move(changes)
     if since.repeats:
         known = [f"{i} (test {test})" for test, i in since.repeats.items()]
         yield f"Run where it knew a test already, and not counted: {listed(known)}."
     if since.elsewhere:
         yield f"Run at none of its conditions (to 1 km/h and 2 % of each weight): {listed(since.elsewhere)}."
+
+
+def turned_by_the_move(changes: Changes) -> Iterator[str]:
+    """Verdicts that a test contradicts at its condition and not where it was run, or the other way round."""
+    if turned := [
+        Sentence(
+            "{} {} ({}), said to be {}, {}, counts as {}",
+            trial.held_out, own.name, own.limits, trial.verdict.word,
+            measured_words(own, trial.measured, trial.shift), "wrong" if trial.wrong else "right",
+        )
+        for trial in changes.since.told
+        for own in [trial.verdict.criterion]
+        if trial.verdict.decided and own.is_met_by(trial.measured + trial.shift) is not trial.met
+    ]:  # fmt: skip
+        yield Sentence("Where a test was run decides whether its verdict came true: {}.", listed(turned))
 
 
 def _named(since: TestedSince, test: str) -> str:
@@ -251,8 +260,8 @@ def _changed(changes: Changes) -> Iterator[str]:
     gained = sum(now.decided and not before.decided for _, before, now in pairs)
     lost = sum(before.decided and not now.decided for _, before, now in pairs)
     yield (
-        f"Of {counted(len(pairs), 'verdict')} that both have, {same} are as they were; {gained} are decided since, "
-        f"{lost} no longer."
+        f"Of {counted(len(pairs), 'verdict')} that both have, as they were: {same}; decided since: {gained}; no "
+        f"longer decided: {lost}."
     )
     turned = [
         f"{cell.name} ({cell.criterion.name})"

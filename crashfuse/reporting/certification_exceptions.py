@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.reporting.certification_changes import gone_sentences, narrow_sentence, wrong_since
+from crashfuse.reporting.certification_changes import gone_sentences, narrow_sentence, turned_by_the_move, wrong_since
 from crashfuse.reporting.track_record_sentences import (
     brier_sentence,
     interval_sentence,
@@ -15,7 +15,7 @@ from crashfuse.reporting.track_record_sentences import (
     waived_sentence,
     wrong_sentences,
 )
-from crashfuse.wording import joined
+from crashfuse.wording import Sentence, joined
 
 UNSUPPORTED = "Criteria whose record does not support the confidence"
 UNTOUCHED = "Criteria whose limit no left-out test came near"
@@ -23,6 +23,7 @@ NOT_GIVEN, NOT_TOGETHER = "Conditions without a factor that the tests have", "Fa
 FEW = "Criteria whose own record does not support the confidence alone"
 NOT_USED = "Tests that are not used"
 NOT_USUAL = "Criteria by another occupant model than the usual one"
+MOVED = "Verdicts on tests run since that depend on how these were moved to their conditions"
 WRONG_SINCE, NARROW_SINCE = "Verdicts that tests run since contradict", "Intervals that tests run since contradict"
 
 
@@ -55,6 +56,7 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
         NOT_USUAL: tuple(_by_own_occupant(certification)),
         NOT_USED: tuple(_not_used(certification)),
         WRONG_SINCE: () if changes is None else tuple(wrong_since(changes)),
+        MOVED: () if changes is None else tuple(turned_by_the_move(changes)),
         NARROW_SINCE: () if changes is None else tuple(narrow_sentence(changes)),
         "Wrong verdicts on left-out tests": tuple(wrong_sentences(record)),
         "Intervals that left-out tests contradict": (
@@ -126,24 +128,31 @@ def _not_used(certification: Certification) -> Iterator[str]:
     """Tests at conditions of the matrix that nothing learned from."""
     since = certification.since
     told = set() if since is None else {own.test for own in since.gone_runs}
+    planned, unused = dict(certification.matrix.items), dict(certification.campaign.unused)
+
+    def off(i: str, name: str) -> str:
+        own = unused.get(name)
+        return "" if own is None or own.is_at(planned[i]) else Sentence("; at {}", own)
+
     for i, names in _unused_at(certification).items():
         if unknown := [name for name in names if name not in told]:
-            reasons = [f"{name} ({certification.campaign.reason_of(name)})" for name in unknown]
-            yield f"{i}: {listed(reasons)} was run there and is left out of use; what it showed is not in the verdicts."
+            reasons = [
+                Sentence("{} ({}{})", name, certification.campaign.reason_of(name), off(i, name)) for name in unknown
+            ]
+            said = "{}: {} was run there and is left out of use; what it showed is not in the verdicts."
+            yield Sentence(said, i, listed(reasons))
     if since is not None:
         yield from gone_sentences(since)
 
 
 def _unused_at(certification: Certification) -> dict[str, list[str]]:
     """Tests that were run at conditions of the matrix and that are not used, by the id of the condition."""
-    unused, since = certification.campaign.unused, certification.since
-    found = {}
-    for i, condition in certification.matrix.items:
+    matrix, since, found = certification.matrix, certification.since, {}
+    for (i, condition), unused in zip(matrix.items, matrix.run(certification.campaign.unused), strict=True):
         gone = () if since is None else since.gone_at(condition)
         used = certification.campaign.test_ids
         others = (f"{own.test} with another record" if own.test in used else own.test for own in gone)
-        there = *(test for test, own in unused if own.is_at(condition)), *others
-        if names := dict.fromkeys(there):
+        if names := dict.fromkeys((*unused, *others)):
             found[i] = list(names)
     return found
 

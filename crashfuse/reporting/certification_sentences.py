@@ -10,6 +10,7 @@ from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_changes import outcome_sentences, saved_and_missed
 from crashfuse.reporting.certification_exceptions import (
     FEW,
+    MOVED,
     NARROW_SINCE,
     NOT_GIVEN,
     NOT_TOGETHER,
@@ -41,13 +42,13 @@ def summary(certification: Certification) -> tuple[str, ...]:
     said = (matrix_sentence(certification), *to_test(certification), record_sentence(record), *brier_sentence(record))
     since = () if certification.since is None else outcome_sentences(Changes.of(certification))
     against = exceptions(certification)
-    told = NOT_USED, NOT_GIVEN, NOT_TOGETHER, UNSUPPORTED, UNTOUCHED, FEW
+    told = MOVED, NOT_USED, NOT_GIVEN, NOT_TOGETHER, UNSUPPORTED, UNTOUCHED, FEW
     return (*said, *since, *(sentence for subject in told for sentence in against.get(subject, ())))
 
 
 def beside_matrix(certification: Certification) -> tuple[str, ...]:
     """What stands beside the matrix: what came of it, what speaks against it, and why likely criteria are open."""
-    told, subjects = exceptions(certification), (WRONG_SINCE, NARROW_SINCE, NOT_USED, UNSUPPORTED)
+    told, subjects = exceptions(certification), (WRONG_SINCE, MOVED, NARROW_SINCE, NOT_USED, UNSUPPORTED)
     return (*to_test(certification), *(sentence for subject in subjects for sentence in told.get(subject, ())))
 
 

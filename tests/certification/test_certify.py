@@ -228,4 +228,6 @@ def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_littl
         assert found.run == {"P1": (test.id,)}
         assert not {"P1"} & {*found.waived}
     assert f"Run already: P1 (test {test.id}, at {test.condition}, which missed crush)." in list(to_test(found))
+    ran = f"Test {test.id} was run for it, at {test.condition}, and measured "
+    assert ran in found.verdicts[0][0].reason
     assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CONFIG, workers=1).run == {}

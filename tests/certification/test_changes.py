@@ -26,7 +26,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_changes import change_sentences, changes_table, saved_and_missed, shown_changes
 from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.certification_sentences import summary
+from crashfuse.reporting.certification_sentences import beside_matrix, summary
 from crashfuse.reporting.report import certification_report
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
@@ -91,7 +91,7 @@ def test_a_certification_beside_itself_says_that_nothing_changed(later: Certific
     told = said(changes)
     assert "it knew every test" in told
     assert "was run where it judged" not in told
-    assert f"Of {n} verdicts that both have, {n} are as they were" in told
+    assert f"Of {n} verdicts that both have, as they were: {n}; decided since: 0; no longer decided: 0." in told
     assert "otherwise" not in told
     assert "Not compared" not in told
 
@@ -457,6 +457,22 @@ def test_reasons_and_names_in_braces_are_told_as_they_are(later: Certification) 
     told = str(exceptions(replace(later, campaign=campaign).beside(before))["Tests that are not used"])
     assert "(bracket {left} loose); it missed crush {A} of the criteria" in told
     assert "was not measured" not in told
+    assert f"{second} (bracket {{left}} loose) was run there" in str(exceptions(replace(later, campaign=campaign)))
+
+
+def test_a_test_left_out_of_use_is_told_where_it_was_made_for_a_condition_though_a_little_off(
+    later: Certification,
+) -> None:
+    """Nobody gets rid of what it showed by a speed that was not quite met."""
+    second = later.campaign.test_ids[1]
+    here = later.campaign.test(second).condition
+    off = replace(here, speed_mps=here.speed_mps + 0.8 * KPH)
+    campaign = replace(later.campaign.without([second]), unused=((second, off),))
+    rows = tuple(tuple(replace(own, run={}) for own in row) for row in later.verdicts)
+    found = replace(later, campaign=campaign, verdicts=rows)
+    told = f"at {second}: {second} (no reason given; at {off}) was run there and is left out of use"
+    assert told in " ".join(exceptions(found)["Tests that are not used"])
+    assert f"run as {second}, not used" in " ".join(summary(found))
 
 
 def test_of_a_metric_that_was_not_asked_of_a_test_it_is_not_said_that_none_was_missed() -> None:
@@ -516,9 +532,9 @@ def test_what_a_test_off_its_condition_measured_is_moved_there_as_the_cae_model_
         assert (crush.wrong, peak.shift) == (False, 0)
         assert peak.measured == pytest.approx(raw["peak"])
     words = f"{limit.shown(raw['max_crush'])} ({limit.shown(crush.measured)} at its condition, by the CAE model)"
-    assert f"Where a test was run decides whether its verdict came true: {second} crush {words}." in said(
-        Changes.of(beside)
-    )
+    told = f"{second} crush ({limit.limits}), said to be met, {words}, counts as right."
+    for sentences in (change_sentences(Changes.of(beside)), summary(beside), beside_matrix(beside)):
+        assert f"Where a test was run decides whether its verdict came true: {told}" in sentences
     assert f"{second} {words}" in shown_changes(Changes.of(beside))["Measured since"].tolist()
     (row,) = changes_table(Changes.of(beside)).query("test != '' and criterion == 'crush'").to_dict("records")
     assert row["measured"] + row["shift"] == pytest.approx(raw["max_crush"])
