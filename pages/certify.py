@@ -13,6 +13,7 @@ from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.certify.matrix import choose_matrix
 from crashfuse.ui.certify.request import CertificationRequest
 from crashfuse.ui.computation import chosen_config
+from crashfuse.ui.notes import notes_of
 from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.tabs import show_tabs
 
@@ -67,4 +68,4 @@ if verdicts is None:
 verdicts = earlier.beside(verdicts, request.key)
 since = verdicts.certification.since
 key = request.key, None if since is None else since.earlier.digest
-show_tabs(TABS, Judgement(verdicts, config, view.display, key), key="certify_tab")
+show_tabs(TABS, Judgement(verdicts, config, view.display, notes_of(view), key), key="certify_tab")

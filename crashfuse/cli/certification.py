@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 def certify(arguments: argparse.Namespace) -> None:
     """Give a verdict on every criterion at every condition of a matrix."""
     from crashfuse.campaign_folder.load import load_campaign
+    from crashfuse.campaign_folder.notes import read_notes
     from crashfuse.certification import kept_files
     from crashfuse.certification.certify import APPROACH
     from crashfuse.certification.changes import Changes
@@ -37,7 +38,7 @@ def certify(arguments: argparse.Namespace) -> None:
     if arguments.since and arguments.out.resolve() in (arguments.since.resolve(), arguments.since.resolve().parent):
         raise UsageError(f"{arguments.out} holds the earlier certification; name another folder for --out.")
     earlier = read_earlier(arguments.since) if arguments.since else None
-    campaign = load_campaign(arguments.campaign)
+    campaign, notes = load_campaign(arguments.campaign), read_notes(arguments.campaign)
     criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     if earlier is not None:
         earlier.require_of(campaign)  # or another vehicle's would be told only once all is computed
@@ -51,7 +52,7 @@ def certify(arguments: argparse.Namespace) -> None:
     if earlier is not None:
         certification = certification.beside(earlier)
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
-        write_certification(certification, folder, display)
+        write_certification(certification, folder, display, notes=notes)
     alone = "" if earlier is not None else kept_files.beside_none(campaign)  # before this one is kept
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it

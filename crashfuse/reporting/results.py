@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.earlier import Earlier
@@ -148,11 +149,12 @@ def write_certification(
     folder: str | Path,
     display: Display = DEFAULT,
     since: str | Path | Earlier | None = None,
+    notes: Sequence[Note] = (),
 ) -> None:
     """Write ``certification.csv``, ``track_record.csv``, ``report.html`` and, last, ``certification.json``.
 
     ``since`` is an earlier certification's ``certification.json``, or its folder: ``changes.csv`` and the report then
-    tell what became of it.
+    tell what became of it. ``notes`` on the campaign's tests stand in the report.
 
     Raises
     ------
@@ -162,7 +164,7 @@ def write_certification(
         If there is no such earlier certification.
     """
     earlier = read_earlier(Path(since)) if isinstance(since, str | Path) else since
-    _write(_CERTIFICATION, folder, certification if earlier is None else certification.beside(earlier), display)
+    _write(_CERTIFICATION, folder, certification if earlier is None else certification.beside(earlier), display, notes)
 
 
 def write_learning_curve(
@@ -218,14 +220,14 @@ _NEXT_TESTS: Mapping[str, Callable[[NextTests, StudyConfig, Display], Content]] 
     "report.html": lambda *result: next_test_report(*result).encode(),
     "next_tests.csv": lambda ranking, *_: csv_bytes(ranking.table),
 }
-_CERTIFICATION: Mapping[str, Callable[[Certification, Display], Content]] = {
-    "certification.csv": lambda certification, _: csv_bytes(Verdicts(certification).table),
-    "track_record.csv": lambda certification, _: csv_bytes(Verdicts(certification).track_record),
-    "changes.csv": lambda certification, _: (
+_CERTIFICATION: Mapping[str, Callable[[Certification, Display, Sequence[Note]], Content]] = {
+    "certification.csv": lambda certification, *_: csv_bytes(Verdicts(certification).table),
+    "track_record.csv": lambda certification, *_: csv_bytes(Verdicts(certification).track_record),
+    "changes.csv": lambda certification, *_: (
         None if certification.since is None else csv_bytes(changes_table(Changes.of(certification)))
     ),
     "report.html": lambda *result: certification_report(*result).encode(),
-    "certification.json": lambda certification, _: certification_json(certification),
+    "certification.json": lambda certification, *_: certification_json(certification),
 }
 _LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None, Display], Content]] = {
     "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),

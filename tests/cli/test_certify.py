@@ -13,6 +13,7 @@ import pytest
 from crashfuse import cli
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.campaign_folder.notes import Note, write_notes
 from crashfuse.certification import kept_files
 from crashfuse.certification.criteria_file import criteria_of
 from crashfuse.certification.matrix import Matrix
@@ -46,10 +47,11 @@ CONTRACT += ["at_least", "at_most", "unit", "value", "lower", "upper", "probabil
 
 @pytest.fixture(scope="module")
 def planned(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The small campaign with criteria and a matrix, which no test changes."""
+    """The small campaign with criteria, a matrix and a note on a test, which no test changes."""
     folder = write_campaign(campaign, tmp_path_factory.mktemp("planned") / "campaign")
     (folder / "criteria.toml").write_text(CRITERIA, encoding="utf-8")
     (folder / "matrix.csv").write_text(MATRIX, encoding="utf-8")
+    write_notes(folder, [Note("T2", "bracket came loose", 30.0)])
     return folder
 
 
@@ -66,6 +68,7 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(
     assert certify(planned, tmp_path / "out") == cli.DONE
     names = {"certification.csv", "track_record.csv", "certification.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    assert "bracket came loose" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
     assert list(verdicts) == [*CONTRACT, "basis", "need_not_be_run", "all_met_at_least"]
     assert verdicts["id"].tolist() == [i for i in "ABC" for _ in range(3)]

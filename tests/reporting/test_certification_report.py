@@ -9,6 +9,7 @@ from markupsafe import escape
 
 from crashfuse import cli
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification, certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
@@ -306,6 +307,14 @@ def test_conditions_that_are_one_are_one_test_that_need_not_be_run(certification
     ran = tuple(replace(own, run={"T1": 1.0}) for own in met)
     assert replace(found, verdicts=(met, met, ran, met)).saved == (1, 2)
     assert "counted once" not in " ".join(summary(certification))
+
+
+def test_notes_on_tests_stand_in_the_dossier_as_text(certification: Certification) -> None:
+    """A reviewer has to know that an accelerometer came loose; without any there is no such section."""
+    notes = [Note("T2", "bracket <loose> at the tunnel", 30.0)]
+    report = certification_report(certification, notes=notes)
+    assert "<td>T2</td><td class=when>30 ms</td><td>bracket &lt;loose&gt; at the tunnel</td>" in report
+    assert "id=notes" not in certification_report(certification)
 
 
 def test_a_test_that_is_needed_is_not_one_that_need_not_be_run(certification: Certification) -> None:

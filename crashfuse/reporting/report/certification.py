@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 import pandas as pd
 import plotly.graph_objects as go
 
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criterion
@@ -39,8 +40,11 @@ _CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
 
 
-def certification_report(certification: Certification, display: Display = DEFAULT) -> str:
-    """HTML report of a certification, made for paper; with what became of an earlier one, if it is beside one."""
+def certification_report(certification: Certification, display: Display = DEFAULT, notes: Sequence[Note] = ()) -> str:
+    """HTML report of a certification, made for paper; with what became of an earlier one, if it is beside one.
+
+    ``notes`` are those on the campaign's tests, also on those that are left out of use.
+    """
     changes = None if certification.since is None else Changes.of(certification)
     campaign, criteria, record = certification.campaign, certification.criteria, certification.record
     shown, windows_ms = Verdicts(certification), certification.config.windows_ms
@@ -58,6 +62,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         summary=summary(certification),
         n_conditions=len(certification.matrix.ids),
         quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
+        notes=[(note.test, note.when, note.text) for note in notes],
         repeats=repeats_table(repeats, campaign.test_ids, windows_ms),
         domain=domain_sentences(certification.domain),
         domain_figure=shown.plot("domain", display=display),

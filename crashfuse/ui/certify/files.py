@@ -25,4 +25,4 @@ def show(judgement: Judgement) -> None:
         download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode(), of)
         download_bytes("matrix.csv", lambda: csv_bytes(matrix_table(certification.matrix), float_format=None), of)
         download_bytes("certification.json", lambda: certification_json(certification), of)
-        download_report(lambda: certification_report(certification, judgement.display), of)
+        download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)

@@ -3,6 +3,7 @@
 from collections.abc import Hashable
 from dataclasses import dataclass
 
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
@@ -15,6 +16,8 @@ class Judgement:
 
     Attributes
     ----------
+    notes : tuple of Note
+        On the campaign's tests.
     key : Hashable
         Equal for equal verdicts: the beginning of the key of a cached figure.
     """
@@ -22,6 +25,7 @@ class Judgement:
     verdicts: Verdicts
     config: StudyConfig
     display: Display
+    notes: tuple[Note, ...]
     key: Hashable
 
     @property
