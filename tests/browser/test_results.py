@@ -47,10 +47,17 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User")
     assert "Test T1" in report
 
 
+_CUT = """
+const cut = e => getComputedStyle(e).textOverflow == "ellipsis" && e.scrollWidth > e.clientWidth;
+return [...document.querySelectorAll('[data-testid="stMetric"] *')].filter(cut).length;
+"""
+
+
 def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: "User") -> None:
     """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict.
 
-    Once judged, criteria fold away, so that all verdicts stand on the first screen; unfolded they stay so.
+    Once judged, criteria fold away, so that all verdicts stand on the first screen; unfolded they stay so. At twice the
+    size no number of the answer is cut.
     """
     criteria = user.downloads.parent / "criteria.toml"
     criteria.write_text('confidence = 0.9\n[[criterion]]\nmetric = "peak"\nat_most = 25\n', encoding="utf-8")
@@ -69,6 +76,9 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.fill("Confidence", "0.9")
     user.wait(lambda: "confidence=0.85" not in user.browser.current_url)
     user.press("Criteria and conditions", "summary")
+    user.sits_at(720, 500)
+    user.wait(lambda: not user.browser.execute_script(_CUT), "Numbers of the answer are cut.", 15)
+    user.sits_at(1440, 1000)
     # a column of two rows
     user.clicks_cell("M002 · 30.0 mph", lambda _, height: (200, 0.2 * height), "M002 | peak: not met")
     assert "cell=M002" in user.browser.current_url

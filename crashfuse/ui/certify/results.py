@@ -35,26 +35,8 @@ _MEANINGS = {
 def show(judgement: Judgement) -> None:
     """Show the counts of verdicts, the matrix in which a cell can be chosen, and all of them as a table."""
     verdicts, certification, display = judgement.verdicts, judgement.certification, judgement.display
-    counts, (answer, wrong, *columns) = verdict_counts(certification), st.columns(len(WORDS) + 2)
-    n, (saved, of) = len(certification.matrix.ids), certification.saved
-    sure = f"confidence {certification.criteria.confidence:g}"
-    answer.metric(
-        "Need not be run", f"{saved} of {of}", sure, delta_color="off", delta_arrow="off",
-        help="Conditions at which a test would meet all criteria at once, with the confidence asked for; those that "
-        "are one to within 1 km/h and 2 % of each weight are counted once.",
-    )  # fmt: skip
-    told, missed = saved_and_missed(certification)
-    wrong.metric(
-        "Wrong so far", f"{missed} of {told}" if told else "–", at_most(missed, told) if told else None,
-        delta_color="off", delta_arrow="off", help="Of left-out tests that need not have been run by their verdicts, "
-        "and tests that an earlier certification said need not be run and that were run since, those that missed a "
-        "criterion; with the exact one-sided 95 % bound of their share.",
-    )  # fmt: skip
-    for column, word in zip(columns, WORDS, strict=True):
-        share = f"{100 * counts[word] / len(certification.cells):.0f} %"
-        column.metric(
-            word.capitalize(), f"{counts[word]:,}", share, delta_color="off", delta_arrow="off", help=_MEANINGS[word]
-        )
+    n = len(certification.matrix.ids)
+    _show_numbers(certification)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
     if certification.since is None and (alone := kept_files.beside_none(certification.campaign)):
         st.caption(f":material/history: {plain(alone)} Choose one under *Earlier verdicts*.")
@@ -73,6 +55,35 @@ def show(judgement: Judgement) -> None:
     with st.expander("All verdicts as a table", icon=":material/table:"):
         _show_table(certification, display)
     explanations.show_terms(judgement.config)
+
+
+def _show_numbers(certification: Certification) -> None:
+    """Show the answer, how often such answers were wrong, and the counts of verdicts; in rows, so that none is cut."""
+    counts, (saved, of), (told, missed) = (
+        verdict_counts(certification),
+        certification.saved,
+        saved_and_missed(certification),
+    )
+    shown = {
+        "Need not be run": (
+            f"{saved} of {of}", f"confidence {certification.criteria.confidence:g}",
+            "Conditions at which a test would meet all criteria at once, with the confidence asked for; those that are "
+            "one to within 1 km/h and 2 % of each weight are counted once, as one that takes a test if there is one.",
+        ),
+        "Wrong so far": (
+            f"{missed} of {told}" if told else "–", at_most(missed, told) if told else None,
+            "Of left-out tests that need not have been run by their verdicts, and tests that an earlier certification "
+            "said need not be run and that were run since, those that missed a criterion; with the exact one-sided "
+            "95 % bound of their share.",
+        ),
+        **{
+            word.capitalize(): (f"{n:,}", f"{100 * n / len(certification.cells):.0f} %", _MEANINGS[word])
+            for word, n in counts.items()
+        },
+    }  # fmt: skip
+    with st.container(horizontal=True, gap="large"):
+        for label, (number, beside, meaning) in shown.items():
+            st.metric(label, number, beside, delta_color="off", delta_arrow="off", help=meaning, width="content")
 
 
 def _show_table(certification: Certification, display: Display) -> None:
