@@ -157,18 +157,18 @@ def _unused_at(certification: Certification) -> dict[str, list[str]]:
     return found
 
 
-def reserved(certification: Certification) -> dict[str, str]:
-    """What has to be known of a condition wherever it is named, in a few words, by its id."""
+def reserved(certification: Certification) -> dict[str, list[str]]:
+    """What has to be known of a condition wherever it is named, in a few words each, by its id."""
     found: dict[str, list[str]] = {}
     for i, condition in certification.matrix.items:
         given = {name for name, value in condition.factors if value}
-        if missing := [name for name in certification.domain.factors if name not in given]:
-            found.setdefault(i, []).append(f"{' and '.join(missing)} not given")
+        if missing := [f"{name} not given" for name in certification.domain.factors if name not in given]:
+            found.setdefault(i, []).extend(missing)
     for i, together in _together(certification).items():
         found.setdefault(i, []).append(f"{together} in no test together")
     for i, names in _unused_at(certification).items():
         found.setdefault(i, []).append(f"run as {listed(names)}, not used")
-    return {i: "; ".join(own) for i, own in found.items()}
+    return found
 
 
 def _grouped(sentences: Mapping[str, str]) -> tuple[str, ...]:

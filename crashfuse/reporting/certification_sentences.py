@@ -63,7 +63,9 @@ def matrix_sentence(certification: Certification) -> str:
 def to_test(certification: Certification) -> Iterator[str]:
     """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
     rows, run = {word: certification.of_word(word) for word in WORDS}, certification.run
-    known_of = reserved(certification)
+    of_all, known_of = _reserved(certification)
+    if of_all:
+        yield f"Of every condition: {'; '.join(of_all)}."
     if run:
         yield Sentence("Run already: {}.", listed(list(_run(certification, known_of))))
     if waived := certification.waived:
@@ -125,6 +127,15 @@ def _with_those_since(certification: Certification) -> Iterator[str]:
             f"With tests that earlier certifications said need not be run, and that were run since: {missed} of {n} "
             f"missed one ({at_most(missed, n)})."
         )
+
+
+def _reserved(certification: Certification) -> tuple[list[str], dict[str, str]]:
+    """What has to be known of all conditions, if there are several, and what else of each wherever it is named."""
+    ids, known_of = certification.matrix.ids, reserved(certification)
+    first, *others = (known_of.get(i, []) for i in ids)
+    of_all = [own for own in first if others and all(own in each for each in others)]
+    rest = {i: "; ".join(told for told in own if told not in of_all) for i, own in known_of.items()}
+    return of_all, {i: own for i, own in rest.items() if own}
 
 
 def least_text(all_met: tuple[float, float]) -> str:

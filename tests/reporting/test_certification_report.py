@@ -19,7 +19,7 @@ from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_record import certification_record
-from crashfuse.reporting.certification_sentences import summary
+from crashfuse.reporting.certification_sentences import summary, to_test
 from crashfuse.reporting.domain_sentences import domain_sentences
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.provenance import certify_command
@@ -366,6 +366,22 @@ def test_conditions_without_a_factor_or_with_a_new_combination_are_exceptions(ce
     assert missing.startswith(
         f"{own.ids[1]}: no type is given, so the verdicts are on a vehicle of which it is not known"
     )
+
+
+def test_what_is_so_of_every_condition_is_said_once(certification: Certification) -> None:
+    """Not in brackets after each of a hundred; what is so of one alone is."""
+    kind = ("drive", "FWD"), ("type", "II")
+    tests = (replace(own, condition=replace(own.condition, factors=kind)) for own in certification.campaign.tests)
+    campaign = replace(certification.campaign, tests=tuple(tests))
+    conditions = certification.matrix.conditions
+    conditions = tuple(replace(own, factors=()) for own in conditions)
+    first = replace(conditions[0], factors=(("type", "II"),))
+    met = tuple(tuple(replace(own, word="met", probability=1.0) for own in row) for row in certification.verdicts)
+    found = replace(certification, campaign=campaign, domain=Domain.of(campaign), verdicts=met)
+    told = list(to_test(replace(found, matrix=Matrix(found.matrix.ids, (first, *conditions[1:])))))
+    one, two, three = found.matrix.ids
+    assert told[0] == "Of every condition: drive not given."
+    assert f"{one} (1.000), {two} (1.000; type not given), {three} (1.000; type not given)." in told[1]
 
 
 def test_of_conditions_to_be_tested_the_fastest_is_run_first(certification: Certification) -> None:
