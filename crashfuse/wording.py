@@ -185,6 +185,12 @@ def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
     )
 
 
+def listed(names: Sequence[str]) -> str:
+    """Names as one reads them out: "A, B and C"."""
+    *first, last = names or [""]
+    return " and ".join([", ".join(first), last] if first else [last])
+
+
 def joined(sentences: Sequence[str], separator: str = " ") -> Sentence:
     """Several sentences as one that can still be said in other units."""
     return Sentence(separator.join(["{}"] * len(sentences)), *sentences)

@@ -6,7 +6,19 @@ import pytest
 
 from crashfuse.condition import Condition
 from crashfuse.units import KPH, MPH
-from crashfuse.wording import KPH_KG, MPH_LB, Quantity, Sentence, UnitSystem, joined, said, speed, unbroken, weight
+from crashfuse.wording import (
+    KPH_KG,
+    MPH_LB,
+    Quantity,
+    Sentence,
+    UnitSystem,
+    joined,
+    listed,
+    said,
+    speed,
+    unbroken,
+    weight,
+)
 
 METRIC = KPH_KG
 
@@ -29,6 +41,11 @@ def test_sentences_within_sentences_follow() -> None:
     inner = Sentence("CAE runs: {}.", speed(5 * MPH, 62 * MPH))
     assert joined([inner, "No more."]).in_units(METRIC) == "CAE runs: 8.0–99.8 km/h. No more."
     assert str(joined([inner, "No more."])) == "CAE runs: 5.0–62.0 mph. No more."
+
+
+def test_names_are_listed_as_one_reads_them_out() -> None:
+    """With commas and a last "and"."""
+    assert [listed(names) for names in ((), ("A",), ("A", "B"), ("A", "B", "C"))] == ["", "A", "A and B", "A, B and C"]
 
 
 def test_sentences_travel_between_processes() -> None:

@@ -26,6 +26,7 @@ from crashfuse.ui.earlier import earlier_predictions, offered_earlier, tell_miss
 from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.pins import pinned
 from crashfuse.ui.text import plain
+from crashfuse.wording import listed
 
 _RECOMMENDED = "recommended"  # the approach whose band is filled, unless another is chosen
 _NEAREST = 3
@@ -52,6 +53,8 @@ class Shown:
         Equal for equal choices: part of the key of a cached figure.
     unlike : tuple of str
         In what it is unlike the usual figure, in few words for names of files: hidden curves, another filled band.
+    every : bool
+        Whether no approach is hidden.
     """
 
     test: bool
@@ -60,6 +63,19 @@ class Shown:
     band: str
     key: Hashable
     unlike: tuple[str, ...]
+    every: bool
+
+    @property
+    def by(self) -> str:
+        """By which approaches its predictions are, in words."""
+        return "every approach" if self.every else listed([LABELS[name] for name in self.approaches])
+
+    def of(self, test: str) -> str:
+        """What it shows of a test, in words."""
+        prediction = f"by {self.by}" if self.approaches else ""
+        if not self.test:
+            return f"prediction of test {test} {prediction}" if prediction else f"beside test {test}"
+        return f"test {test} and its prediction {prediction}" if prediction else f"test {test}"
 
 
 def choose_curves(
@@ -93,7 +109,7 @@ def choose_curves(
     key = approaches, key_of(beside), band, TEST in chosen
     usual = _usual_band(predictions, recommended) if offered is None else band
     unlike = unlike_usual([name for name in known if name not in chosen], band, usual)
-    return Shown(TEST in chosen, approaches, beside, band, key, unlike)
+    return Shown(TEST in chosen, approaches, beside, band, key, unlike, len(approaches) == len(predictions))
 
 
 def key_of(also: Sequence[Further]) -> Hashable:

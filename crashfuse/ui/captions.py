@@ -17,7 +17,7 @@ from crashfuse.ui import address, campaigns
 from crashfuse.ui.computation import chosen_config
 from crashfuse.wording import IN_SI, SYSTEMS
 
-_LONGEST_NAME, _DIGEST = 90, 6
+_LONGEST_NAME, _DIGEST = 130, 6
 _QUESTION = ("criteria", "matrix", "uploaded", "confidence", "earlier", "speeds", "front_weights", "rear_weights")
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 

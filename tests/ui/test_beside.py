@@ -1,10 +1,12 @@
 """What is chosen for figures of pulses: any link is harmless, and a choice outlasts what a page offers."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
-from crashfuse.ui.beside import unlike_usual
+from crashfuse.ui.beside import Shown, unlike_usual
+from crashfuse.ui.captions import Caption
 from tests.ui.conftest import Session
 
 Visit = Callable[..., Session]
@@ -69,6 +71,31 @@ def test_figures_of_other_curves_have_files_of_other_names(visit: Visit, monkeyp
     session.app.session_state["curves"] = ["displacement_domain"]
     session.run()
     assert names[-1] == usual.replace("pulses", "pulses-no-Test-no-CAE")
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_picture_says_what_it_shows_and_nothing_that_is_hidden(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line above it names what is left, as do the files of a figure that always shows some curves."""
+    captions: list[Caption] = []
+    monkeypatch.setattr("crashfuse.ui.figures.offer_files", lambda _, caption, __: captions.append(caption))
+    approaches = ["cae", "displacement_domain"]
+    session = predicted(visit("compare", campaign="campaign", approaches=approaches, test="T2"), "T2")
+    over_time = "Acceleration, velocity and displacement over time: "
+    assert captions[-1].title == f"{over_time}test T2 and its prediction by every approach"
+    session.app.session_state["curves"] = ["displacement_domain"]
+    session.run()
+    assert captions[-1].title == f"{over_time}prediction of test T2 by Displacement domain"
+    session.app.session_state["curves"] = ["test"]
+    session.run()
+    assert captions[-1].title == f"{over_time}test T2"
+
+
+def test_what_a_figure_shows_is_said_in_words() -> None:
+    """Of a figure with further pulses alone, that they stand beside."""
+    shown = Shown(True, ("cae", "fused"), (), "fused", None, (), every=False)
+    assert shown.of("T2") == "test T2 and its prediction by CAE and Fused"
+    assert replace(shown, every=True).by == "every approach"
+    assert replace(shown, test=False, approaches=()).of("T2") == "beside test T2"
 
 
 def test_a_figure_with_another_filled_band_says_whose_it_is() -> None:

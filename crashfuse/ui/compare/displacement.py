@@ -10,13 +10,13 @@ _PARTS, _CHECK = "Parts of the bias", "Check of the integration"
 _OF_CURVES = {
     _CURVES: (
         "displacement",
-        "Acceleration over displacement: test {} and every prediction of it, up to maximum crush",
+        "Acceleration over displacement, up to maximum crush: {}",
         "Up to maximum crush (the marks, with their 95 % interval; an open end has no bar). The area under each curve "
         "is the absorbed energy per unit mass, ½ v0²: at one impact speed, a lower deceleration means more crush.",
     ),
     _ENERGY: (
         "energy",
-        "Absorbed energy over crush: test {} and every prediction of it",
+        "Absorbed energy over crush: {}",
         "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force; of curves at one speed and "
         "mass, one that ends further right needs more crush for the same energy.",
     ),
@@ -43,11 +43,11 @@ def show(comparison: Comparison) -> None:
         return
     with row:
         curves = comparison.choose_curves()
-    test, (figure, alt, caption) = comparison.test.id, _OF_CURVES[choice]
+    figure, alt, caption = _OF_CURVES[choice]
     shown = "acceleration over displacement" if choice == _CURVES else choice.lower()
     show_cached_figure(
         lambda: comparison.plot(figure, curves),
-        alt.format(test),
+        alt.format(curves.of(comparison.test.id)),
         choice,
         comparison.key,
         curves.key,

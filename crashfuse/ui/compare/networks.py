@@ -80,11 +80,11 @@ def _show_beside_the_cae(
     st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f} ({rating.grade})")
     show_cached_figure(
         lambda: drawn()[name],
-        f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",
+        f"Acceleration over time: {_with(curves, name).of(fold.held_out)}",
         name,
         comparison.key,
         curves.key,
-        name=" ".join([f"CAE and {LABELS[name]}", *curves.unlike]),
+        name=" ".join([LABELS[name], *curves.unlike]),
         beside=curves.also,
     )
     st.caption(_MEANING[name])
@@ -93,9 +93,12 @@ def _show_beside_the_cae(
 def _beside_the_cae(comparison: Comparison, curves: Shown) -> dict[str, go.Figure]:
     """The figures before and after fine-tuning, with a common y range."""
     figures = {
-        name: comparison.plot("acceleration", replace(curves, approaches=(*curves.approaches, name), band=name))
-        for name in _TITLES
-        if name in comparison.predictions
+        name: comparison.plot("acceleration", _with(curves, name)) for name in _TITLES if name in comparison.predictions
     }
     share_y_range(figures.values())
     return figures
+
+
+def _with(curves: Shown, name: str) -> Shown:
+    """What was chosen, and the network that is always shown."""
+    return replace(curves, approaches=(*curves.approaches, name), band=name)

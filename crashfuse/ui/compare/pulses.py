@@ -30,8 +30,8 @@ def show(comparison: Comparison) -> None:
         return comparison.plot(shown.lower(), curves, corridors=corridors, notes=own)
 
     alt = {
-        _MOTION: f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it",
-        _RESIDUALS: f"Every prediction of test {test.id} minus what was measured, over time",
+        _MOTION: f"Acceleration, velocity and displacement over time: {curves.of(test.id)}",
+        _RESIDUALS: f"Prediction of test {test.id} by {curves.by or 'others'} minus what was measured, over time",
     }
     name = "residuals" if shown == _RESIDUALS else "pulses with corridors" if corridors else "pulses"
     show_cached_figure(

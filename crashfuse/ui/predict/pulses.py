@@ -23,6 +23,7 @@ def show(answer: Answer) -> None:
         )
         return without_clicks(drawn)
 
-    alt = f"Prediction by every approach at {display.condition(condition)}: {shown.lower()}"
+    said = f"Prediction by {curves.by}" if curves.approaches else "Beside the prediction"
+    alt = f"{said} at {display.condition(condition)}: {shown.lower()}"
     name = " ".join([condition.text, shown.lower(), *curves.unlike])
     show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)
