@@ -237,6 +237,7 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
         assert kept in text
     for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
         assert left not in text
+    assert text.index("Pulse metrics at") < text.index("Beside other conditions") < text.index("Limits</h2>")
     with pytest.raises(UsageError, match="whole"):
         prediction_report(campaign, here, CONFIG, form="brief")  # type: ignore[arg-type]
 
@@ -251,6 +252,18 @@ def test_pinned_predictions_look_as_on_the_page(campaign: Campaign) -> None:
     ]
     (beside,) = [look for look in looks if any(" at 25.0 mph" in name for name in look)]
     assert list(beside.values()) == [COLOURS["cae"], *FURTHER_COLOURS[:2]]
+
+
+def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campaign) -> None:
+    """They come in several tables, each with the condition itself first; no line cuts an interval."""
+    first = estimate(campaign.tests[0])
+    speeds = [replace(first.prediction.condition, speed_mps=speed_mps) for speed_mps in (8.0, 9.0, 10.0, 11.0)]
+    pinned = [[replace(first, prediction=replace(first.prediction, condition=at))] for at in speeds]
+    text = prediction_report(campaign, [first], CONFIG, pinned=pinned, form="short")
+    beside = text[text.index("Beside other conditions") :]
+    assert [head.count("Difference, ") for head in re.findall(r"<thead>(.*?)</thead>", beside)] == [2, 2]
+    assert re.search(r"<td>[\d.]+\N{NO-BREAK SPACE}\[", beside)
+    assert not re.search(r"<td>[\d.]+ \[", beside)
 
 
 def test_equal_results_give_equal_bytes(study: Study, text: str) -> None:

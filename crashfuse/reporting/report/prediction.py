@@ -11,7 +11,7 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.options import ReportForm
 from crashfuse.reporting.report.page import render
-from crashfuse.reporting.report.sections import details
+from crashfuse.reporting.report.sections import details, unbroken_interval
 from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
@@ -22,6 +22,7 @@ from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
 
 _SHOWN = 20
+_ABREAST = 2  # conditions beside the first in one table: more would be wider than paper
 
 NEXT_TEST_MEANING = (
     "Which test would narrow the band most is known before it is run: the variance of a Gaussian process depends on "
@@ -81,7 +82,10 @@ def _beside(
     return {
         "approach": LABELS[approach],
         "motion": first.plot(also=others, display=display),  # in the colours of the page
-        "metrics": side_by_side(chosen, campaign, display),
+        "metrics": [
+            side_by_side([chosen[0], *chosen[start : start + _ABREAST]], campaign, display).map(unbroken_interval)
+            for start in range(1, len(chosen), _ABREAST)
+        ],
         "cautions": cautions(chosen, campaign, display),
     }
 

@@ -26,7 +26,7 @@ def details(
     columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     metrics = pd.DataFrame(
-        {who: {metric.name: _unbroken(display.metric(metric).text) for metric in own} for who, own in columns}
+        {who: {metric.name: unbroken_interval(display.metric(metric).text) for metric in own} for who, own in columns}
     )
     main = metrics.index.isin(MAIN_METRICS)
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
@@ -63,6 +63,6 @@ def repeats_table(
     return pd.DataFrame(rows)
 
 
-def _unbroken(text: str) -> str:
+def unbroken_interval(text: str) -> str:
     """A value with its interval, which no line may cut."""
     return _INTERVAL.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
