@@ -36,7 +36,7 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
             help="Of all random numbers. The same seed gives the same results.",
         )  # fmt: skip
         if leaving_out:
-            choose_left_out()
+            choose_left_out("train")
         from torch import cuda  # imported while the first pages are read
 
         st.radio(
@@ -61,15 +61,21 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
     return config, ""
 
 
-def choose_left_out() -> None:
-    """Ask what is left out with a test."""
+def choose_left_out(page: str) -> None:
+    """Ask what is left out with a test, on a page that has this in a place of its own.
+
+    A widget of the same key in another place, first drawn, would have no value and not that of the session.
+    """
+    state, shown = st.session_state, f"leave_out on {page}"
+    address.put(shown, state["leave_out"])
     st.segmented_control(
         "Left out",
         address.CHOICES["leave_out"].options,
         required=True,
         format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__,
-        key="leave_out",
+        key=shown,
         persist_state="session",
+        on_change=lambda: state.update(leave_out=state[shown]),
         help="Without any test at about its speed the prediction is a step to a new speed: the harder question. Tests "
         f"less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart are at about one speed.",
     )

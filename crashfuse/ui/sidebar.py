@@ -105,7 +105,7 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         for note in campaign.cae.extrapolation(tests[state["test"]].condition):
             st.caption(f":material/warning: {plain(note)}")
     if page == "compare":  # the page Train has it among its settings
-        choose_left_out()
+        choose_left_out(page)
     if address.acts("window", page) and not importing:
         st.segmented_control(
             "Rated time window", list(WINDOWS_MS), required=True, format_func=lambda ms: f"0–{ms:g} ms", key="window",
