@@ -4,7 +4,7 @@ The choices stay until they are changed, over figures, windows, pages and reload
 shown or hidden here alone, not by clicks in a legend, which the next redraw would forget.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import plotly.graph_objects as go
@@ -22,7 +22,7 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
-from crashfuse.ui.earlier import earlier_predictions, offered_earlier, tell_missing
+from crashfuse.ui.earlier import EARLIER, earlier_predictions, missing_earlier, offered_earlier
 from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.pins import pinned
 from crashfuse.ui.text import plain
@@ -95,13 +95,14 @@ def choose_curves(
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
         chosen = _choose_of(known) if known else []
         band = _choose_band(predictions, recommended) if offered is None else leading(predictions, recommended)
-        beside = _choose_beside(view, condition, band, held_out)
+        beside, missing = _choose_beside(view, condition, band, held_out)
     st.button(
         "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
         help=f"Also show {_NEAREST} tests: the nearest by speed and weights, as shares of the speed and the mass.",
     )  # fmt: skip
     if held_out and any(isinstance(own, PredictedPulse) for own in beside):
-        st.caption(f"Pinned predictions learned from {plain(held_out)}, too.", width="content")
+        missing.append(f"Pinned predictions learned from {plain(held_out)}, too.")
+    _say(missing)
     approaches = tuple(name for name in chosen if name in predictions)
     if offered is None and not (approaches or beside or TEST in chosen):
         st.info("No curve is chosen.", icon=":material/visibility_off:")
@@ -136,7 +137,8 @@ def choose_tests(view: View) -> tuple[tuple[str, ...], tuple[Further, ...]]:
     with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
         only = _choose_several("only", names, "Tests", "all")
         with st.popover("Beside them", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
-            further = _choose_beside(view, None, by_preference(chosen_config().approaches)[0])
+            further, missing = _choose_beside(view, None, by_preference(chosen_config().approaches)[0])
+    _say([*_unknown("only", names), *missing])
     return tuple(test for test in view.campaign.test_ids if not only or test in only), further
 
 
@@ -183,8 +185,10 @@ def _choose_band(predictions: Mapping[str, Prediction], recommended: str | None)
     return leading(predictions, recommended)
 
 
-def _choose_beside(view: View, condition: Condition | None, approach: str, held_out: str = "") -> tuple[Further, ...]:
-    """Further pulses; with a condition, the tests are among the choices."""
+def _choose_beside(
+    view: View, condition: Condition | None, approach: str, held_out: str = ""
+) -> tuple[tuple[Further, ...], list[str]]:
+    """Further pulses, and sentences on what cannot be shown; with a condition, the tests are among the choices."""
     campaign, pins = view.campaign, pinned()
     at_pins = {f"{_PIN}{text}": prediction_name(approach, at, view.display) for text, at in pins.items()}
     earlier = offered_earlier(campaign, held_out, approach) if held_out else {}
@@ -198,15 +202,34 @@ def _choose_beside(view: View, condition: Condition | None, approach: str, held_
     }
     kinds = [*(["tests"] if tests else []), *(["other settings"] if earlier else []), "CAE runs"]
     also = _choose_several("also", offered, "Also show", ", ".join(kinds))
-    if held_out:
-        tell_missing(earlier, held_out)
     if unasked:
         also += [name for name in at_pins if name != f"{_PIN}{unasked}"]
+    wanted = [pins[name.removeprefix(_PIN)] for name in also if name in at_pins]
+    at_pinned = _pinned_predictions(campaign, wanted, approach)
+    missing = [
+        *_unknown("also", {*campaign.test_ids, *offered}),
+        *(missing_earlier(earlier, held_out) if held_out else []),
+    ]
+    if wanted and not at_pinned:
+        missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
     return (
         *(name for name in also if name not in at_pins and name not in earlier),
         *earlier_predictions(campaign, held_out, approach, [earlier[name] for name in also if name in earlier]),
-        *_pinned_predictions(campaign, [pins[name.removeprefix(_PIN)] for name in also if name in at_pins], approach),
-    )
+        *at_pinned,
+    ), missing
+
+
+def _unknown(key: str, known: Collection[str]) -> list[str]:
+    """Sentence on tests and CAE runs that a link asks for and that the campaign does not have."""
+    asked = [name for name in st.session_state[key] if not name.startswith((_PIN, EARLIER))]
+    missing = ", ".join(name.removeprefix(RUN)[:80] for name in asked if name not in known)
+    return [f"Not among the tests in use and the CAE runs: {plain(missing)}."] if missing else []
+
+
+def _say(missing: Sequence[str]) -> None:
+    """Say beside a figure what it cannot show: folded away, nobody would know that it lacks what a link asks for."""
+    for sentence in missing:
+        st.caption(sentence, width="content")
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -221,8 +244,6 @@ def _pinned_predictions(campaign: Campaign, wanted: Sequence[Condition], approac
     request = FitRequest(campaign, chosen_config())
     job = request.find() if wanted else None
     if job is None or job.result is None:
-        if wanted:
-            st.caption("Pinned predictions are shown once the page Predict has an answer with these settings.")
         return []
     return [
         PredictedPulse(campaign, (estimate,))

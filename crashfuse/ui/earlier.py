@@ -15,7 +15,8 @@ from crashfuse.study.history import past_results
 from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.text import plain
 
-_PREFIX = "by:"  # begins what stands for settings in the address: no id of a test has a colon in it
+EARLIER = "by:"
+"""Begins what stands for settings in the address: no id of a test has a colon in it."""
 _LOOK_AGAIN_S = 60.0  # the command line may have computed more
 
 
@@ -33,12 +34,13 @@ def earlier_predictions(
     return [EarlierPrediction(estimate, config, chosen_config()) for config, estimate in found if estimate is not None]
 
 
-def tell_missing(offered: Mapping[str, StudyConfig], test_id: str) -> None:
-    """Say that settings were chosen, for another test or by a link, with which this test was not predicted."""
-    asked = {name for name in st.session_state["also"] if name.startswith(_PREFIX)}
-    if asked - {*offered, _text(chosen_config())}:
-        said = "has not been predicted here yet, or comes out the same"
-        st.caption(f"With other settings chosen under Also show, {plain(test_id)} {said}.")
+def missing_earlier(offered: Mapping[str, StudyConfig], test_id: str) -> list[str]:
+    """Sentence on settings that were chosen, for another test or by a link, with which this test was not predicted."""
+    asked = {name for name in st.session_state["also"] if name.startswith(EARLIER)}
+    if not asked - {*offered, _text(chosen_config())}:
+        return []
+    said = "has not been predicted here yet, or comes out the same"
+    return [f"With other settings chosen under Also show, {plain(test_id)} {said}."]
 
 
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
@@ -66,4 +68,4 @@ def _estimate(
 
 
 def _text(config: StudyConfig) -> str:
-    return f"{_PREFIX}{config.preset} {config.seed} {config.leave_out}"
+    return f"{EARLIER}{config.preset} {config.seed} {config.leave_out}"

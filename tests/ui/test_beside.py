@@ -7,7 +7,7 @@ import pytest
 
 from crashfuse.ui.beside import Shown, unlike_usual
 from crashfuse.ui.captions import Caption
-from tests.ui.conftest import Session
+from tests.ui.conftest import Session, as_read
 
 Visit = Callable[..., Session]
 ONE = {"campaign": "campaign", "approaches": "cae"}
@@ -18,9 +18,15 @@ def predicted(session: Session, test: str) -> Session:
     return session.press(f"Predict test {test}").finish()
 
 
+def beside_the_figure(session: Session) -> list[str]:
+    """What is said in small print where everyone sees it, not in a popover that has to be opened."""
+    folded = [caption for popover in session.app.get("popover") for caption in popover.get("caption")]
+    return [as_read(each.value) for each in session.app.caption if each not in folded]
+
+
 @pytest.mark.usefixtures("open_campaign")
 def test_a_link_may_ask_for_anything(visit: Visit) -> None:
-    """Unknown curves, tests, runs and conditions are passed over; what is known is shown, and labelled in full."""
+    """What is known is shown, and labelled in full; beside the figure it is said which tests and runs are not known."""
     session = visit("compare", **ONE, test="T2", band="magic", also=["T9", "T3", "cae:C00", "cae:none", "at:1mph"])
     predicted(session, "T2")
     session.app.session_state["pins"] = ["30mph 2000lb 1500lb", "0mph 1lb", "🚗"]
@@ -31,6 +37,7 @@ def test_a_link_may_ask_for_anything(visit: Visit) -> None:
     assert any(option.startswith("CAE run C00 · ") for option in also.options)
     assert [option for option in also.options if " at 30.0 mph" in option] == ["CAE at 30.0 mph, 2000 + 1500 lb"]
     assert not any(option.startswith("T2") for option in also.options)  # it is there already
+    assert "Not among the tests in use and the CAE runs: T9, none." in beside_the_figure(session)
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -45,6 +52,17 @@ def test_the_nearest_tests_are_those_of_this_speed_first(visit: Visit) -> None:
     (also,) = [each for each in session.app.multiselect if each.label == "Also show"]
     assert also.value == ["T1", "T4"]
     assert "T3" in session.app.session_state["also"]
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_on_data_too_it_is_said_what_a_link_asks_for_in_vain(visit: Visit) -> None:
+    """Of the tests that are shown alone, and of what is put beside them; pins wait for an answer of Predict."""
+    session = visit("data", campaign="campaign", only=["T2", "T8"], also=["cae:none", "at:30mph 2000lb 1500lb"],
+                    pins="30mph 2000lb 1500lb")  # fmt: skip
+    said = beside_the_figure(session)
+    assert "Not among the tests in use and the CAE runs: T8." in said
+    assert "Not among the tests in use and the CAE runs: none." in said
+    assert "Pinned predictions are shown once the page Predict has an answer with these settings." in said
 
 
 @pytest.mark.usefixtures("open_campaign")

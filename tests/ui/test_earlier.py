@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.ui.conftest import Session
+from tests.ui.test_beside import beside_the_figure
 
 Visit = Callable[..., Session]
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
@@ -44,7 +45,7 @@ def test_another_seed_and_way_of_leaving_out_are_offered_once_they_are_known(vis
 def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
     """Where it is computed later, it is shown then; the settings that are shown anyway are not missed."""
     session = predicted(visit("compare", **ONE, test="T2", also=SEED_1))
-    assert NOT_YET.format("T2") in session.words
+    assert NOT_YET.format("T2") in beside_the_figure(session)
     assert "seed 1" not in figure(session)
     other = predicted(visit("compare", **ONE, test="T2", seed="1", also=SEED_1))
     assert NOT_YET.format("T2") not in other.words
