@@ -1,12 +1,13 @@
 """Predictions of the held-out test that were computed before, with other settings, to be put beside those shown."""
 
 from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import asdict
 
 import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.earlier_prediction import EarlierPrediction
+from crashfuse.reporting.earlier_prediction import EarlierPrediction, otherwise
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.earlier_settings import earlier_settings
 from crashfuse.study.estimate import Estimate
@@ -36,11 +37,28 @@ def earlier_predictions(
 
 def missing_earlier(offered: Mapping[str, StudyConfig], test_id: str) -> list[str]:
     """Sentence on settings that were chosen, for another test or by a link, with which this test was not predicted."""
-    asked = {name for name in st.session_state["also"] if name.startswith(EARLIER)}
-    if not asked - {*offered, _text(chosen_config())}:
+    known = {*offered, settings_text(chosen_config())}
+    asked = [name for name in st.session_state["also"] if name.startswith(EARLIER) and name not in known]
+    if not asked:
         return []
-    said = "has not been predicted here yet, or comes out the same"
-    return [f"With other settings chosen under Also show, {plain(test_id)} {said}."]
+    which = plain(" or with ".join(map(_in_words, asked)))
+    return [f"{plain(test_id)} with {which} is not shown: it has not been predicted here yet, or comes out the same."]
+
+
+def settings_text(config: StudyConfig) -> str:
+    """What stands for settings in the address."""
+    return f"{EARLIER}{config.preset} {config.seed} {config.leave_out}"
+
+
+def _in_words(text: str) -> str:
+    """In what the settings that a text stands for differ from those shown; the text if a link has it from nowhere."""
+    shown = chosen_config()
+    try:
+        preset, seed, leave_out = text.removeprefix(EARLIER).split(" ", 2)
+        values = {**asdict(shown), "preset": preset, "seed": int(seed), "leave_out": leave_out}
+        return otherwise(StudyConfig.parse(values), shown)
+    except (ValueError, KeyError):
+        return text.removeprefix(EARLIER)[:80]
 
 
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
@@ -52,7 +70,7 @@ def _offered(
     _campaign: Campaign,
 ) -> Mapping[str, StudyConfig]:
     found = earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
-    return {_text(config): config for config in found}
+    return {settings_text(config): config for config in found}
 
 
 @st.cache_resource(max_entries=12, show_spinner=False)
@@ -65,7 +83,3 @@ def _estimate(
 ) -> Estimate | None:
     training, condition = config.training_campaign(_campaign, test_id), _campaign.test(test_id).condition
     return find_estimate(training, condition, approach, config, Cache())
-
-
-def _text(config: StudyConfig) -> str:
-    return f"{EARLIER}{config.preset} {config.seed} {config.leave_out}"

@@ -10,7 +10,7 @@ from tests.ui.test_beside import beside_the_figure
 Visit = Callable[..., Session]
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 SEED_1 = "by:fast 1 test"
-NOT_YET = "With other settings chosen under Also show, {} has not been predicted here yet, or comes out the same."
+NOT_YET = "{} with {} is not shown: it has not been predicted here yet, or comes out the same."
 
 
 def predicted(session: Session, test: str = "T2") -> Session:
@@ -45,13 +45,21 @@ def test_another_seed_and_way_of_leaving_out_are_offered_once_they_are_known(vis
 def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
     """Where it is computed later, it is shown then; the settings that are shown anyway are not missed."""
     session = predicted(visit("compare", **ONE, test="T2", also=SEED_1))
-    assert NOT_YET.format("T2") in beside_the_figure(session)
+    assert NOT_YET.format("T2", "seed 1") in beside_the_figure(session)
     assert "seed 1" not in figure(session)
     other = predicted(visit("compare", **ONE, test="T2", seed="1", also=SEED_1))
-    assert NOT_YET.format("T2") not in other.words
-    session.run()
-    assert NOT_YET.format("T2") not in session.words
+    assert "is not shown" not in other.words
+    assert "is not shown" not in session.run().words
     assert "Displacement domain, seed 1" in figure(session)
     session.app.session_state["test"] = "T3"
     predicted(session.run(), "T3")
-    assert NOT_YET.format("T3") in session.words
+    assert NOT_YET.format("T3", "seed 1") in session.words
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_it_is_said_which_of_several_settings_are_not_shown(visit: Visit) -> None:
+    """Whatever a link has in their place."""
+    asked = [SEED_1, "by:paper 0 speed group", "by:fast 0 magic", "by:*seven*"]
+    session = predicted(visit("compare", **ONE, test="T2", also=asked))
+    which = "seed 1 or with paper settings, all at its speed left out or with fast 0 magic or with *seven*"
+    assert NOT_YET.format("T2", which) in beside_the_figure(session)
