@@ -21,6 +21,7 @@ from crashfuse.study.history import PastResult, past_results
 from crashfuse.ui import address, campaigns
 from crashfuse.ui.chosen import choose_campaign, note
 from crashfuse.ui.downloads import download_report, download_table
+from crashfuse.ui.earlier import settings_text
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.page_tables import window_label
@@ -148,7 +149,21 @@ def compare(chosen: list[PastResult], display: Display) -> None:
         way = choose("Left out", compared.ways, key="compared_way", label_of=left_out_in_words)
     elif way in first.by_way:  # else the cautions say it
         st.caption(f"{left_out_in_words(way)}.")
+    if beside := _beside(first, second):
+        st.button(
+            "Show both on Compare", icon=":material/stacked_line_chart:", on_click=_open, args=(first,),
+            kwargs={"beside": beside}, help="The pulses of the second stand beside those of the first.",
+        )  # fmt: skip
     _show(compared, way, display)
+
+
+def _beside(first: PastResult, second: PastResult) -> str:
+    """What puts the second one's prediction of a test beside the first one's on Compare; nothing if that cannot be."""
+    if first.fingerprint != second.fingerprint or first.tests != second.tests or len(first.tests) != 1:
+        return ""
+    own, others = first.config.split_configs[0], second.config.split_configs
+    other = next((config for config in others if config.leave_out == own.leave_out), others[0])
+    return settings_text(other) if settings_text(other) != settings_text(own) else ""
 
 
 def _offer_predictions(first: PastResult, second: PastResult) -> None:
@@ -202,8 +217,11 @@ def _show_each_test(compared: StudyComparison, window: float, way: str) -> None:
     show_table(comparison_table(compared, approach, window, way), "compared tests")
 
 
-def _open(result: PastResult, *pinned: PastResult) -> None:
-    """Choose whatever a result rests on, or record what is in the way; predictions to be seen beside it are pinned."""
+def _open(result: PastResult, *pinned: PastResult, beside: str = "") -> None:
+    """Choose whatever a result rests on, or record what is in the way; predictions to be seen beside it are pinned.
+
+    ``beside`` stands for the settings of a prediction of the same test that Compare puts beside it.
+    """
     names = [name for name in campaigns.open_campaigns() if _fingerprint(name) == result.fingerprint]
     here = st.session_state["campaign"]
     name = here if here in names else next(iter(names), None)
@@ -223,6 +241,8 @@ def _open(result: PastResult, *pinned: PastResult) -> None:
         st.session_state["test"] = result.tests[0]
     if result.condition is not None:
         fill_in(campaigns.load(name), result.condition)
+    if beside:
+        st.session_state["also"] = list(dict.fromkeys([*st.session_state["also"], beside]))
     if pinned:
         pin_all([each.condition for each in (result, *pinned) if each.condition is not None])
     st.session_state[_OPENED] = _page(result)

@@ -112,6 +112,20 @@ def test_two_predictions_are_shown_on_predict_with_both_pinned(visit: Visit, ope
     assert "rest on different data or settings" in visit("history", first=one.id, second=otherwise.id).words
 
 
+def test_two_studies_of_one_test_are_shown_on_compare_beside_each_other(visit: Visit, open_campaign: Path) -> None:
+    """The first as it is opened, the second among what is also shown there; of other data, or of several tests, not."""
+    data = load_campaign(open_campaign).fingerprint
+    one = kept(1, data, tests="T2")
+    other = kept(2, data, tests="T2", config=StudyConfig(seed=1, leave_out="speed group"))
+    session = visit("history", first=one.id, second=other.id).press("Show both on Compare")
+    assert session.app.title[0].value == "Compare"
+    chosen = {key: session.app.session_state[key] for key in ("test", "seed", "leave_out", "also")}
+    assert chosen == {"test": "T2", "seed": 0, "leave_out": "test", "also": ["by:fast 1 speed group"]}
+    several, elsewhere = kept(3, data, seed=2), kept(4, "campaign", seed=3, tests="T2", fingerprint="b")
+    for second in (several, elsewhere):
+        assert "Show both on Compare" not in visit("history", first=one.id, second=second.id).buttons
+
+
 def test_predictions_that_are_pinned_stay_beside_two_that_are_shown(visit: Visit, open_campaign: Path) -> None:
     """Beyond six the oldest go."""
     data = load_campaign(open_campaign).fingerprint
