@@ -8,9 +8,9 @@ from crashfuse.ui.history import (
     compare,
     is_suggested,
     of_campaign,
+    say_refused,
     show_results,
     ticked,
-    turn_to_opened,
     visible,
     with_ticked,
 )
@@ -18,7 +18,7 @@ from crashfuse.ui.history_notes import edit_ticked
 
 view = frame.enter()
 st.title("History")
-turn_to_opened()
+say_refused()
 results = visible()
 if not results:
     st.markdown("Nothing was computed on this machine yet. Studies, and predictions that were pinned, appear here.")

@@ -9,13 +9,14 @@ from typing import TypeVar
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
+from crashfuse.crash_test import CrashTest
 from crashfuse.study.study import Study
 from crashfuse.ui import address, explanations, frame, page_tables
 from crashfuse.ui.chosen import choose_held_out
 from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, jobs
 from crashfuse.ui.downloads import download_bytes
 from crashfuse.ui.figures import choose
-from crashfuse.ui.navigation import open_page, show_link
+from crashfuse.ui.navigation import open_next, show_link
 from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test, title_of
 from crashfuse.ui.settings import choose_settings
 from crashfuse.ui.text import plain
@@ -102,11 +103,16 @@ def link_to_tests(study: Study) -> None:
     """Link to each test of a study on the page Compare."""
     with st.container(horizontal=True):
         for fold in study.folds:
-            if st.button(
-                f"Compare {plain(fold.held_out)}", icon=":material/arrow_forward:", on_click=choose_held_out,
+            st.button(
+                f"Compare {plain(fold.held_out)}", icon=":material/arrow_forward:", on_click=open_test,
                 args=(campaign.test(fold.held_out),),
-            ):  # fmt: skip
-                open_page("compare")
+            )  # fmt: skip
+
+
+def open_test(test: CrashTest) -> None:
+    """Turn to a test on the page Compare."""
+    choose_held_out(test)
+    open_next("compare")
 
 
 purpose = choose("What for", [LEAVE_OUT, FIT], key="purpose", default=LEAVE_OUT if len(campaign.tests) > 1 else FIT)

@@ -23,7 +23,7 @@ from crashfuse.ui.chosen import choose_campaign, note
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.earlier import settings_text
 from crashfuse.ui.figures import choose, show_cached_figure
-from crashfuse.ui.navigation import open_page
+from crashfuse.ui.navigation import open_next
 from crashfuse.ui.page_tables import window_label
 from crashfuse.ui.pins import pin_all
 from crashfuse.ui.predict.condition import fill_in
@@ -34,7 +34,7 @@ _ROW_PX, _MOST_ROWS = 35, 9
 _OPEN = "Open"
 _WIDTHS_PX = {_OPEN: 62, "Campaign": 100, "What": 195}  # all columns fit at 900 px
 _TICKED = ("first", "second")  # session keys: ids of the results that are compared; "" for none
-_TABLE, _CLICKED, _OPENED, _REFUSED = "past results", "clicked result", "opened result", "refused result"
+_TABLE, _CLICKED, _REFUSED = "past results", "clicked result", "refused result"
 _HOW_TO_COMPARE = (
     "No two studies listed here share a test and differ in their data or settings: run one again with another seed, "
     "say, and both are compared here."
@@ -117,10 +117,8 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
     )  # fmt: skip
 
 
-def turn_to_opened() -> None:
-    """Turn to the page of a result that was just opened, or say what is in the way."""
-    if page := st.session_state.pop(_OPENED, ""):
-        open_page(page)
+def say_refused() -> None:
+    """Say what is in the way of opening a result, if that was just tried."""
     if refused := st.session_state.pop(_REFUSED, ""):
         st.warning(plain(refused), icon=":material/folder_off:")
 
@@ -245,7 +243,7 @@ def _open(result: PastResult, *pinned: PastResult, beside: str = "") -> None:
         st.session_state["also"] = list(dict.fromkeys([*st.session_state["also"], beside]))
     if pinned:
         pin_all([each.condition for each in (result, *pinned) if each.condition is not None])
-    st.session_state[_OPENED] = _page(result)
+    open_next(_page(result))
 
 
 def _in_the_way(result: PastResult) -> str:

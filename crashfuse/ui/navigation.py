@@ -76,8 +76,16 @@ def open_page(name: str) -> None:
     st.switch_page(pages()[name], query_params=address.parameters(name))
 
 
+def open_next(name: str) -> None:
+    """Open a page in place of the one that is drawn; call it from a callback that chooses what is shown there.
+
+    Drawn once more, the page that is left would write these choices to its own address: one step too many for Back.
+    """
+    st.session_state[_TO_OPEN] = name
+
+
 def open_asked() -> None:
-    """Open the page that a fragment has asked for, if one has."""
+    """Open the page that a fragment or a callback has asked for, if one has."""
     if name := st.session_state.pop(_TO_OPEN, None):
         open_page(name)
 

@@ -6,7 +6,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, SIDEBAR
+from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, SIDEBAR
 
 pytestmark = pytest.mark.slow
 
@@ -100,6 +100,20 @@ def test_back_from_another_page_returns_to_what_was_chosen_just_before(server: "
     user.wait(lambda: urlsplit(user.browser.current_url).path == "/compare" and "T03 · 26.9 km/h" in shown(user))
     user.browser.back()
     user.wait(lambda: "T03 · 16.7 mph" in shown(user) and "system" not in asked(user))
+
+
+def test_a_button_that_opens_a_page_is_one_step_for_back(small_server: "Server", user: "User") -> None:
+    """Back from a test that Train has opened returns to Train as it was, not to Train with that test chosen."""
+    view = {"campaign": "campaign", "test": "T2", "held_out": ("T2", "T3"), "approaches": "cae"}
+    user.open(small_server, "train", **view)
+    user.starts("Start", '[data-testid="stAlert"]')
+    user.press("Compare T3", f"{MAIN} button")
+    user.wait(lambda: urlsplit(user.browser.current_url).path == "/compare" and asked(user)["test"] == "T3")
+    user.find(FIGURE)
+    user.browser.back()
+    user.wait(lambda: urlsplit(user.browser.current_url).path == "/train")
+    user.sees("Compare T3")
+    assert asked(user)["test"] == "T2"
 
 
 def test_the_page_and_its_figures_follow_the_theme(server: "Server", user: "User") -> None:
