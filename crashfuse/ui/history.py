@@ -147,21 +147,28 @@ def compare(chosen: list[PastResult], display: Display) -> None:
         way = choose("Left out", compared.ways, key="compared_way", label_of=left_out_in_words)
     elif way in first.by_way:  # else the cautions say it
         st.caption(f"{left_out_in_words(way)}.")
-    if beside := _beside(first, second):
-        st.button(
-            "Show both on Compare", icon=":material/stacked_line_chart:", on_click=_open, args=(first,),
-            kwargs={"beside": beside}, help="The pulses of the second stand beside those of the first.",
-        )  # fmt: skip
+    _offer_pulses(first, second)
     _show(compared, way, display)
 
 
-def _beside(first: PastResult, second: PastResult) -> str:
-    """What puts the second one's prediction of a test beside the first one's on Compare; nothing if that cannot be."""
-    if first.fingerprint != second.fingerprint or first.tests != second.tests or len(first.tests) != 1:
-        return ""
+def _offer_pulses(first: PastResult, second: PastResult) -> None:
+    """Offer to show the pulses of both on Compare, if they rest on the same data and have one test in common."""
+    shared = [test for test in first.tests if test in second.tests]
     own, others = first.config.split_configs[0], second.config.split_configs
     other = next((config for config in others if config.leave_out == own.leave_out), others[0])
-    return settings_text(other) if settings_text(other) != settings_text(own) else ""
+    beside = settings_text(other)
+    if first.fingerprint == second.fingerprint and len(shared) == 1 and beside != settings_text(own):
+        st.button(
+            f"Show both on Compare, {plain(shared[0])}", icon=":material/stacked_line_chart:", on_click=_open_beside,
+            args=(first, shared[0], beside), help="The pulses of the second stand beside those of the first.",
+        )  # fmt: skip
+
+
+def _open_beside(result: PastResult, test: str, beside: str) -> None:
+    """Open a study at one of its tests on Compare, with the prediction of it by other settings beside its own."""
+    if _choose(result):
+        st.session_state.update(test=test, also=list(dict.fromkeys([*st.session_state["also"], beside])))
+        open_next("compare")
 
 
 def _offer_predictions(first: PastResult, second: PastResult) -> None:
@@ -215,17 +222,27 @@ def _show_each_test(compared: StudyComparison, window: float, way: str) -> None:
     show_table(comparison_table(compared, approach, window, way), "compared tests")
 
 
-def _open(result: PastResult, *pinned: PastResult, beside: str = "") -> None:
-    """Choose whatever a result rests on, or record what is in the way; predictions to be seen beside it are pinned.
+def _open(result: PastResult, *pinned: PastResult) -> None:
+    """Open a result, or record what is in the way; predictions to be seen beside it are pinned."""
+    if not _choose(result):
+        return
+    if len(result.tests) == 1:
+        st.session_state["test"] = result.tests[0]
+    if result.condition is not None:
+        fill_in(campaigns.load(st.session_state["campaign"]), result.condition)
+    if pinned:
+        pin_all([each.condition for each in (result, *pinned) if each.condition is not None])
+    open_next(_page(result))
 
-    ``beside`` stands for the settings of a prediction of the same test that Compare puts beside it.
-    """
+
+def _choose(result: PastResult) -> bool:
+    """Choose the data and the settings of a result; False if they are not there, and why is recorded."""
     names = [name for name in campaigns.open_campaigns() if _fingerprint(name) == result.fingerprint]
     here = st.session_state["campaign"]
     name = here if here in names else next(iter(names), None)
     if name is None:
         st.session_state[_REFUSED] = _in_the_way(result)
-        return
+        return False
     choose_campaign(name)
     if name != here:
         note(f"Opened in {campaigns.label(name)}, which has the data of this result.")
@@ -235,15 +252,7 @@ def _open(result: PastResult, *pinned: PastResult, beside: str = "") -> None:
         approaches=[approach for approach in APPROACHES if approach in config.approaches],
         leave_out="speed group" if config.leave_out == "speed group" else "test",
     )  # fmt: skip
-    if len(result.tests) == 1:
-        st.session_state["test"] = result.tests[0]
-    if result.condition is not None:
-        fill_in(campaigns.load(name), result.condition)
-    if beside:
-        st.session_state["also"] = list(dict.fromkeys([*st.session_state["also"], beside]))
-    if pinned:
-        pin_all([each.condition for each in (result, *pinned) if each.condition is not None])
-    open_next(_page(result))
+    return True
 
 
 def _in_the_way(result: PastResult) -> str:

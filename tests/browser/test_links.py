@@ -104,8 +104,7 @@ def test_back_from_another_page_returns_to_what_was_chosen_just_before(server: "
 
 def test_a_button_that_opens_a_page_is_one_step_for_back(small_server: "Server", user: "User") -> None:
     """Back from a test that Train has opened returns to Train as it was, not to Train with that test chosen."""
-    view = {"campaign": "campaign", "test": "T2", "held_out": ("T2", "T3"), "approaches": "cae"}
-    user.open(small_server, "train", **view)
+    user.open(small_server, "train", campaign="campaign", test="T2", held_out=("T2", "T3"), approaches="cae")
     user.starts("Start", '[data-testid="stAlert"]')
     user.press("Compare T3", f"{MAIN} button")
     user.wait(lambda: urlsplit(user.browser.current_url).path == "/compare" and asked(user)["test"] == "T3")

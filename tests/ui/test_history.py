@@ -112,18 +112,22 @@ def test_two_predictions_are_shown_on_predict_with_both_pinned(visit: Visit, ope
     assert "rest on different data or settings" in visit("history", first=one.id, second=otherwise.id).words
 
 
-def test_two_studies_of_one_test_are_shown_on_compare_beside_each_other(visit: Visit, open_campaign: Path) -> None:
-    """The first as it is opened, the second among what is also shown there; of other data, or of several tests, not."""
+@pytest.mark.parametrize("tests", ["T2", "T2 T3"])
+def test_two_studies_with_one_test_in_common_are_shown_on_compare(
+    visit: Visit, open_campaign: Path, tests: str
+) -> None:
+    """The first as it is opened, the second among what is also shown there; of other data, or of more tests, not."""
     data = load_campaign(open_campaign).fingerprint
-    one = kept(1, data, tests="T2")
-    other = kept(2, data, tests="T2", config=StudyConfig(seed=1, leave_out="speed group"))
-    session = visit("history", first=one.id, second=other.id).press("Show both on Compare")
+    one = kept(1, data, tests=tests)
+    other = kept(2, data, tests="T1 T2", config=StudyConfig(seed=1, leave_out="speed group"))
+    session = visit("history", first=one.id, second=other.id).press("Show both on Compare, T2")
     assert session.app.title[0].value == "Compare"
     chosen = {key: session.app.session_state[key] for key in ("test", "seed", "leave_out", "also")}
     assert chosen == {"test": "T2", "seed": 0, "leave_out": "test", "also": ["by:fast 1 speed group"]}
-    several, elsewhere = kept(3, data, seed=2), kept(4, "campaign", seed=3, tests="T2", fingerprint="b")
-    for second in (several, elsewhere):
-        assert "Show both on Compare" not in visit("history", first=one.id, second=second.id).buttons
+    more, elsewhere = kept(3, data, seed=2), kept(4, "campaign", seed=3, tests="T2", fingerprint="b")
+    for first, second in ((other, more), (one, elsewhere)):
+        buttons = visit("history", first=first.id, second=second.id).buttons
+        assert not any("on Compare" in label for label in buttons)
 
 
 def test_predictions_that_are_pinned_stay_beside_two_that_are_shown(visit: Visit, open_campaign: Path) -> None:
