@@ -35,6 +35,13 @@ def earlier_predictions(
     return [EarlierPrediction(estimate, config, chosen_config()) for config, estimate in found if estimate is not None]
 
 
+def chosen_earlier(campaign: Campaign, test_id: str, approach: str) -> list[EarlierPrediction]:
+    """Those that were chosen, for the tables beside the figures."""
+    offered = offered_earlier(campaign, test_id, approach)
+    wanted = [offered[name] for name in st.session_state["also"] if name in offered]
+    return earlier_predictions(campaign, test_id, approach, wanted)
+
+
 def missing_earlier(offered: Mapping[str, StudyConfig], test_id: str) -> list[str]:
     """Sentence on settings that were chosen, for another test or by a link, with which this test was not predicted."""
     known = {*offered, settings_text(chosen_config())}

@@ -70,12 +70,13 @@ def ratings(
 ) -> Styler:
     """Overall rating with its grade by approach and window, and the four parts of the rating over one window.
 
-    The last column is the interval of the ratings of single draws, for the approaches with a band; the last row is what
-    a repeat of the test would rate, if it is known.
+    In place of an approach there may be the name of another prediction of the test. The last column is the interval of
+    the ratings of single draws, for the approaches with a band; the last row is what a repeat of the test would rate,
+    if it is known.
     """
     table = pd.DataFrame(
         {
-            "Approach": LABELS[name],
+            "Approach": LABELS.get(name, name),
             **{window_label(w): graded(rating.overall) for w, rating in by_window.items()},
             **{part.capitalize(): f"{getattr(by_window[window_ms], part):.3f}" for part in WEIGHTS},
             "Single draws": "–".join(f"{end:.3f}" for end in draws.get(name, ())) or "–",

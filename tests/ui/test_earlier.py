@@ -57,6 +57,22 @@ def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
 
 
 @pytest.mark.usefixtures("open_campaign")
+def test_its_rating_and_metrics_stand_below_those_that_it_was_put_beside(visit: Visit) -> None:
+    """In the same tables; those of the study that computed it."""
+    other = predicted(visit("compare", **ONE, test="T2", leave_out="speed group")).open_tab(
+        "compare", "Ratings and metrics"
+    )
+    session = predicted(visit("compare", **ONE, test="T2", also="by:fast 0 speed group"))
+    session.open_tab("compare", "Ratings and metrics")
+    name, label = "Displacement domain, all at its speed left out", "Displacement domain"
+    (ratings, metrics), (own_ratings, own_metrics) = session.tables[:2], other.tables[:2]
+    beside = ratings.set_index("Approach").loc[name]
+    assert beside.tolist() == own_ratings.set_index("Approach").loc[label].tolist()
+    assert beside.tolist() != ratings.set_index("Approach").loc[label].tolist()
+    assert metrics[name].tolist() == own_metrics[label].tolist()
+
+
+@pytest.mark.usefixtures("open_campaign")
 def test_it_is_said_which_of_several_settings_are_not_shown(visit: Visit) -> None:
     """Whatever a link has in their place."""
     asked = [SEED_1, "by:paper 0 speed group", "by:fast 0 magic", "by:*seven*"]

@@ -9,14 +9,16 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
+from crashfuse.reporting.earlier_prediction import EarlierPrediction
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
-from crashfuse.ui.beside import Shown, choose_curves, without_clicks
+from crashfuse.ui.beside import Shown, choose_curves, leading, without_clicks
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, advised
+from crashfuse.ui.earlier import chosen_earlier
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +80,12 @@ class Comparison:
     def predictions(self) -> Mapping[str, Prediction]:
         """By approach."""
         return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
+
+    @property
+    def earlier(self) -> Sequence[EarlierPrediction]:
+        """Predictions of the test with other settings that were chosen to be shown beside these."""
+        approach = leading(self.predictions, self.recommended)
+        return chosen_earlier(self.view.campaign, self.test.id, approach)
 
     def choose_curves(self, offered: Sequence[str] | None = None) -> Shown:
         """Let the user choose the curves of a figure, of those that are offered, and what is shown beside them."""

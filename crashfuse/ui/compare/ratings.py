@@ -4,6 +4,7 @@ import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting import glossary
+from crashfuse.study.fold import Fold
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.tables import show_table
@@ -19,7 +20,13 @@ def show(comparison: Comparison) -> None:
     campaign, fold = comparison.view.campaign, comparison.fold
     st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}. {_DRAWS_HELP} {glossary.REPEAT}")
     draws = {name: fold.rating_interval(name, comparison.window_ms) for name in fold.with_band}
-    show_table(page_tables.ratings(fold.ratings, comparison.window_ms, comparison.repeats, draws), "ratings")
+    rated, beside = dict(fold.ratings), dict(each.curve(comparison.view.display) for each in comparison.earlier)
+    for name, estimate in beside.items():
+        own = Fold.of(comparison.test, [estimate], comparison.config.windows_ms)
+        rated[name] = own.ratings[estimate.approach]
+        if own.with_band:
+            draws[name] = own.rating_interval(estimate.approach, comparison.window_ms)
+    show_table(page_tables.ratings(rated, comparison.window_ms, comparison.repeats, draws), "ratings")
     st.caption(
         f"Corridor, phase, magnitude, slope and single draws: over {page_tables.window_label(comparison.window_ms)}."
     )
@@ -27,6 +34,7 @@ def show(comparison: Comparison) -> None:
     columns = [
         (page_tables.TEST_COLUMN, campaign.metrics_of(comparison.test)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
+        *((name, estimate.metrics) for name, estimate in beside.items()),
     ]
     explanations.show_metrics(columns, comparison.view)
     said = () if comparison.advice is None else comparison.advice.sentences
