@@ -3,7 +3,8 @@
 import streamlit as st
 
 _JS = """
-const narrow = matchMedia("(max-width: 1099px)"), FOLDED = "crashfuse folded the sidebar";
+const narrow = matchMedia("(max-width: 1099px)"), phone = matchMedia("(max-width: 768px)");
+const FOLDED = "crashfuse folded the sidebar";
 const press = css => document.querySelector(css)?.click();
 const follow = () => {
   if (narrow.matches) {
@@ -16,6 +17,7 @@ const follow = () => {
 };
 follow();
 narrow.addEventListener("change", follow);
+phone.addEventListener("change", () => setTimeout(() => narrow.matches && follow(), 300));  // Streamlit unfolds it
 export default () => {};
 """
 _component = st.components.v2.component("crashfuse_folding", js=_JS)

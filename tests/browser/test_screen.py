@@ -102,6 +102,11 @@ def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(predi
     predicted.browser.refresh()
     predicted.find(".cf-ratings")
     predicted.wait(lambda: not shown())
+    predicted.sits_at(700, 1000)
+    time.sleep(1)
+    predicted.sits_at(900, 1000)  # Streamlit itself would open it again
+    time.sleep(2)
+    assert not shown()
     predicted.sits_at(1440, 1000)
     predicted.wait(shown)
 
