@@ -169,6 +169,27 @@ def test_a_page_can_be_used_at_twice_its_size(predicted: "User") -> None:
     assert predicted.browser.execute_script(beyond) <= 0
 
 
+# Of every visible field for which nothing is chosen: the words in it, and by how many pixels they are cut.
+_CUT = """
+const pen = document.createElement("canvas").getContext("2d");
+return [...document.querySelectorAll("[data-testid='stMain'] input[placeholder]")].map(field => {
+  const { font, paddingLeft, paddingRight } = getComputedStyle(field);
+  pen.font = font;
+  const room = field.clientWidth - parseFloat(paddingLeft) - parseFloat(paddingRight);
+  return [field.placeholder, pen.measureText(field.placeholder).width - room];
+}).filter(([words]) => words);
+"""
+
+
+def test_what_is_not_given_can_be_read_at_twice_its_size(server: "Server", user: "User") -> None:
+    """In the fields for the factors, the narrowest of the page."""
+    user.sits_at(1440, 1000, zoom=2.0)
+    user.open(server, "predict", campaign="sample")
+    cut = user.wait(lambda: user.browser.execute_script(_CUT), "No field is without a choice.")
+    assert [words for words, too_wide_px in cut if too_wide_px > 0] == []
+    assert "not given" in dict(cut)
+
+
 _COUNT_DRAWN = """
 window.drawn = 0;
 new MutationObserver(changes => { window.drawn += changes.some(each => each.target.matches("path.js-line")); })

@@ -19,7 +19,7 @@ DECIMALS = 9
 def choose_condition(campaign: Campaign, display: Display) -> Condition:
     """Ask for a condition, and warn if it lies outside the CAE runs; factors not given are left out."""
     with st.container(key="condition"):
-        left, middle, right, *columns = st.columns([*(3,) * 3, *(2,) * min(len(campaign.factors), 3)])
+        left, middle, right, *columns = st.columns(3 + min(len(campaign.factors), 3))
     if (further := len(campaign.factors) - 3) > 0:
         columns += st.columns(further)
     factors = {}
