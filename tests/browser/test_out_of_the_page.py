@@ -41,7 +41,7 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     engineer.press("CAE", f'[data-testid="stPopoverBody"] {PILL}')
     engineer.wait(lambda: "CAE" not in engineer.texts(f"{FIGURE} .legendtext"))
     press_tool(engineer, '[data-format="csv"]')
-    numbers = rows(engineer.arrived("_T1_pulses-with-corridors_0-60ms_g.csv").read_text(encoding="utf-8"))
+    numbers = rows(engineer.arrived("_T1_pulses-with-corridors-no-CAE_0-60ms_g.csv").read_text(encoding="utf-8"))
     shown = set(numbers[0])
     assert "Displacement domain: Velocity, upper (mph)" in shown
     assert any(name.startswith("Corridor of the rating, inner") for name in shown)
@@ -51,8 +51,9 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     np.testing.assert_allclose(drawn, measured, rtol=1e-5, atol=1e-5)
     for form, start in (("svg", b"<svg"), ("png", b"\x89PNG")):
         press_tool(engineer, f'[data-format="{form}"]')
-        assert engineer.arrived(f"_T1_pulses-with-corridors_0-60ms_g.{form}").read_bytes().startswith(start)
-    saved = engineer.arrived("_T1_pulses-with-corridors_0-60ms_g.svg").read_text(encoding="utf-8")
+        assert engineer.arrived(f"_T1_pulses-with-corridors-no-CAE_0-60ms_g.{form}").read_bytes().startswith(start)
+    saved = engineer.arrived("_T1_pulses-with-corridors-no-CAE_0-60ms_g.svg").read_text(encoding="utf-8")
+    assert "test T1 and its prediction by Displacement domain<" in saved  # not by CAE, which is hidden
     assert "@font-face" in saved  # which no other program has: without it, and without lengths, words would overlap
     assert len(re.findall("<(?:text|tspan)[^>]* textLength=", saved)) > 20
 
