@@ -106,9 +106,10 @@ class User:
         self.sees("Tests in use")
 
     def becomes_another(self) -> None:
-        """Someone else sits down, in a browser that no server has seen."""
+        """Someone else sits down, in a browser that no server has seen, and that has nowhere to go back to."""
         self.browser.get("about:blank")
         self.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})
+        self.browser.execute_cdp_cmd("Page.resetNavigationHistory", {})  # a full one, 50 pages, counts no further
 
     def _shown(self, css: str, words: str) -> list[tuple[WebElement, str]]:
         return [(element, text) for element, text in self.browser.execute_script(_SHOWN, css, words)]
