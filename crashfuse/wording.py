@@ -185,7 +185,7 @@ def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
     )
 
 
-def listed(names: Sequence[str]) -> str:
+def read_out(names: Sequence[str]) -> str:
     """Names as one reads them out: "A, B and C"."""
     *first, last = names or [""]
     return " and ".join([", ".join(first), last] if first else [last])

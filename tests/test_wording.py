@@ -13,7 +13,7 @@ from crashfuse.wording import (
     Sentence,
     UnitSystem,
     joined,
-    listed,
+    read_out,
     said,
     speed,
     unbroken,
@@ -45,7 +45,12 @@ def test_sentences_within_sentences_follow() -> None:
 
 def test_names_are_listed_as_one_reads_them_out() -> None:
     """With commas and a last "and"."""
-    assert [listed(names) for names in ((), ("A",), ("A", "B"), ("A", "B", "C"))] == ["", "A", "A and B", "A, B and C"]
+    assert [read_out(names) for names in ((), ("A",), ("A", "B"), ("A", "B", "C"))] == [
+        "",
+        "A",
+        "A and B",
+        "A, B and C",
+    ]
 
 
 def test_sentences_travel_between_processes() -> None:

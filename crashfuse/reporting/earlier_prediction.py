@@ -7,7 +7,8 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 
-_LEFT_OUT = {"test": "left out alone", "speed group": "all at its speed left out"}
+LEFT_OUT = {"test": "left out alone", "speed group": "all at its speed left out"}
+"""What was left out with a test, in few words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,6 @@ def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
     said = {
         f"{config.preset} settings": config.preset != shown.preset,
         f"seed {config.seed}": config.seed != shown.seed,
-        _LEFT_OUT[config.leave_out]: config.leave_out != shown.leave_out,
+        LEFT_OUT[config.leave_out]: config.leave_out != shown.leave_out,
     }
     return ", ".join(words for words, differs in said.items() if differs)

@@ -22,11 +22,11 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
-from crashfuse.ui.earlier import EARLIER, earlier_predictions, missing_earlier, offered_earlier
+from crashfuse.ui.earlier import EARLIER, chosen_earlier, missing_earlier, offered_earlier
 from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.pins import pinned
 from crashfuse.ui.text import plain
-from crashfuse.wording import listed
+from crashfuse.wording import read_out
 
 _RECOMMENDED = "recommended"  # the approach whose band is filled, unless another is chosen
 _NEAREST = 3
@@ -68,7 +68,11 @@ class Shown:
     @property
     def by(self) -> str:
         """By which approaches its predictions are, in words."""
-        return "every approach" if self.every else listed([LABELS[name] for name in self.approaches])
+        return "every approach" if self.every else read_out([LABELS[name] for name in self.approaches])
+
+    def named(self, drawn: str) -> str:
+        """What is drawn, and what is unlike the usual figure of that, for names of files."""
+        return " ".join([drawn, *self.unlike])
 
     def of(self, test: str) -> str:
         """What it shows of a test, in words."""
@@ -214,7 +218,7 @@ def _choose_beside(
         missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
     return (
         *(name for name in also if name not in at_pins and name not in earlier),
-        *earlier_predictions(campaign, held_out, approach, [earlier[name] for name in also if name in earlier]),
+        *(chosen_earlier(campaign, held_out, approach) if held_out else []),
         *at_pinned,
     ), missing
 

@@ -10,6 +10,7 @@ import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.reporting.earlier_prediction import LEFT_OUT
 from crashfuse.reporting.figures import RUN, Further
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import StudyConfig
@@ -109,7 +110,8 @@ def _question() -> list[str]:
 
 def _left_out(page: str) -> list[str]:
     """Elsewhere than on Compare the figures themselves say what was left out, or all tests were learned from."""
-    return ["all at its speed left out"] if page == "compare" and chosen_config().leave_out == "speed group" else []
+    left_out = chosen_config().leave_out
+    return [LEFT_OUT[left_out]] if page == "compare" and left_out == "speed group" else []
 
 
 def _units(figure: go.Figure, display: Display, campaign: Campaign) -> list[str]:

@@ -1,6 +1,6 @@
 """Predictions of the held-out test that were computed before, with other settings, to be put beside those shown."""
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import asdict
 
 import streamlit as st
@@ -27,19 +27,12 @@ def offered_earlier(campaign: Campaign, test_id: str, approach: str) -> Mapping[
     return _offered((campaign.fingerprint, jobs().ended), test_id, approach, shown, campaign)
 
 
-def earlier_predictions(
-    campaign: Campaign, test_id: str, approach: str, wanted: Iterable[StudyConfig]
-) -> list[EarlierPrediction]:
-    """The predictions of a test with these settings; those that were deleted meanwhile are left out."""
-    found = ((config, _estimate(campaign.fingerprint, test_id, approach, config, campaign)) for config in wanted)
-    return [EarlierPrediction(estimate, config, chosen_config()) for config, estimate in found if estimate is not None]
-
-
 def chosen_earlier(campaign: Campaign, test_id: str, approach: str) -> list[EarlierPrediction]:
-    """Those that were chosen, for the tables beside the figures."""
+    """The predictions by those that were chosen; what was deleted meanwhile is left out."""
     offered = offered_earlier(campaign, test_id, approach)
     wanted = [offered[name] for name in st.session_state["also"] if name in offered]
-    return earlier_predictions(campaign, test_id, approach, wanted)
+    found = ((config, _estimate(campaign.fingerprint, test_id, approach, config, campaign)) for config in wanted)
+    return [EarlierPrediction(estimate, config, chosen_config()) for config, estimate in found if estimate is not None]
 
 
 def missing_earlier(offered: Mapping[str, StudyConfig], test_id: str) -> list[str]:

@@ -51,7 +51,7 @@ def show(comparison: Comparison) -> None:
         choice,
         comparison.key,
         curves.key,
-        name=" ".join([shown, *curves.unlike]),
+        name=curves.named(shown),
         beside=curves.also,
     )
     st.caption(caption)

@@ -84,7 +84,7 @@ def _show_beside_the_cae(
         name,
         comparison.key,
         curves.key,
-        name=" ".join([LABELS[name], *curves.unlike]),
+        name=curves.named(LABELS[name]),
         beside=curves.also,
     )
     st.caption(_MEANING[name])

@@ -25,5 +25,5 @@ def show(answer: Answer) -> None:
 
     said = f"Prediction by {curves.by}" if curves.approaches else "Beside the prediction"
     alt = f"{said} at {display.condition(condition)}: {shown.lower()}"
-    name = " ".join([condition.text, shown.lower(), *curves.unlike])
+    name = curves.named(f"{condition.text} {shown.lower()}")
     show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)
