@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from crashfuse.campaign import Campaign
+from crashfuse.certification.answer import answers
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
@@ -15,6 +16,8 @@ from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH
 from crashfuse.wording import MPH_LB, UnitSystem, said
 
+ANSWER = "A test there"
+"""Heading of :func:`answer_texts`."""
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
@@ -26,7 +29,8 @@ _JUDGED = ("met", "not met", "decided")
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
-    waived, all_at_once = certification.waived, {i: all_met(row)[0] for i, row in certification.rows.items()}
+    given, waived = answers(certification), certification.waived
+    all_at_once = {i: all_met(row)[0] for i, row in certification.rows.items()}
     return pd.DataFrame(
         {
             **condition_columns(cell, verdict.condition, factors),
@@ -45,10 +49,20 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             "basis": basis[verdict.criterion.metric],
             "need_not_be_run": cell in waived,
             "all_met_at_least": all_at_once[cell],
+            "answer": given[cell],
             **({"test": " ".join(verdict.run)} if run else {}),
         }
         for cell, verdict in certification.cells
     ).astype(dict.fromkeys(_NUMBERS, float))  # also where all are unknown
+
+
+def answer_texts(certification: Certification) -> dict[str, str]:
+    """The answer at each condition in words: if run, by which test; if counted as another condition, as which."""
+    run, same = certification.run, certification.counted_once
+    texts: dict[str, str] = {**answers(certification)}
+    for i, tests in run.items():
+        texts[i] = f"run: {tests[0] if len(tests) == 1 else f'{len(tests)} tests'}"
+    return {i: f"{text}, as {same[i]}" if i in same else text for i, text in texts.items()}
 
 
 def probability_text(probability: float | None) -> str:

@@ -239,14 +239,14 @@ def _long(curves: Sequence[_Shown]) -> pd.DataFrame:
 
 
 def _matrix(trace: Mapping[str, Any]) -> pd.DataFrame:
-    """The cells of a heat map: their numbers if its words begin with them, else the words."""
+    """The cells of a heat map: their numbers if its words begin with them, else the words; and what is beside rows."""
     cells = _numbers(trace["z"]).astype(object)
     words = _values(trace.get("text"))
     if words.size and not all(map(_begins_with, words.flat, cells.flat)):
         cells = np.array([_text(each) for each in words.flat], dtype=object).reshape(cells.shape)
     table = pd.DataFrame(cells, columns=[_text(each) for each in _values(trace["x"])]).infer_objects()
     table.insert(0, "Row", [_text(each) for each in _values(trace["y"])])
-    return table
+    return table.assign(**trace.get("meta", {}))
 
 
 def _begins_with(words: str, number: float) -> bool:

@@ -56,8 +56,8 @@ return [...document.querySelectorAll('[data-testid="stMetric"] *')].filter(cut).
 def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: "User") -> None:
     """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict.
 
-    Once judged, criteria fold away, so that all verdicts stand on the first screen; unfolded they stay so. At twice the
-    size no number of the answer is cut.
+    Once judged, criteria fold away, so that all verdicts stand on the first screen, with the answer beside each row,
+    the figure within 350 px; unfolded they stay so. At twice the size no number of the answer is cut.
     """
     criteria = user.downloads.parent / "criteria.toml"
     criteria.write_text('confidence = 0.9\n[[criterion]]\nmetric = "peak"\nat_most = 25\n', encoding="utf-8")
@@ -70,6 +70,8 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.press("Certify", f"{MAIN} button")
     user.sees("Wrong so far")
     user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
+    user.sees("would miss", FIGURE)
+    user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.", 10)
     user.press("Criteria and conditions", "summary")
     user.fill("Confidence", "0.85")
     user.wait(lambda: "confidence=0.85" in user.browser.current_url)

@@ -70,7 +70,7 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert "bracket came loose" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
-    assert list(verdicts) == [*CONTRACT, "basis", "need_not_be_run", "all_met_at_least"]
+    assert list(verdicts) == [*CONTRACT, "basis", "need_not_be_run", "all_met_at_least", "answer"]
     assert verdicts["id"].tolist() == [i for i in "ABC" for _ in range(3)]
     assert verdicts["window_ms"].dropna().unique().tolist() == [60.0]
     assert (verdicts["lower"] <= verdicts["value"]).all()
@@ -91,6 +91,7 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(
     by_criterion = [own["verdicts"] for own in record["by_criterion"].values()]
     assert {word: sum(own[word] for own in by_criterion) for word in record["verdicts"]} == record["verdicts"]
     assert set(verdicts[verdicts["need_not_be_run"]]["id"]) == set(record["waived"])
+    assert set(verdicts.query("answer == 'need not be run'")["id"]) == set(record["waived"])
     printed = capsys.readouterr().out
     assert f"3 conditions × 3 criteria, confidence 0.8: {record['verdicts']['met']} met" in printed
     assert all(sentence in printed for sentence in record["sentences"])

@@ -10,7 +10,7 @@ from plotly.colors import hex_to_rgb
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict, Word
-from crashfuse.reporting.certification_tables import probability_text
+from crashfuse.reporting.certification_tables import ANSWER, answer_texts, probability_text
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import INK, MEASURED_COLOUR, VERDICT_COLOURS
@@ -31,17 +31,20 @@ _MAX_RUNS = 600  # more points only fill the same cloud
 _CHECKED = "#0072B2"
 
 
-def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> go.Figure:
+def verdict_matrix(certification: Certification, display: Display = DEFAULT, part: slice = slice(None)) -> go.Figure:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria: colour, word and probability of being met.
 
-    A cell's mark carries ``"<condition> | <criterion>"``. Beyond 200 conditions only colours are drawn.
+    Beside each row stands the answer at the condition. A cell's mark carries ``"<condition> | <criterion>"``. Beyond
+    200 conditions only colours are drawn. ``part`` takes some of the sorted conditions.
     """
-    ids, rows = _by_speed(certification)
+    ids, rows = _by_speed(certification, part)
     width = min(max(_HEADER_CHARACTERS // len(certification.criteria.items), 9), 22)
     names = [_header(criterion, width, display) for criterion in certification.criteria.items]
     speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
     labels = [f"{i} · {own}" for i, own in zip(ids, speeds, strict=True)]
     short = [f"{tick_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
+    answers = answer_texts(certification)
+    beside = [answers[i] for i in ids]
     with_words = len(rows) <= _MOST_WORDS
     row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
@@ -57,6 +60,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
         xgap=2,
         ygap=2 if with_words else 0,
         showscale=False,
+        meta={ANSWER: beside},
     )
     if with_words:
         figure.update_traces(
@@ -91,6 +95,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
     figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
     if with_words:
         figure.update_yaxes(tickvals=labels, ticktext=short)
+        _write_beside(figure, labels, beside)
     return figure
 
 
@@ -162,11 +167,24 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
     return min((verdict.word for verdict in verdicts), key=_WORST_FIRST.index)
 
 
-def _by_speed(certification: Certification) -> tuple[list[str], list[tuple[Verdict, ...]]]:
-    """Ids of the conditions and their verdicts, slow before fast, in the order of the matrix where as fast."""
+def _by_speed(certification: Certification, part: slice) -> tuple[list[str], list[tuple[Verdict, ...]]]:
+    """Ids of some conditions and their verdicts, slow before fast, in the order of the matrix where as fast."""
     rows = certification.rows.items()
-    ids, verdicts = zip(*sorted(rows, key=lambda row: row[1][0].condition.speed_mps), strict=True)
+    ids, verdicts = zip(*sorted(rows, key=lambda row: row[1][0].condition.speed_mps)[part], strict=True)
     return list(ids), list(verdicts)
+
+
+def _write_beside(figure: go.Figure, rows: list[str], beside: list[str]) -> None:
+    """Write a text beside each row of a heat map, at its right: at an axis, which is drawn as marks are on it."""
+    left = figure.layout.yaxis.to_plotly_json()
+    right = {"overlaying": "y", "side": "right", "categoryarray": rows, "ticktext": beside, "ticklabelstandoff": 4}
+    figure.update_layout(yaxis2={**left, **right})
+    figure.update_traces(yaxis="y2", selector={"mode": "markers", "showlegend": False})
+    figure.add_annotation(
+        text=f"<b>{ANSWER}</b>", x=1, y=1, xref="paper", yref="paper", xanchor="left", yanchor="bottom", xshift=3,
+        showarrow=False,
+    )  # fmt: skip
+    figure.update_layout(margin={"r": max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10})
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:

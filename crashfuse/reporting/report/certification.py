@@ -12,14 +12,20 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_sentences import least_text, summary
-from crashfuse.reporting.certification_tables import counts_table, probability_text, record_counts
+from crashfuse.reporting.certification_tables import (
+    ANSWER,
+    answer_texts,
+    counts_table,
+    probability_text,
+    record_counts,
+)
 from crashfuse.reporting.domain_sentences import domain_sentences
+from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render
@@ -96,15 +102,16 @@ def _shortened(table: pd.DataFrame, file: str) -> dict[str, object]:
 
 
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
-    matrix, domain, waived = certification.matrix, certification.domain, certification.waived
+    matrix, domain = certification.matrix, certification.domain
+    answers, all_met = answer_texts(certification), certification.waived | certification.uncertain
     return pd.DataFrame(
         {
             "Condition": i,
             **display.columns(condition),
             **dict(condition.factors),
-            **({"Run as test": ", ".join(certification.run.get(i, ()))} if certification.run else {}),
             "Validated domain": "outside" if domain.outside(condition) else "inside",
-            "Need not be run, all met": f"≥ {least_text(waived[i])}" if i in waived else "–",
+            ANSWER: answers[i],
+            "All met at once": f"≥ {least_text(all_met[i])}" if i in all_met else "–",
         }
         for i, condition in matrix.items
     )
@@ -134,14 +141,10 @@ def _occupant(certification: Certification) -> list[str]:
 
 def _matrix_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
     """The matrix in parts, slow before fast; if it would take too many, as a single figure."""
-    matrix = certification.matrix
-    order = sorted(range(len(matrix.ids)), key=lambda place: matrix.conditions[place].speed_mps)
-    size = _CONDITIONS if len(order) <= _CONDITIONS else _CONDITIONS_OF_MANY
-    parts = [order[i : i + size] for i in range(0, len(order), size)]
-    for places in parts if len(parts) <= _MOST_FIGURES else [order]:
-        own = Matrix(tuple(matrix.ids[i] for i in places), tuple(matrix.conditions[i] for i in places))
-        verdicts = tuple(certification.verdicts[i] for i in places)
-        yield Verdicts(replace(certification, matrix=own, verdicts=verdicts)).plot(display=display)
+    n = len(certification.matrix.ids)
+    size = _CONDITIONS if n <= _CONDITIONS else _CONDITIONS_OF_MANY
+    size = size if n <= size * _MOST_FIGURES else n
+    return (verdict_matrix(certification, display, slice(i, i + size)) for i in range(0, n, size))
 
 
 def _record_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:

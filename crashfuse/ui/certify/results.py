@@ -24,6 +24,7 @@ from crashfuse.ui.predict.condition import fill_in
 from crashfuse.ui.text import plain
 
 _CELL = "cell"
+_MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
 _MEANINGS = {
     "met": "A test there would meet the criterion, with the confidence asked for.",
     "not met": "A test there would miss it, with the same confidence.",
@@ -33,14 +34,11 @@ _MEANINGS = {
 
 
 def show(judgement: Judgement) -> None:
-    """Show the counts of verdicts, the matrix in which a cell can be chosen, and all of them as a table."""
+    """Show the counts of verdicts, the matrix in which a cell can be chosen, what it comes to, and a table of all."""
     verdicts, certification, display = judgement.verdicts, judgement.certification, judgement.display
     n = len(certification.matrix.ids)
     _show_numbers(certification)
-    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
-    if certification.since is None and (alone := kept_files.beside_none(certification.campaign)):
-        st.caption(f":material/history: {plain(alone)} Choose one under *Earlier verdicts*.")
-    with st.container(height=46 + 24 * FEW_CONDITIONS if n > FEW_CONDITIONS else "content", border=False):
+    with st.container(height=_MANY_PX if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(
             lambda: verdicts.plot(display=display),
             "Verdicts by condition and criterion; the same words are in the table below",
@@ -52,6 +50,9 @@ def show(judgement: Judgement) -> None:
         )
     st.caption("Numbers: probability that a test there would meet the criterion. Click a cell for its reason.")
     _show_cell(certification)
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
+    if certification.since is None and (alone := kept_files.beside_none(certification.campaign)):
+        st.caption(f":material/history: {plain(alone)} Choose one under *Earlier verdicts*.")
     with st.expander("All verdicts as a table", icon=":material/table:"):
         _show_table(certification, display)
     explanations.show_terms(judgement.config)

@@ -13,6 +13,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
+from crashfuse.reporting.figure_data import figure_table
 from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
 from crashfuse.reporting.plots.palette import IN_THE_DARK, VERDICT_COLOURS
@@ -84,6 +85,24 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     assert list(marks.customdata) == [f"{i} | {name}" for i in ("slow", "fast", "far") for name in ("crush", "rating")]
     assert marks.hovertext[0].endswith("Because of crush.")
     assert marks.hovertext[-1].endswith("0.90 expected, 0.85 to 0.95 in 95 % of tests; the limit is at least 0.80")
+
+
+def test_beside_each_row_stands_the_answer_at_its_condition(campaign: Campaign) -> None:
+    """By which test it was run, or by how many; what counts as another condition says as which, in part of it, too."""
+    names = ("M20", "M20.1", "M25", "M30", "M40", "M70")
+    words: dict[str, tuple[Word, Word]] = dict.fromkeys(names, ("met", "met"))
+    words |= {"M40": ("not met", "open"), "M70": ("outside", "outside")}
+    found = certification(campaign, words, {i: float(i[1:]) for i in names})
+    verdicts = list(found.verdicts)
+    for row, tests in ((2, ("T1",)), (3, ("T2", "T3"))):
+        verdicts[row] = tuple(replace(own, run=dict.fromkeys(tests, 1.0)) for own in verdicts[row])
+    found = replace(found, verdicts=tuple(verdicts))
+    told = ["need not be run", "need not be run, as M20", "run: T1", "run: 2 tests", "would miss", "outside"]
+    for part in (slice(None), slice(1, 4)):
+        figure = verdict_matrix(found, part=part)
+        assert list(figure.layout.yaxis2.ticktext) == told[part]
+        assert list(figure.layout.yaxis2.tickvals) == list(figure.data[0].y)
+        assert figure_table(figure.to_plotly_json())["A test there"].tolist() == told[part]
 
 
 @pytest.mark.parametrize(("n", "size"), [(2, 12), (8, 12), (10, 10), (30, 6)])
