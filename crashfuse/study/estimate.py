@@ -1,7 +1,8 @@
 """Fits of approaches to a campaign, which are cached, and their predictions at a condition."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
@@ -149,7 +150,8 @@ def is_beyond(condition: Condition) -> bool:
 def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     """Predictions of several approaches at a condition, with numbers rounded as for storage.
 
-    All fits are of one campaign. Predictions that a mixture shares with other approaches are computed once.
+    All fits are of one campaign. Predictions that a mixture shares with other approaches are computed once, and
+    those that need no networks while networks predict.
 
     Raises
     ------
@@ -160,25 +162,42 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
         raise UsageError(Sentence("A prediction takes a speed and weights above 0, not {}.", condition))
     if is_beyond(condition):
         raise UsageError(Sentence("No barrier test is made at {}: {} can be predicted.", condition, BOUNDS))
-    made: dict[tuple[object, ...], Prediction] = {}
+    made: dict[Hashable, tuple[Prediction, float]] = {}
 
-    def predict(approach: Approach) -> Prediction:
-        key = tuple(settings(approach).values())
+    def predict(approach: Approach) -> tuple[Prediction, float]:
+        key = _key(approach)
         if key not in made:
             parts = [predict(part) for part in approach.parts]
-            with blamed_on(approach.name):
-                made[key] = approach.predict_from(condition, parts)
+            start = time.perf_counter()
+            with blamed_on(approach.name), one_thread():
+                prediction = approach.predict_from(condition, [own for own, _ in parts])
+            made[key] = prediction, time.perf_counter() - start + sum(seconds for _, seconds in parts)
         return made[key]
+
+    single = [part for fit in fits for part in _single_parts(fit.approach)]
+    with ThreadPoolExecutor(1) as aside:  # networks alone fill but one core for half of their time
+        others = aside.map(predict, [part for part in single if not part.trains_networks])
+        for part in single:
+            if part.trains_networks:
+                predict(part)
+        list(others)  # raises what went wrong there
 
     estimates = []
     for fit in fits:
-        start = time.perf_counter()
-        with one_thread():
-            prediction = predict(fit.approach)
+        prediction, seconds = predict(fit.approach)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
-        seconds = fit.seconds + time.perf_counter() - start
         left_out_mps2 = {test: own.accel_mps2 for test, own in fit.left_out.items()}
         known = left_out_mps2, fit.agreements, fit.metric_errors, fit.occupant
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, *known))
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *known))
     return estimates
+
+
+def _key(approach: Approach) -> Hashable:
+    """Equal for approaches that predict the same, of one campaign."""
+    return tuple(settings(approach).values())
+
+
+def _single_parts(approach: Approach) -> list[Approach]:
+    """The approaches of which it is a mixture in the end; itself if it is none."""
+    return [single for part in approach.parts for single in _single_parts(part)] or [approach]

@@ -1,5 +1,7 @@
 """An approach at a condition: impossible ones are refused; fits are kept by all that decides them."""
 
+import threading
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -71,20 +73,21 @@ def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
 def test_several_approaches_say_together_what_each_says_alone(
     campaign: Campaign, order: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """To the bit, and what fused is made of is predicted once, whoever comes first."""
+    """To the bit, and what fused is made of is predicted once, in two threads, whoever comes first."""
     condition = replace(campaign.tests[1].condition, speed_mps=9.0)
     fits = [Fit.of(campaign, name) for name in order]
     alone = [fit.estimate(condition) for fit in fits]
-    asked: list[str] = []
+    asked: dict[str, list[int]] = defaultdict(list)
     for approach in (TimeDomain, DisplacementDomain):
 
         def counted(self: Approach, at: Condition, predict: Callable[..., Prediction] = approach.predict) -> Prediction:
-            asked.append(self.name)
+            asked[self.name].append(threading.get_ident())
             return predict(self, at)
 
         monkeypatch.setattr(approach, "predict", counted)
     together = estimates_at(fits, condition)
-    assert sorted(asked) == ["displacement_domain", "time_domain"]
+    (by_networks,), (by_none,) = asked["time_domain"], asked["displacement_domain"]
+    assert by_networks != by_none
     assert [estimate.approach for estimate in together] == list(order)
     for one, other in zip(alone, together, strict=True):
         assert one.prediction.accel_mps2.tobytes() == other.prediction.accel_mps2.tobytes()
