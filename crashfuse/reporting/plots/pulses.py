@@ -254,18 +254,21 @@ def _between(ordered: FloatArray, place: float) -> FloatArray:
 def _join_hover(figure: go.Figure, display: Display, bands: Mapping[str, Band | None]) -> None:
     """Show a, v and s of a curve in one hover line instead of three, and the ends of these bands of a."""
     curves = [trace for trace in figure.data if trace.hoverinfo != "skip"]
-    hover = f"%{{y}}%{{customdata[2]}} {display.unit}, %{{customdata[0]}} {display.units.speed}, %{{customdata[1]}} mm"
+    speed, unit = display.units.speed, display.unit
     for group in {trace.legendgroup for trace in curves}:
         accel, velocity, displacement = [trace for trace in curves if trace.legendgroup == group]
-        said, template = [_said(velocity.y, 1), _said(displacement.y, 0)], hover.replace("%{customdata[2]}", "")
+        said = [f"{v} {speed}, {s}" for v, s in zip(_said(velocity.y, 1), _said(displacement.y, 0), strict=True)]
+        before = f" {unit}, "
         if (band := bands.get(group)) is not None:
-            lower, upper = (_said(np.interp(accel.x, band[0], end), 1).tolist() for end in band[1:])
-            said.append(np.array([f" [{low}, {high}]" for low, high in zip(lower, upper, strict=True)]))
-            template = hover
-        accel.customdata, accel.hovertemplate = np.column_stack(said), template
+            ends = [_said(np.interp(accel.x, band[0], end), 1) for end in band[1:]]
+            said = [f"{low}, {high}] {unit}, {rest}" for low, high, rest in zip(*ends, said, strict=True)]
+            before = " ["
+        # one text a point: more values would take longer to copy, write and read, several times each
+        accel.customdata, accel.hovertemplate = np.array(said), f"%{{y}}{before}%{{customdata}} mm"
 
 
-def _said(values: FloatArray, digits: int) -> np.ndarray[tuple[int, ...], np.dtype[np.str_]]:
+def _said(values: FloatArray, digits: int) -> list[str]:
     """Numbers as the cursor reads them, with a minus sign; Plotly would format them with a hyphen."""
     different, place = np.unique(np.round(values, digits) + 0.0, return_inverse=True)  # each is written once
-    return np.array([number(own, f".{digits}f") for own in different.tolist()])[place]
+    texts = [number(own, f".{digits}f") for own in different.tolist()]
+    return [texts[own] for own in place.tolist()]

@@ -122,11 +122,12 @@ def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predict
     """The acceleration carries the other two; they don't repeat themselves. Numbers have a minus sign, not a hyphen."""
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
     accel = trace(figure, "CAE")
-    said = np.char.replace(accel.customdata.astype(str), "\N{MINUS SIGN}", "-").astype(np.float32)
-    np.testing.assert_array_equal(said[:, 0], np.round(trace(figure, "CAE", 2).y, 1))
-    np.testing.assert_array_equal(said[:, 1], np.round(trace(figure, "CAE", 3).y))
-    assert said.min() < 0
-    assert "-" not in "".join(accel.customdata.ravel())
+    told = np.array([text.replace("\N{MINUS SIGN}", "-").split(" mph, ") for text in accel.customdata], np.float32)
+    np.testing.assert_array_equal(told[:, 0], np.round(trace(figure, "CAE", 2).y, 1))
+    np.testing.assert_array_equal(told[:, 1], np.round(trace(figure, "CAE", 3).y))
+    assert told.min() < 0
+    assert accel.hovertemplate == "%{y} g, %{customdata} mm"
+    assert "-" not in "".join(accel.customdata)
     assert ":" not in accel.hovertemplate  # the formats of templates know hyphens only
     assert trace(figure, "CAE", 2).hoverinfo == "none"
 
@@ -136,13 +137,15 @@ def test_the_cursor_tells_the_ends_of_the_band_that_is_filled(
 ) -> None:
     """Beside the acceleration, of that curve alone."""
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps, filled="displacement_domain")
-    (banded,) = [own for own in figure.data if own.hovertemplate and "customdata[2]" in own.hovertemplate]
+    (banded,) = [own for own in figure.data if own.hovertemplate == "%{y} [%{customdata} mm"]
     assert banded.legendgroup == "displacement_domain"
     prediction = predictions["displacement_domain"]
     assert prediction.draws_mps2 is not None
     ends = np.quantile(prediction.draws_mps2[:, 400] / G, [0.025, 0.975])
-    said = banded.customdata[400][2].replace("\N{MINUS SIGN}", "-").strip(" []").split(", ")
-    assert [float(end) for end in said] == pytest.approx(ends, abs=0.06)
+    said, rest = banded.customdata[400].replace("\N{MINUS SIGN}", "-").split("] g, ")
+    assert [float(end) for end in said.split(", ")] == pytest.approx(ends, abs=0.06)
+    below = [own.y[400] for own in figure.data if own.legendgroup == banded.legendgroup and own.hoverinfo == "none"]
+    assert rest == f"{below[0]:.1f} mph, {below[1]:.0f}"
 
 
 def test_all_tests_are_drawn_by_rising_speed_and_named(campaign: Campaign) -> None:
