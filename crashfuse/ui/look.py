@@ -29,6 +29,8 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 .st-key-recommendation button { min-height: 0; padding-block: 0 }
 .st-key-asked :is([data-testid="stButton"], [data-testid="stPopover"]) button { min-height: 1.9rem }
 .st-key-head [data-testid="stHeading"] { margin: 0 }
+/* an answer is there before what it replaces would begin to fade; to wait for that takes a third of a browser's work */
+.st-key-alone [data-stale="true"] { opacity: 1 !important; transition: none !important }
 /* a slider right below its number, which it need not repeat */
 .st-key-condition [data-testid="stColumn"] > [data-testid="stVerticalBlock"] { gap: 0 }
 .st-key-condition :is([data-testid="stSliderThumbValue"], [data-testid="stSliderTickBar"]) { display: none }

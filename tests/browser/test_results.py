@@ -133,6 +133,16 @@ def steps_of(user: "User", slider: "WebElement", name: str, values: tuple[str, .
     return int(user.browser.execute_script(moves, name, values))
 
 
+_WATCH_FADING = """
+window.fading = 0;
+const look = () => {
+  window.fading += document.getAnimations().filter(own => own.effect.target.closest('[data-stale="true"]')).length;
+  requestAnimationFrame(look);
+};
+look();
+"""
+
+
 def test_predict_answers_another_speed_at_once(small_server: "Server", user: "User") -> None:
     """The figure, within 350 px, follows number field and slider, and they each other; so do the links and Back.
 
@@ -151,8 +161,10 @@ def test_predict_answers_another_speed_at_once(small_server: "Server", user: "Us
     thumb = '[data-testid="stSlider"] input'
     user.wait(lambda: user.browser.find_element(By.CSS_SELECTOR, thumb).get_attribute("value") == "31.5")
     slider = user.browser.find_element(By.CSS_SELECTOR, thumb)
+    user.browser.execute_script(_WATCH_FADING)
     presses(user, slider, Keys.ARROW_LEFT)
     user.find('[aria-label*="31.4 mph, front"]')
+    assert not user.browser.execute_script("return window.fading")  # what is replaced, while it waits
     user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "31.4")
     user.find('[data-testid="stSidebar"] a[href*="speed_mph=31.4"]')  # to be opened beside this one
     user.browser.back()
