@@ -10,6 +10,7 @@ from crashfuse.certification.earlier import EarlierVerdict
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.verdict import Verdict
 from crashfuse.reporting.certification_tables import condition_columns, factors_of, probability_text
+from crashfuse.reporting.condition_lists import listed_conditions
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certification_settings
 from crashfuse.reporting.track_record_sentences import (
@@ -268,17 +269,18 @@ def _changed(changes: Changes) -> Iterator[str]:
         for cell, before, now in pairs
         if before.decided and now.decided and before.word != now.word
     ]
-    withdrawn = [
-        f"{i} ({', '.join(f'{own.criterion.name} {own.word}' for own in rest) or 'each met, all at once uncertain'})"
+    if turned:
+        yield f"Turned round: {listed(turned)}."
+    withdrawn = {
+        i: ", ".join(f"{own.criterion.name} {own.word}" for own in rest) or "each met, all at once uncertain"
         for i, rest in changes.withdrawn.items()
-    ]
-    for told, some in (
-        ("Turned round", turned),
-        ("Need not be run any more", changes.newly_waived),
+    }
+    for told, answers in (
+        ("Need not be run any more", dict.fromkeys(changes.newly_waived, "")),
         ("Said then to need no test, and not now", withdrawn),
     ):
-        if some:
-            yield f"{told}: {listed(some)}."
+        if answers:
+            yield f"{told}: {listed_conditions(changes.later.matrix.ids, answers, 'changes.csv')}."
     gone, added = sum(cell.now is None for cell in changes.cells), sum(cell.before is None for cell in changes.cells)
     if gone or added:
         yield f"Not compared, as a condition or a limit is another: {counted(gone, 'verdict')} of then, {added} of now."

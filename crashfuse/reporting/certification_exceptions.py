@@ -1,11 +1,12 @@
 """What a reviewer has to know against the verdicts of a certification, by subject."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.reporting.certification_changes import gone_sentences, narrow_sentence, turned_by_the_move, wrong_since
+from crashfuse.reporting.condition_lists import listed_conditions
 from crashfuse.reporting.track_record_sentences import (
     brier_sentence,
     interval_sentence,
@@ -86,8 +87,8 @@ def _without_factor(certification: Certification) -> Iterator[str]:
         some = [i for i, c in certification.matrix.items if not dict(c.factors).get(name)]
         if some:
             yield (
-                f"{listed(some)}: no {name} is given, so the verdicts are on a vehicle of which it is not known, not "
-                "on the least favourable one; name it to have its own."
+                f"{_listed(certification, some)}: no {name} is given, so the verdicts are on a vehicle of which it is "
+                "not known, not on the least favourable one; name it to have its own."
             )
 
 
@@ -97,7 +98,11 @@ def _new_together(certification: Certification) -> Iterator[str]:
     for i, together in _together(certification).items():
         found.setdefault(together, []).append(i)
     for together, some in found.items():
-        yield f"{listed(some)}: no test has {together}; each was tested with another."
+        yield f"{_listed(certification, some)}: no test has {together}; each was tested with another."
+
+
+def _listed(certification: Certification, some: Sequence[str]) -> str:
+    return listed_conditions(certification.matrix.ids, dict.fromkeys(some, ""))
 
 
 def _together(certification: Certification) -> dict[str, str]:

@@ -23,6 +23,7 @@ from crashfuse.reporting.certification_exceptions import (
     reserved,
 )
 from crashfuse.reporting.certification_tables import verdict_counts
+from crashfuse.reporting.condition_lists import ONE_BY_ONE, listed_conditions
 from crashfuse.reporting.track_record_sentences import (
     at_most,
     brier_sentence,
@@ -63,7 +64,7 @@ def matrix_sentence(certification: Certification) -> str:
 def to_test(certification: Certification) -> Iterator[str]:
     """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
     rows, run = {word: certification.of_word(word) for word in WORDS}, certification.run
-    of_all, known_of = _reserved(certification)
+    ids, (of_all, known_of) = certification.matrix.ids, _reserved(certification)
     if of_all:
         yield f"Of every condition: {'; '.join(of_all)}."
     if run:
@@ -71,7 +72,7 @@ def to_test(certification: Certification) -> Iterator[str]:
     if waived := certification.waived:
         yield (
             "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
-            f"{listed(_with_least(waived, known_of))}."
+            f"{listed_conditions(ids, _least(waived, known_of))}."
         )
     yield from _counted_once(certification)
     if waived:
@@ -80,8 +81,9 @@ def to_test(certification: Certification) -> Iterator[str]:
         yield from _little_known(certification)
     if uncertain := certification.uncertain:
         yield (
-            f"To be tested, as each criterion is met but all at once not with a confidence of "
-            f"{certification.criteria.confidence:g} (in brackets): {listed(_with_least(uncertain, known_of))}."
+            "To be tested, as each criterion is met but all at once not with a confidence of "
+            f"{certification.criteria.confidence:g} (in brackets): "
+            f"{listed_conditions(ids, _least(uncertain, known_of))}."
         )
     known, missing = _open(certification, known=True), {i: own for i, own in rows["not met"].items() if i not in run}
     for told, some in (
@@ -94,14 +96,14 @@ def to_test(certification: Certification) -> Iterator[str]:
         ),
     ):
         if some:
-            each = [f"{i} ({'; '.join(filter(None, (_names(own), known_of.get(i))))})" for i, own in some.items()]
-            yield f"{told}: {listed(each)}."
+            answers = {i: "; ".join(filter(None, (_names(own), known_of.get(i)))) for i, own in some.items()}
+            yield f"{told}: {listed_conditions(ids, answers)}."
     if first := certification.run_first:
         yield f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
     if certification.domain.too_few_tests:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:
-        yield Sentence("Outside what the tests check: {}", _outside(rows["outside"]))
+        yield Sentence("Outside what the tests check: {}", _outside(ids, rows["outside"]))
     if not (rows["open"].keys() | rows["outside"].keys() | uncertain.keys()) - run.keys() - missing.keys():
         if not missing:
             yield "No condition of the matrix needs a test."
@@ -113,9 +115,11 @@ def _counted_once(certification: Certification) -> Iterator[str]:
     """Which conditions are no tests of their own, and how many need not be run without them, if there are any."""
     if once := certification.counted_once:
         n, of = certification.saved
+        many = f" ({len(once):,} of {len(certification.matrix.ids):,} are another one, named in certification.json)"
+        which = many if len(once) > ONE_BY_ONE else f": {', '.join(f'{i} (as {other})' for i, other in once.items())}"
         yield (
-            f"{n} of {counted(of, 'test')} need not be run, as conditions that are one to within 1 km/h and 2 % of "
-            f"each weight are counted once: {listed([f'{i} (as {other})' for i, other in once.items()])}."
+            f"{n:,} of {counted(of, 'test')} need not be run, as conditions that are one to within 1 km/h and 2 % of "
+            f"each weight are counted once{which}."
         )
 
 
@@ -161,9 +165,21 @@ def _run(certification: Certification, known_of: Mapping[str, str]) -> Iterator[
             yield Sentence("{} (test {})", i, joined([joined(tests, " and "), *also], "; "))
 
 
-def _with_least(bounds: Mapping[str, tuple[float, float]], known_of: Mapping[str, str]) -> list[str]:
-    """Conditions with the least probability that a test meets all criteria, and what has to be known of them."""
-    return [f"{i} ({'; '.join(filter(None, (least_text(own), known_of.get(i))))})" for i, own in bounds.items()]
+def _least(bounds: Mapping[str, tuple[float, float]], known_of: Mapping[str, str]) -> dict[str, str]:
+    """The least probability that a test meets all criteria, and what has to be known, by condition.
+
+    Of many conditions, of which the same has to be known, it is that of the least probable one.
+    """
+    if len(bounds) <= ONE_BY_ONE:
+        return {i: "; ".join(filter(None, (least_text(own), known_of.get(i)))) for i, own in bounds.items()}
+    least: dict[str | None, tuple[float, float]] = {}
+    for i, own in bounds.items():
+        least[known_of.get(i)] = min(own, least.get(known_of.get(i), own))
+    return {
+        i: "; ".join(filter(None, (f"{least_text(least[known])} or more", known)))
+        for i in bounds
+        for known in [known_of.get(i)]
+    }
 
 
 def _little_known(certification: Certification) -> Iterator[str]:
@@ -182,10 +198,10 @@ def _little_known(certification: Certification) -> Iterator[str]:
         yield f"Look at the exceptions first: {'; '.join(said)}."
 
 
-def _outside(verdicts: Mapping[str, list[Verdict]]) -> str:
+def _outside(ids: Sequence[str], verdicts: Mapping[str, list[Verdict]]) -> str:
     """Conditions outside, with the reason of each if they are few."""
     if len(verdicts) > _EXPLAINED:
-        return f"{listed(list(verdicts))}; each verdict says why."
+        return f"{listed_conditions(ids, dict.fromkeys(verdicts, ''))}; each verdict says why."
     return joined([joined([i, own.reason], ": ") for i, (own, *_) in verdicts.items()])
 
 

@@ -48,6 +48,7 @@ class Guard:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
+        self._refusals = journal.Refusals()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -56,7 +57,11 @@ class Guard:
             return
         connection = HTTPConnection(scope)
         if scope["type"] == "websocket":
-            await (self._app if _is_own_page(connection) else _ANOTHER_ORIGIN)(scope, receive, send)
+            app = self._app
+            if not _is_own_page(connection):
+                self._refusals.note(connection.headers["origin"], connection.headers.get("host"))
+                app = _ANOTHER_ORIGIN
+            await app(scope, receive, send)
             return
         is_known = BROWSER in connection.cookies
         app = self._app if is_host_allowed(connection.headers.get("host")) else _ANOTHER_NAME

@@ -203,15 +203,18 @@ def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certificati
 
 
 def test_every_condition_that_need_not_be_run_has_its_probability_in_the_dossier(certification: Certification) -> None:
-    """The summary names twenty; the table of conditions has all of them, rounded down."""
+    """The summary names neighbours as a range, with the least; the table of conditions has all, rounded down."""
     many = matrix(certification.campaign, *(20 + i / 10 for i in range(30)))
-    met = tuple(
-        replace(own, word="met", probability=p)
-        for own, p in zip(certification.verdicts[0], (0.9, 0.9996, 1), strict=True)
+    less, more = (
+        tuple(
+            replace(own, word="met", probability=p)
+            for own, p in zip(certification.verdicts[0], (first, 0.9996, 1), strict=True)
+        )
+        for first in (0.9, 0.95)
     )
-    found = replace(certification, matrix=many, verdicts=(met,) * 30)
-    assert any(sentence.endswith("(0.899) and 10 more.") for sentence in summary(found))
-    assert certification_report(found).count("<td>≥ 0.899</td>") == 30
+    found = replace(certification, matrix=many, verdicts=(more, *(less,) * 28, more))
+    assert any(sentence.endswith(": M20 to M22.9 (0.899 or more).") for sentence in summary(found))
+    assert certification_report(found).count("<td>≥ 0.899</td>") == 28
     assert "<td>≥" not in certification_report(certification).partition("<section id=method>")[0]
 
 

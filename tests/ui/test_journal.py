@@ -2,6 +2,7 @@
 
 import logging
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,6 +41,31 @@ def test_a_line_tells_when_who_and_what(tmp_path: Path, monkeypatch: pytest.Monk
     assert re.fullmatch(stamp + "started: sled: fit", lines[0])
     assert re.fullmatch(stamp + r"failed: sled: fit \(This should not have happened \(ZeroDivisionError.*", lines[-1])
     assert "Traceback (most recent call last):" in lines
+
+
+def test_a_refused_page_is_told_with_what_to_do_once_a_minute(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither name is long or begins a line; another origin has its own line, but a flood of origins has an end."""
+    monkeypatch.delenv(journal.LOG, raising=False)
+    journal.begin()
+    refusals = journal.Refusals()
+    for _ in range(3):
+        refusals.note("https://proxy.example\n2026 anna: opened all", "127.0.0.1:8501")
+    (line,) = capsys.readouterr().err.splitlines()
+    assert r" page of 'https://proxy.example\n2026 anna: opened all': was refused and stays empty, for " in line
+    assert " asked for as '127.0.0.1:8501'. " in line
+    assert line.endswith("or add the address to server.corsAllowedOrigins.")
+    refusals.note("https://" + "x" * 5000, "y" * 5000)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert len(line) < 800
+    for i in range(1000):
+        refusals.note(f"https://{i}.example", None)
+    assert len(capsys.readouterr().err.splitlines()) == 18
+    later = time.monotonic() + 61
+    monkeypatch.setattr("time.monotonic", lambda: later)
+    refusals.note("https://0.example", "localhost")
+    assert "https://0.example" in capsys.readouterr().err
 
 
 def test_without_a_file_lines_go_to_standard_error(
