@@ -31,7 +31,8 @@ def listed_conditions(rows: Iterable[str], answers: Mapping[str, str], file: str
             told.append(_with_answer(", ".join(map(_range, shown)), answer))
         room -= len(shown)
         left -= sum(map(len, shown))
-    return "; ".join(told) + (f" and {left:,} more, all in {file}" if left else "")
+    listed = "; ".join(told)
+    return f"{len(answers):,} conditions, {listed} and {left:,} more, all in {file}" if left else listed
 
 
 def _range(ids: list[str]) -> str:

@@ -19,9 +19,9 @@ def test_of_many_neighbours_with_the_same_answer_are_a_range() -> None:
 
 
 def test_of_two_thousand_in_no_order_the_first_ranges_are_told_and_where_all_of_them_are() -> None:
-    """Never a paragraph; the rest is counted."""
+    """Never a paragraph; all of them and the rest are counted."""
     assert listed_conditions(ROWS, dict.fromkeys(ROWS, "0.97 or more")) == "M0001 to M2000 (0.97 or more)"
     told = listed_conditions(ROWS, {i: "peak" if place % 3 else "crush" for place, i in enumerate(ROWS)}, "x.csv")
-    assert told.startswith("M0002, M0003, M0005, M0006, ")
+    assert told.startswith("2,000 conditions, M0002, M0003, M0005, M0006, ")
     assert told.endswith(" (peak) and 1,984 more, all in x.csv")
     assert len(told) < 200
