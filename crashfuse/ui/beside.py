@@ -70,9 +70,12 @@ class Shown:
         """By which approaches its predictions are, in words."""
         return "every approach" if self.every else read_out([LABELS[name] for name in self.approaches])
 
-    def named(self, drawn: str) -> str:
-        """What is drawn, and what is unlike the usual figure of that, for names of files."""
-        return " ".join([drawn, *self.unlike])
+    def named(self, drawn: str, *, of_test: bool = True) -> str:
+        """What is drawn, and what is unlike the usual figure of that, for names of files.
+
+        A figure without a curve ``of_test``, such as what is left of predictions less the test, lacks none.
+        """
+        return " ".join([drawn, *(own for own in self.unlike if of_test or own != _hidden(TEST))])
 
     def of(self, test: str) -> str:
         """What it shows of a test, in words."""
@@ -124,7 +127,11 @@ def key_of(also: Sequence[Further]) -> Hashable:
 
 def unlike_usual(hidden: Sequence[str], band: str, usual: str) -> tuple[str, ...]:
     """What tells a figure from the one with all curves and the usual filled band, in few words for names of files."""
-    return (*(f"no {_label(name)}" for name in hidden), *([f"{LABELS[band]} band"] if band != usual else []))
+    return (*map(_hidden, hidden), *([f"{LABELS[band]} band"] if band != usual else []))
+
+
+def _hidden(curve: str) -> str:
+    return f"no {_label(curve)}"
 
 
 def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> str:

@@ -77,7 +77,10 @@ def test_hiding_every_curve_is_possible_and_said(visit: Visit) -> None:
 
 @pytest.mark.usefixtures("open_campaign")
 def test_figures_of_other_curves_have_files_of_other_names(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same curves come to the same name, even if the band of the recommended approach is asked for by its name."""
+    """The same curves come to the same name, even if the band of the recommended approach is asked for by its name.
+
+    What predictions miss of a test has no curve of the test: none is hidden.
+    """
     names: list[str] = []
     monkeypatch.setattr("crashfuse.ui.figures.offer_files", lambda _, caption, __: names.append(caption.name))
     approaches = ["cae", "displacement_domain"]
@@ -89,6 +92,9 @@ def test_figures_of_other_curves_have_files_of_other_names(visit: Visit, monkeyp
     session.app.session_state["curves"] = ["displacement_domain"]
     session.run()
     assert names[-1] == usual.replace("pulses", "pulses-no-Test-no-CAE")
+    session.app.session_state["compared"] = "Residuals"
+    session.run()
+    assert names[-1] == usual.replace("pulses", "residuals-no-CAE")
 
 
 @pytest.mark.usefixtures("open_campaign")

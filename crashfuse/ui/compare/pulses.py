@@ -35,8 +35,8 @@ def show(comparison: Comparison) -> None:
     }
     name = "residuals" if shown == _RESIDUALS else "pulses with corridors" if corridors else "pulses"
     show_cached_figure(
-        draw, alt[shown], shown, corridors, own, comparison.key, curves.key, name=curves.named(name),
-        beside=curves.also,
+        draw, alt[shown], shown, corridors, own, comparison.key, curves.key, beside=curves.also,
+        name=curves.named(name, of_test=shown == _MOTION),
     )  # fmt: skip
     if shown == _RESIDUALS:
         st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
