@@ -242,6 +242,16 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
         prediction_report(campaign, here, CONFIG, form="brief")  # type: ignore[arg-type]
 
 
+def test_what_a_report_of_a_prediction_begins_with_it_does_not_tell_again(campaign: Campaign) -> None:
+    """What the recommended approach says of itself stands at the top; other notes stand below the metrics."""
+    known = estimate(campaign.tests[0])
+    notes = replace(known.prediction, notes=("Made of two parts.", "CAE pulse: emulated."))
+    for form in ("whole", "short"):
+        text = prediction_report(campaign, [replace(known, approach="fused", prediction=notes)], CONFIG, form=form)
+        assert text.count("Made of two parts.") == 1
+        assert text.index("Made of two parts.") < text.index("Fused: CAE pulse: emulated.")
+
+
 def test_pinned_predictions_look_as_on_the_page(campaign: Campaign) -> None:
     """The condition itself has the colour of its approach, the pinned ones those of curves that are put beside."""
     here, *pinned = ([estimate(test)] for test in campaign.tests[:3])
@@ -283,6 +293,7 @@ def test_a_short_report_has_the_result_and_the_worst_test_alone(study: Study) ->
     assert "<h2>Test T1: " not in short
     assert "The worst test" in short
     assert "Method and settings" not in short
+    assert short.index("Pulse metric, T2") < short.index("Pulses over time")  # so that no page ends early
 
 
 def test_a_report_shows_chosen_tests_in_the_units_and_the_window_of_the_page(study: Study) -> None:

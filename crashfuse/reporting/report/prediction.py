@@ -68,7 +68,7 @@ def prediction_report(
         motion=prediction.plot(display=display),
         over_displacement=prediction.plot("displacement", display=display),
         beside=pinned and _beside(campaign, [estimates, *pinned], advice.approach, display),
-        about=details(campaign, estimates, display),
+        about=details(campaign, estimates, display, said=advice.sentences),
         **({"bias": campaign.plot("bias", display=display)} if whole else {}),
     )
 

@@ -19,9 +19,17 @@ _INTERVAL = re.compile(r" ?\[[^]]*\]")
 
 
 def details(
-    campaign: Campaign, estimates: Sequence[Estimate], display: Display, test: CrashTest | None = None
+    campaign: Campaign,
+    estimates: Sequence[Estimate],
+    display: Display,
+    test: CrashTest | None = None,
+    *,
+    said: Sequence[str] = (),
 ) -> dict[str, object]:
-    """Metrics by approach (and of the test), the main ones and the others; notes of the approaches, their fits."""
+    """Metrics by approach (and of the test), the main ones and the others; notes of the approaches, their fits.
+
+    Notes that the report has ``said`` already are left out.
+    """
     headings = {name: display.heading(label) for name, label in campaign.metric_headings.items()}
     columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
@@ -38,7 +46,11 @@ def details(
         "more_missing": more_missing,
         "remarks": [
             *missing,
-            *(joined([", ".join(who), note], ": ") for note, who in notes_by_makers(estimates).items()),
+            *(
+                joined([", ".join(who), note], ": ")
+                for note, who in notes_by_makers(estimates).items()
+                if note not in said
+            ),
         ],
         "fits": [
             (LABELS[estimate.approach], sentences, fit_table(estimate.state, display.units))

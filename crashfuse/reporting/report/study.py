@@ -160,7 +160,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "outcome": fold.ratings[advice.approach][window],
         "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
         "motion": study.plot(test.id, notes=notes, display=display),
-        "details": details(study.campaign, fold.estimates, display, test),
+        "details": details(study.campaign, fold.estimates, display, test, said=advice.sentences),
     }
     if options.form == "short":
         return shown
