@@ -17,7 +17,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.files.archive import zipped
 from crashfuse.ui import uploads, visitors
-from crashfuse.units import KPH, MPH
+from crashfuse.units import KPH, MPH, G
 from tests.files.test_tarball import tarred
 from tests.importing.crash_files import german, isomme, library
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
@@ -421,6 +421,22 @@ def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, t
     assert "'hundred'" in session.tables[0]["Found"].tolist()
     session.press("Add 3 tests")
     assert added(tmp_path / "many") == ["t0", "t1", "t2"]
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_the_table_of_many_records_is_in_the_unit_of_the_page(visit: Visit) -> None:
+    """As the figure beside it is; while none can be added, the button counts none."""
+    session = drop(
+        visit(unit="m/s²"),
+        **{f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(2)},
+    )
+    assert "Add tests" in session.buttons
+    for label, value in (("Speed (", SPEED_MPS / MPH), ("Front weight", 2100.0), ("Rear weight", 1600.0)):
+        field(session, label).set_value(value)
+    table = session.run().app.dataframe[-1].value
+    expected = abs(half_sine_g(clock())).max() * G
+    assert table["Peak (m/s²)"].tolist() == pytest.approx([expected, expected], rel=0.1)
+    assert "Add 2 tests" in session.buttons
 
 
 def test_records_without_conditions_are_told_of_the_table_that_gives_them(visit: Visit) -> None:

@@ -50,8 +50,9 @@ def show_add_form(
     else:
         _ask_folder(notice)
     _ask_factors(source, role, settled)
+    several = counted_each(settled) if settled else WHAT[role][1]
     st.button(
-        f"Add as {WHAT[settled[0].role][0]}" if len(settled) == 1 else f"Add {counted_each(settled, role)}",
+        f"Add as {WHAT[settled[0].role][0]}" if len(settled) == 1 else f"Add {several}",
         type="primary",
         icon=":material/add:",
         disabled=not settled,
@@ -60,10 +61,9 @@ def show_add_form(
     )
 
 
-def counted_each(settled: Sequence[Settled], role: Role = "tests") -> str:
-    """How many tests and CAE runs there are; without any, of the role."""
-    numbers = Counter(one.role for one in settled) or {role: 0}
-    return " and ".join(counted(n, own) for own, n in numbers.items())
+def counted_each(settled: Sequence[Settled]) -> str:
+    """How many tests and CAE runs there are."""
+    return " and ".join(counted(n, own) for own, n in Counter(one.role for one in settled).items())
 
 
 def _ask_folder(notice: str) -> None:

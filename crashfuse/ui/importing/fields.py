@@ -128,7 +128,8 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
         picked: dict[ColumnRole, Sequence[str]] = {} if holds == "pulses" else {"time": (), "acceleration": ()}
         units: dict[ColumnRole, str | None] = {}
         for role, label in asked.items():
-            place = st.container(horizontal=True, vertical_alignment="bottom")
+            below = role in _SEVERAL  # beside them names of columns would be cut to what they have in common
+            place = st.container(horizontal=not below, vertical_alignment="bottom")
             picked[role] = _pick(place, form, role, label, key)
             if role in QUANTITIES:
                 units[role] = place.selectbox(
@@ -139,8 +140,8 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
                     key=f"{key} unit of {role}",
                     persist_state="session",
                     disabled=not picked[role],
-                    label_visibility="collapsed",
-                    width=_UNIT_PX,
+                    label_visibility="visible" if below else "collapsed",
+                    width="stretch" if below else _UNIT_PX,
                 )
     return form.choices(picked, units)
 

@@ -15,7 +15,7 @@ from crashfuse.importing import Choices, Settled
 from crashfuse.importing.roles import file_of, look_like_cae, role_of
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
-from crashfuse.reporting.plots.display import DEFAULT
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui.chosen import View
@@ -26,7 +26,7 @@ from crashfuse.ui.importing.fields import choices_of, reading_of
 from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave, left_aside, records_of, settled_of
 from crashfuse.ui.problems import advice_on_page, show_problems
 from crashfuse.ui.text import plain
-from crashfuse.units import MS, G
+from crashfuse.units import MS
 from crashfuse.wording import said
 
 _MOST_ROWS = 100
@@ -87,9 +87,10 @@ def _show_step(source: Source, view: View | None) -> None:
     settled, refused = settled_of(source, reading, choices, role, cae)
     problems = [_in_units(problem, units) for problem in refused]
     with right:
-        _preview(first, choices, next((one for one in settled if one.id == first.id), None), view, units)
+        display = DEFAULT if view is None else view.display
+        _preview(first, choices, next((one for one in settled if one.id == first.id), None), display, units)
         if len(records) > 1 and settled:
-            _table(settled, units)
+            _table(settled, display, units)
         if problems and not settled and (len(records) == 1 or {problem.found for problem in problems} == {"none"}):
             several = len({problem.where for problem in problems}) > 1
             needs = dict.fromkeys(_need(problem, with_file=several) for problem in problems)
@@ -140,9 +141,9 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     return records[number]
 
 
-def _preview(record: Record, choices: Choices, settled: Settled | None, view: View | None, units: Units) -> None:
+def _preview(record: Record, choices: Choices, settled: Settled | None, display: Display, units: Units) -> None:
     show_figure(
-        Preview(record, choices, settled).plot(display=DEFAULT if view is None else view.display),
+        Preview(record, choices, settled).plot(display=display),
         alt=f"The pulse that comes of {record.id}, over its channels as recorded",
     )
     if settled is not None:
@@ -150,7 +151,7 @@ def _preview(record: Record, choices: Choices, settled: Settled | None, view: Vi
         st.markdown("\n".join(f"- {plain(said(step, units.system))}" for step in settled.steps))
 
 
-def _table(settled: Sequence[Settled], units: Units) -> None:
+def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
     """Table of the results for many records."""
     rows, both = [], len({one.role for one in settled}) > 1
     for one in settled[:_MOST_ROWS]:
@@ -163,7 +164,7 @@ def _table(settled: Sequence[Settled], units: Units) -> None:
                 f"Speed ({units.speed})": round(one.condition.speed_mps / units.speed_mps, 1),
                 f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
                 f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
-                "Peak (g)": round(float(abs(one.pulse.accel_mps2).max()) / G, 1),
+                f"Peak ({display.unit})": round(float(abs(one.pulse.accel_mps2 * display.accel_scale).max()), 1),
                 "Zero velocity, TTZV (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
                 "Crush (mm)": round(float(motion.displacement_m.max()) / MS),
             }
