@@ -2,7 +2,8 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
         averaged = tuple(use.column for use in uses if use.column not in ahead) or tuple(ahead)
         left = f"Ahead of the passenger cell, not averaged unless chosen: {', '.join(map(printable, ahead))}."
         notes = [mapping.travel, left if 0 < len(ahead) < len(uses) else ""]
-        steps = (*sheet.steps, *(_told(use) for use in (*times, *ids, *uses)), *filter(None, notes), *told)
+        steps = (*sheet.steps, *_told((*times, *ids, *uses)), *filter(None, notes), *told)
         return Record(name, sheet.name, PartialCondition(), channels, averaged, steps)
 
     rows = np.flatnonzero(np.isfinite(time))
@@ -104,8 +105,8 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
 
 
 def told_of(mapping: Mapping) -> tuple[str, ...]:
-    """Sentences on the roles of the columns in a sheet of conditions, one each."""
-    return tuple(_told(use) for use in mapping.uses if use.role in ("id", *QUANTITIES))
+    """Sentences on the roles of the columns in a sheet of conditions."""
+    return tuple(_told(use for use in mapping.uses if use.role in ("id", *QUANTITIES)))
 
 
 def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
@@ -187,6 +188,10 @@ def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
             yield name, np.array(indices)
 
 
-def _told(use: ColumnUse) -> str:
-    unit = f" in {use.unit}" if use.unit else ""
-    return f"Column {printable(use.column, 60)} is the {use.role.replace('_', ' ')}{unit}: {use.why}."
+def _told(uses: Iterable[ColumnUse]) -> Iterator[str]:
+    """A sentence on each role; columns that have it one after the other for the same reason share it."""
+    for (role, unit, why), own in groupby(uses, lambda use: (use.role, use.unit, use.why)):
+        *others, last = (printable(use.column, 60) for use in own)
+        columns = f"Each of the columns {', '.join(others)} and {last}" if others else f"Column {last}"
+        in_unit = f" in {unit}" if unit else ""
+        yield f"{columns} is the {role.replace('_', ' ')}{in_unit}: {why}."

@@ -96,6 +96,8 @@ def test_columns_are_records_or_channels_of_one(tmp_path: Path) -> None:
     assert [record.channels[0].values.size for record in records] == [4, 3]  # a shorter one ends in empty cells
     (together,) = apply_mapping(sheet, propose(sheet), record_id="all", together=True)
     assert (together.id, [channel.name for channel in together.channels]) == ("all", ["T1 [g]", "T2 [g]"])
+    assert "Each of the columns T1 [g] and T2 [g] is the acceleration in g: its unit is g." in together.steps
+    assert "Column T2 [g] is the acceleration in g: its unit is g." in records[1].steps
 
 
 def test_a_column_of_ids_parts_a_tidy_table(tmp_path: Path) -> None:
