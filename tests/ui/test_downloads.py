@@ -1,5 +1,6 @@
 """Files that pages offer are those that the command line writes."""
 
+import re
 from collections.abc import Callable
 
 import pandas as pd
@@ -7,6 +8,7 @@ import pytest
 
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.ui import downloads
+from tests.conftest import ROOT
 
 
 def test_a_downloaded_table_is_the_file_of_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -25,3 +27,14 @@ def test_a_downloaded_table_is_the_file_of_the_command_line(monkeypatch: pytest.
     for of, name in (("", "certification.csv"), ("my car T09, 56 km/h", "my-car-T09-56-km-h_seed-7_certification.csv")):
         downloads.download_table("certification.csv", lambda: table, of)
         assert offered[name]() == csv_bytes(table) == b"id,value,lower\nA,24.9583,\n"
+
+
+def test_every_file_that_a_page_offers_says_what_it_holds() -> None:
+    """A row of file names tells only those who know the files; none is explained that no page offers."""
+    sources = [*(ROOT / "crashfuse" / "ui").rglob("*.py"), *(ROOT / "pages").glob("*.py")]
+    offered = {
+        name
+        for source in sources
+        for name in re.findall(r'download_(?:table|bytes)\("([^"]+)"', source.read_text(encoding="utf-8"))
+    }
+    assert offered == set(downloads._HOLDS)
