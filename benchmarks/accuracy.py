@@ -26,6 +26,7 @@ from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 from crashfuse.synthetic.sample import sample_campaign
+from crashfuse.wording import signed
 
 _YARDSTICK = 0.975
 _WINDOW_MS = 60.0
@@ -73,7 +74,9 @@ def _row(study: Study, repeats: dict[str, dict[float, float]]) -> str:
         beside = np.mean([study.fold(test).ratings["fused"][_WINDOW_MS].overall for test in repeats])
         repeat = f"{measured:.3f} ({len(repeats)} tests, on which fused rates {beside:.3f})"
     cells = [study.campaign.name, study.config.leave_out, str(len(study.folds)), str(len(study.campaign.cae)), *means]
-    return f"| {' | '.join([*cells, repeat, f'{gap:.2f}', f'{fused.min():.3f}', f'{(fused - raw).min():+.3f}'])} |"
+    return (
+        f"| {' | '.join([*cells, repeat, f'{gap:.2f}', f'{fused.min():.3f}', f'{signed((fused - raw).min(), 3)}'])} |"
+    )
 
 
 def _repeats(folder: Path, campaign: Campaign, study: Study) -> dict[str, dict[float, float]]:
@@ -122,7 +125,7 @@ def _print_summary(study: Study) -> None:
         scores = _overall(study, approach)
         gap = (scores.mean() - raw.mean()) / (_YARDSTICK - raw.mean())
         print(
-            f"| {LABELS[approach]} | {means} | {scores.min():.3f} | {gap:.2f} | {(scores - raw).min():+.3f} "
+            f"| {LABELS[approach]} | {means} | {scores.min():.3f} | {gap:.2f} | {signed((scores - raw).min(), 3)} "
             f"| {_coverage(study, approach)} |"
         )
 
@@ -169,7 +172,7 @@ def _print_recommendations(study: Study) -> None:
         print("\n".join(rows))
     likely, no_surprise = surprises.count("as expected"), sum("far" not in each for each in surprises)
     print(
-        f"\nThe expected rating is {np.mean(errors):+.3f} off on average, {np.abs(errors).mean():.3f} in size. "
+        f"\nThe expected rating is {signed(np.mean(errors), 3)} off on average, {np.abs(errors).mean():.3f} in size. "
         f"Of {len(errors)} tests {likely} came out inside the likely range (80 %), "
         f"{no_surprise} inside the central 95 %."
     )

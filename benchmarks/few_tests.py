@@ -25,6 +25,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.fold import Fold
 from crashfuse.study.subsets import subsets
+from crashfuse.wording import signed
 
 _SIZES = (1, 2, 3, 4, 6)
 _WINDOW_MS = 60.0
@@ -76,7 +77,7 @@ def _print(campaign: Campaign, workers: int) -> None:
         cells = [f"{mean.loc[(tests, 'cae'), 'rating']:.3f}"]
         for name in _APPROACHES[1:]:
             rating, inside = mean.loc[(tests, name)]
-            cells.append(f"{rating:.3f}, {worst[tests, name]:+.3f}, {inside:.2f}")
+            cells.append(f"{rating:.3f}, {signed(worst[tests, name], 3)}, {inside:.2f}")
         better = mean.loc[tests].loc[_PARTS, "rating"].max()
         print(f"| {tests} | " + " | ".join(cells) + f" | {better:.3f} |", flush=True)
 

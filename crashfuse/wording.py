@@ -45,8 +45,9 @@ class UnitSystem:
 
 
 def number(value: float, form: str) -> str:
-    """A number for readers in a format (``".1f"``), with the minus sign of print."""
-    return f"{value:{form}}".replace("-", "−")
+    """A number for readers in a format (``".1f"``), with the minus sign of print; a difference of none has no plus."""
+    text = f"{value:{form}}".replace("-", "−")
+    return text.removeprefix("+") if text.strip("+.0") == "" else text
 
 
 def time_text(time_s: float, digits: int = 4) -> str:
@@ -55,7 +56,7 @@ def time_text(time_s: float, digits: int = 4) -> str:
 
 
 def signed(value: float, digits: int) -> str:
-    """A difference for readers, with its sign."""
+    """A difference for readers, with its sign; 0.000 if there is none."""
     return number(value, f"+z.{digits}f")
 
 

@@ -15,6 +15,7 @@ from crashfuse.wording import (
     joined,
     read_out,
     said,
+    signed,
     speed,
     unbroken,
     weight,
@@ -89,3 +90,9 @@ def test_no_line_ends_between_a_number_and_its_unit() -> None:
     text = "8 tests at 35.1 mph: 95 % within ± 1.9 g, ≤ 460 mm, 5 good ones, 9.8 m/s² in 60 ms"
     told = "8 tests at 35.1~mph: 95~% within ±~1.9~g, ≤~460~mm, 5 good ones, 9.8~m/s² in 60~ms"
     assert unbroken(text) == told.replace("~", "\N{NO-BREAK SPACE}")
+
+
+def test_a_difference_has_a_sign_unless_there_is_none() -> None:
+    """As far as it is shown: one that is rounded away is none; in sentences too."""
+    assert [signed(value, 3) for value in (0.0, 4e-4, -4e-4, 0.1, -0.1)] == ["0.000"] * 3 + ["+0.100", "−0.100"]
+    assert f"{speed(0.0, form='+z.1f')}, {speed(10 * MPH, form='+z.1f')}" == "0.0 mph, +10.0 mph"

@@ -39,18 +39,18 @@ def test_each_test_stands_with_its_difference(compared: StudyComparison) -> None
     table = comparison_tests(compared, 60.0, "test").set_index("Test")
     assert list(table.index) == list(SECOND)
     assert table["Fused"].tolist() == ["0.850 (+0.050)", "0.660 (−0.040)", "0.910 (+0.010)"]
-    assert table["CAE"].tolist() == ["0.500 (+0.000)"] * 3
+    assert table["CAE"].tolist() == ["0.500 (0.000)"] * 3
 
 
-def test_a_difference_too_small_to_be_shown_has_no_minus(compared: StudyComparison) -> None:
-    """It would say that the second study is worse."""
+def test_a_difference_too_small_to_be_shown_has_no_sign(compared: StudyComparison) -> None:
+    """It would say that the second study is worse, or better."""
     slightly_worse = StudyComparison(compared.first, study({name: value - 1e-5 for name, value in FIRST.items()}))
     tables = comparison_table(slightly_worse, "fused", 60.0, "test"), comparison_means(slightly_worse, 60.0, "test")
-    assert {gap for table in tables for gap in table["Difference"]} == {"+0.000"}
-    assert comparison_tests(slightly_worse, 60.0, "test")["Fused"].str.endswith("(+0.000)").all()
-    assert "(+0.000 ± 0.000 over 4 tests)" in slightly_worse.sentences(60.0)[0]
+    assert {gap for table in tables for gap in table["Difference"]} == {"0.000"}
+    assert comparison_tests(slightly_worse, 60.0, "test")["Fused"].str.endswith("(0.000)").all()
+    assert "(0.000 ± 0.000 over 4 tests)" in slightly_worse.sentences(60.0)[0]
     drawn = next(trace for trace in rating_differences(slightly_worse, 60.0, "test").data if trace.name == "Fused")
-    assert set(drawn.hovertemplate) == {"+0.000"}
+    assert set(drawn.hovertemplate) == {"0.000"}
 
 
 def test_means_stand_for_every_window(compared: StudyComparison) -> None:

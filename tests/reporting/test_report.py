@@ -224,7 +224,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert '"name":"Test"' not in text
     assert "by speed</h2>" in text
     assert "Expected over 0–60 ms: 1.00 (80 %, Excellent)" in text
-    assert "Nearest tests by speed and weights: T1 (+0.0 mph" in text
+    assert "Nearest tests by speed and weights: T1 (0.0 mph" in text
     assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
 
 

@@ -33,7 +33,7 @@ def test_each_column_is_followed_by_its_differences_from_the_first(campaign: Cam
     table = side_by_side([base, other], campaign).set_index("Pulse metric")
     assert list(table) == ["20.0 mph", "21.0 mph", "Difference, 21.0 mph"]
     assert table.loc["Peak deceleration (g)", "Difference, 21.0 mph"] == "+3.2"
-    assert table.loc["Maximum dynamic crush (mm)", "Difference, 21.0 mph"] == "+0.0"
+    assert table.loc["Maximum dynamic crush (mm)", "Difference, 21.0 mph"] == "0.0"
     assert table.loc["Time of zero velocity (TTZV) (ms)", "Difference, 21.0 mph"] == "–"
     in_si = side_by_side([base, other], campaign, Display(unit="m/s²"))
     peak = in_si.set_index("Pulse metric").loc["Peak deceleration (m/s²)"]

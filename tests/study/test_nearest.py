@@ -12,7 +12,7 @@ def test_the_nearest_test_comes_first_with_its_differences(campaign: Campaign) -
     condition = replace(campaign.test("T3").condition, speed_mps=25.8 * MPH, front_weight_kg=2090 * LB)
     first, second = nearest_tests(campaign, condition, n=2)
     assert (first.id, second.id) == ("T3", "T2")
-    assert first.differences(condition) == "T3 (+0.2 mph, front −10 lb, rear +0 lb)"
+    assert first.differences(condition) == "T3 (+0.2 mph, front −10 lb, rear 0 lb)"
 
 
 def test_a_test_of_this_speed_is_nearer_than_one_of_another_speed_and_the_very_weights(campaign: Campaign) -> None:
@@ -30,6 +30,4 @@ def test_a_paired_run_is_the_nearest_run(campaign: Campaign) -> None:
     condition = campaign.test("T2").condition
     run = nearest_run(campaign, condition)
     assert campaign.cae.ids.index(run.id) == campaign.cae.paired_run(condition)
-    assert (
-        nearest_sentences(campaign, condition)[1] == f"Nearest CAE run: {run.id} (+0.0 mph, front +0 lb, rear +0 lb)."
-    )
+    assert nearest_sentences(campaign, condition)[1] == f"Nearest CAE run: {run.id} (0.0 mph, front 0 lb, rear 0 lb)."
