@@ -156,8 +156,8 @@ class Campaign:
             Id of a test that is marked.
         cfc : float, optional
             Channel filter class that the tests are filtered with in the figure ``tests``; as read, they are thin.
-        also : sequence of str or PredictedPulse
-            Shown beside the tests: CAE runs by their ids, and predictions.
+        also : sequence of str, PredictedPulse or EarlierPrediction
+            Shown beside the pulses of tests or CAE runs: others by their ids, and predictions.
         **display
             ``window_ms``, ``unit``, ``deceleration``, ``units``, see
             :class:`crashfuse.reporting.plots.display.DisplayOptions`.

@@ -5,7 +5,7 @@ import streamlit as st
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, editing, frame, page_tables
-from crashfuse.ui.beside import choose_tests, key_of, without_clicks
+from crashfuse.ui.beside import choose_beside_runs, choose_tests, key_of, without_clicks
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figures import show_cached_figure
@@ -90,7 +90,7 @@ def show_tests(view: View) -> None:
         view.display,
         tests,
         key_of(also),
-        chosen_config(),  # by which pinned predictions are made
+        chosen_config(),  # by which predictions are made
         name=" ".join([*(tests if len(tests) < len(campaign.tests) else ["tests"]), choice]),
         beside=also,
     )
@@ -132,13 +132,17 @@ def show_conditions(view: View) -> None:
 def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
+    also = choose_beside_runs(view)
     show_cached_figure(
-        lambda: campaign.plot("cae", display=view.display),
+        lambda: without_clicks(campaign.plot("cae", also=also, display=view.display)),
         "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
         "library",
         campaign.fingerprint,
         view.display,
+        key_of(also),
+        chosen_config(),
         name="CAE runs",
+        beside=also,
     )
     paired = any(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
     lines = "Lines are the runs" if paired else "No run was"

@@ -8,13 +8,13 @@ from crashfuse.ui.history import (
     compare,
     is_suggested,
     of_campaign,
-    say_refused,
     show_results,
     ticked,
     visible,
     with_ticked,
 )
 from crashfuse.ui.history_notes import edit_ticked
+from crashfuse.ui.reopening import say_refused
 
 view = frame.enter()
 st.title("History")

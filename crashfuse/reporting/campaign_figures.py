@@ -6,6 +6,7 @@ from typing import Unpack
 
 import plotly.graph_objects as go
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.approach import measured_bias
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
@@ -30,6 +31,11 @@ class _Shown:
     also: Sequence[Further]
     display: Display
 
+    @property
+    def further(self) -> dict[str, Prediction]:
+        """Further pulses by their names in the legend."""
+        return pulses_of(beside(self.campaign, self.also, self.display))
+
 
 def campaign_figure(
     campaign: Campaign,
@@ -43,8 +49,10 @@ def campaign_figure(
 ) -> go.Figure:
     """A figure of a campaign, see :meth:`Campaign.plot`."""
     draw = one_of("figure of a campaign", figure, FIGURES)
-    if figure != "tests" and (cfc is not None or also):
-        raise UsageError("A filter and further curves are for the figure tests.")
+    if cfc is not None and figure != "tests":
+        raise UsageError("A filter is for the figure tests.")
+    if also and figure not in ("tests", "cae"):
+        raise UsageError("Further curves are for the figures tests and cae.")
     if held_out is not None:
         campaign.test(held_out)
     some = [campaign.test(test) for test in several(tests) or campaign.test_ids]
@@ -52,9 +60,13 @@ def campaign_figure(
 
 
 def _tests(own: _Shown) -> go.Figure:
-    further = pulses_of(beside(own.campaign, own.also, own.display))
     return measured_pulses(
-        own.tests, among=own.campaign.tests, highlight=own.held_out, cfc=own.cfc, display=own.display, further=further
+        own.tests,
+        among=own.campaign.tests,
+        highlight=own.held_out,
+        cfc=own.cfc,
+        display=own.display,
+        further=own.further,
     )
 
 
@@ -67,7 +79,7 @@ def _bias(own: _Shown) -> go.Figure:
 FIGURES: dict[str, Callable[[_Shown], go.Figure]] = {
     "tests": _tests,
     "conditions": lambda own: condition_space(own.campaign.cae, own.tests, held_out=own.held_out, display=own.display),
-    "cae": lambda own: library_band(own.campaign.cae, own.tests, display=own.display),
+    "cae": lambda own: library_band(own.campaign.cae, own.tests, display=own.display, further=own.further),
     "bias": _bias,
 }
 """Pulses of the tests; conditions of tests and CAE runs; pulses of the CAE runs; tests minus CAE over displacement."""

@@ -1,4 +1,4 @@
-"""A prediction of a held-out test with other settings than those of the study whose figures show it."""
+"""A prediction with other settings than those of the figure that shows it, or of one of several tests in it."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ LEFT_OUT = {"test": "left out alone", "speed group": "all at its speed left out"
 
 @dataclass(frozen=True, eq=False)
 class EarlierPrediction:
-    """What an approach estimated of a held-out test with some settings, to be put beside those with others.
+    """What an approach estimated with some settings, to be put beside those with others, or beside tests.
 
     Attributes
     ----------
@@ -21,25 +21,34 @@ class EarlierPrediction:
         Its settings.
     shown : StudyConfig
         Those of the figure that it is put into: its name says in what the first differ from them.
+    of : str
+        The held-out test that it is of, where the figure is not of that alone.
     """
 
     estimate: Estimate
     config: StudyConfig
     shown: StudyConfig
+    of: str = ""
 
     @property
     def text(self) -> str:
-        """In what its settings differ, in words."""
-        return otherwise(self.config, self.shown)
+        """In what its settings differ, in words; with a test that it is of, its name."""
+        return self.name if self.of else otherwise(self.config, self.shown)
+
+    @property
+    def name(self) -> str:
+        """Its name in a legend."""
+        return earlier_name(self.estimate.approach, self.config, self.shown, self.of)
 
     def curve(self, _: Display) -> tuple[str, Estimate]:
         """Its name in a legend, and itself."""
-        return earlier_name(self.estimate.approach, self.config, self.shown), self.estimate
+        return self.name, self.estimate
 
 
-def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig) -> str:
-    """Name of a prediction with other settings in a legend."""
-    return f"{LABELS[approach]}, {otherwise(config, shown)}"
+def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig, of: str = "") -> str:
+    """Name of a prediction with other settings in a legend: ``Fused, seed 1``, ``T08 by Fused, seed 1``."""
+    by = f"{of} by {LABELS[approach]}" if of else LABELS[approach]
+    return ", ".join(filter(None, [by, otherwise(config, shown)]))
 
 
 def otherwise(config: StudyConfig, shown: StudyConfig) -> str:

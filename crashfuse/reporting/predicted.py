@@ -14,7 +14,8 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.figures import Curves, Further, beside, chosen, prediction_name
+from crashfuse.reporting.earlier_prediction import EarlierPrediction, otherwise
+from crashfuse.reporting.figures import Curves, Further, OtherPrediction, beside, chosen, prediction_name
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.result_tables import metrics_table, pulses_table
@@ -30,10 +31,14 @@ _MM = 1e-3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedPulse:
-    """The pulse at a condition as one or several approaches predict it, with its band; ``estimates`` have the draws."""
+    """The pulse at a condition as one or several approaches predict it with some settings, and its band.
+
+    ``estimates`` have the draws.
+    """
 
     campaign: Campaign
     estimates: tuple[Estimate, ...]
+    config: StudyConfig = StudyConfig()
 
     @property
     def condition(self) -> Condition:
@@ -105,7 +110,14 @@ class PredictedPulse:
         """
         shown = Display.of(self.campaign.units, **display)
         own = chosen({each.approach: each for each in self.estimates}, approaches)
-        return Curves(None, own | beside(self.campaign, also, shown), self.condition, band).draw(figure, shown)
+        others = [each.beside(self) if isinstance(each, PredictedPulse) else each for each in several(also)]
+        return Curves(None, own | beside(self.campaign, others, shown), self.condition, band).draw(figure, shown)
+
+    def beside(self, other: "PredictedPulse") -> OtherPrediction:
+        """Itself in a figure of another one: at the same condition it is named by its settings."""
+        if self.condition == other.condition and otherwise(self.config, other.config):
+            return EarlierPrediction(self.estimate, self.config, other.config)
+        return self
 
     def curve(self, display: Display) -> tuple[str, Estimate]:
         """The name of the preferred approach's prediction beside others, and itself."""
@@ -160,7 +172,7 @@ def predict(
     check_factors(campaign, condition)
     names = asked(approach, config)
     estimates = (estimate_at(campaign, condition, name, config, cache=cache, watch=watch) for name in names)
-    return PredictedPulse(campaign, tuple(estimates))
+    return PredictedPulse(campaign, tuple(estimates), config)
 
 
 def asked(approach: str | Sequence[str], config: StudyConfig) -> tuple[str, ...]:

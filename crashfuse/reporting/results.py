@@ -113,7 +113,7 @@ def write_prediction(
     UsageError
         If there are fewer draws than are to be exported.
     """
-    prediction = PredictedPulse(campaign, tuple(estimates))
+    prediction = PredictedPulse(campaign, tuple(estimates), config)
     _write(_PREDICTION, folder, prediction, config, export.files(campaign, estimates), display, report)
     return prediction.metrics
 

@@ -19,10 +19,11 @@ def earlier_settings(
     They differ in preset, seed or what was left out with the test; where an approach takes no notice of that, as the
     raw CAE model of seeds, it is the same prediction.
     """
+    same = [own for own in results if own.fingerprint == campaign.fingerprint and test_id in own.tests]
+    if not same:  # an approach with networks is not imported for nothing
+        return []
     condition, found = campaign.test(test_id).condition, {_identity(campaign, test_id, approach, shown): shown}
-    for result in results:
-        if result.fingerprint != campaign.fingerprint or test_id not in result.tests:
-            continue
+    for result in same:
         for way in result.config.split_configs:
             config = replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out)
             training = config.training_campaign(campaign, test_id)

@@ -14,7 +14,6 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.reporting.earlier_prediction import earlier_name
 from crashfuse.reporting.figures import RUN, Further, prediction_name, pulse_name
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
@@ -22,8 +21,9 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
-from crashfuse.ui.earlier import EARLIER, chosen_earlier, missing_earlier, offered_earlier
+from crashfuse.ui.earlier import EARLIER, Earlier, asked, earlier_of_test
 from crashfuse.ui.kept import kept_choice
+from crashfuse.ui.other_seeds import other_seeds
 from crashfuse.ui.pins import pinned
 from crashfuse.ui.text import plain
 from crashfuse.wording import read_out
@@ -45,8 +45,7 @@ class Shown:
     approaches : tuple of str
         Those that are shown.
     also : tuple of str, PredictedPulse or EarlierPrediction
-        What is put beside them: tests and CAE runs by their ids, pinned predictions, and those of the held-out test
-        with other settings.
+        What is put beside them: tests and CAE runs by their ids, pinned predictions, and those with other settings.
     band : str
         The approach whose band is filled; predictions put beside it are by it, too.
     key : Hashable
@@ -102,7 +101,10 @@ def choose_curves(
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
         chosen = _choose_of(known) if known else []
         band = _choose_band(predictions, recommended) if offered is None else leading(predictions, recommended)
-        beside, missing = _choose_beside(view, condition, band, held_out)
+        if held_out:
+            beside, missing = _choose_beside(view, band, earlier_of_test(view.campaign, held_out, band), held_out)
+        else:
+            beside, missing = _choose_beside(view, band, other_seeds(view.campaign, condition, band), at=condition)
     st.button(
         "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
         help=f"Also show {_NEAREST} tests: the nearest by speed and weights, as shares of the speed and the mass.",
@@ -143,14 +145,36 @@ def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> s
 
 
 def choose_tests(view: View) -> tuple[tuple[str, ...], tuple[Further, ...]]:
-    """Let the user choose tests, all by default, and CAE runs and pinned predictions beside them."""
+    """Let the user choose tests, all by default, and CAE runs and predictions beside them."""
     names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
     with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
         only = _choose_several("only", names, "Tests", "all")
-        with st.popover("Beside them", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
-            further, missing = _choose_beside(view, None, by_preference(chosen_config().approaches)[0])
+        further, missing = _choose_beside_tests(view, *names)
     _say([*_unknown("only", names), *missing])
     return tuple(test for test in view.campaign.test_ids if not only or test in only), further
+
+
+def choose_beside_runs(view: View) -> tuple[Further, ...]:
+    """Let the user choose tests, CAE runs and predictions beside those of the CAE model."""
+    further, missing = _choose_beside_tests(view)
+    _say(missing)
+    return further
+
+
+def _choose_beside_tests(view: View, *tests: str) -> tuple[tuple[Further, ...], list[str]]:
+    """As :func:`_choose_beside`, where no prediction is shown by itself, but perhaps some tests.
+
+    Predictions of the test in the sidebar are looked for when it is opened, or if a link asks for one: what learned
+    with networks takes seconds to be imported.
+    """
+    approach = by_preference(chosen_config().approaches)[0]
+    popover = st.popover("Beside them", icon=":material/stacked_line_chart:", on_change="rerun", key="beside them")
+    with popover:  # closed, a thousand runs cost nothing
+        wanted = popover.open or asked()
+        earlier = (
+            earlier_of_test(view.campaign, view.held_out.id, approach, among_tests=True) if wanted else Earlier({})
+        )
+        return _choose_beside(view, approach, earlier, *tests)
 
 
 def without_clicks(figure: go.Figure) -> go.Figure:
@@ -197,43 +221,43 @@ def _choose_band(predictions: Mapping[str, Prediction], recommended: str | None)
 
 
 def _choose_beside(
-    view: View, condition: Condition | None, approach: str, held_out: str = ""
+    view: View, approach: str, earlier: Earlier, *shown: str, at: Condition | None = None
 ) -> tuple[tuple[Further, ...], list[str]]:
-    """Further pulses, and sentences on what cannot be shown; with a condition, the tests are among the choices."""
+    """Further pulses, and sentences on what cannot be shown.
+
+    Of the tests those that the figure does not show anyway are among the choices. On Predict, ``at`` a condition, the
+    pinned predictions are shown without being asked for.
+    """
     campaign, pins = view.campaign, pinned()
-    at_pins = {f"{_PIN}{text}": prediction_name(approach, at, view.display) for text, at in pins.items()}
-    earlier = offered_earlier(campaign, held_out, approach) if held_out else {}
-    tests = [test for test in campaign.tests if condition is not None and test.id != held_out]
-    unasked = "" if condition is None or held_out else condition.text  # on Predict pinned predictions are shown anyway
+    at_pins = {f"{_PIN}{text}": prediction_name(approach, pin, view.display) for text, pin in pins.items()}
+    tests = [test for test in campaign.tests if test.id not in shown]
+    unasked = "" if at is None else at.text
     offered = {
         **{test.id: pulse_name(test.id, test.condition, view.display) for test in tests},
-        **{name: earlier_name(approach, config, chosen_config()) for name, config in earlier.items()},
+        **earlier.names,
         **({} if unasked else at_pins),
         **_offered_runs(campaign.fingerprint, view.display, campaign),
     }
-    kinds = [*(["tests"] if tests else []), *(["other settings"] if earlier else []), "CAE runs"]
+    kinds = [*(["tests"] if tests else []), *(["other settings"] if earlier.names else []), "CAE runs"]
     also = _choose_several("also", offered, "Also show", ", ".join(kinds))
     if unasked:
         also += [name for name in at_pins if name != f"{_PIN}{unasked}"]
     wanted = [pins[name.removeprefix(_PIN)] for name in also if name in at_pins]
     at_pinned = _pinned_predictions(campaign, wanted, approach)
-    missing = [
-        *_unknown("also", {*campaign.test_ids, *offered}),
-        *(missing_earlier(earlier, held_out) if held_out else []),
-    ]
+    missing = [*_unknown("also", {*campaign.test_ids, *offered}), *earlier.missing]
     if wanted and not at_pinned:
         missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
     return (
-        *(name for name in also if name not in at_pins and name not in earlier),
-        *(chosen_earlier(campaign, held_out, approach) if held_out else []),
+        *(name for name in also if name not in at_pins and name not in earlier.names),
+        *earlier.chosen,
         *at_pinned,
     ), missing
 
 
 def _unknown(key: str, known: Collection[str]) -> list[str]:
     """Sentence on tests and CAE runs that a link asks for and that the campaign does not have."""
-    asked = [name for name in st.session_state[key] if not name.startswith((_PIN, EARLIER))]
-    missing = ", ".join(name.removeprefix(RUN)[:80] for name in asked if name not in known)
+    wanted = [name for name in st.session_state[key] if not name.startswith((_PIN, EARLIER))]
+    missing = ", ".join(name.removeprefix(RUN)[:80] for name in wanted if name not in known)
     return [f"Not among the tests in use and the CAE runs: {plain(missing)}."] if missing else []
 
 
@@ -257,7 +281,7 @@ def _pinned_predictions(campaign: Campaign, wanted: Sequence[Condition], approac
     if job is None or job.result is None:
         return []
     return [
-        PredictedPulse(campaign, (estimate,))
+        PredictedPulse(campaign, (estimate,), request.config)
         for condition in wanted
         for estimate in answers(request.key, condition, job.result)
         if estimate.approach == approach

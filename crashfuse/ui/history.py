@@ -1,11 +1,9 @@
-"""Past results: opened again, and two of them compared."""
-
-from contextlib import suppress
+"""Past results: the list of them, and two compared."""
 
 import streamlit as st
 
-from crashfuse.approaches.registry import APPROACHES, LABELS
-from crashfuse.errors import DataError, UsageError
+from crashfuse.approaches.registry import LABELS
+from crashfuse.errors import UsageError
 from crashfuse.reporting.past_results import (
     comparison_means,
     comparison_table,
@@ -19,14 +17,10 @@ from crashfuse.reporting.report import comparison_report
 from crashfuse.study.comparison import StudyComparison, telling_pair
 from crashfuse.study.history import PastResult, past_results
 from crashfuse.ui import address, campaigns
-from crashfuse.ui.chosen import choose_campaign, note
 from crashfuse.ui.downloads import download_report, download_table
-from crashfuse.ui.earlier import settings_text
 from crashfuse.ui.figures import choose, show_cached_figure
-from crashfuse.ui.navigation import open_next
 from crashfuse.ui.page_tables import window_label
-from crashfuse.ui.pins import pin_all
-from crashfuse.ui.predict.condition import fill_in
+from crashfuse.ui.reopening import fingerprint, offer_predictions, offer_pulses, open_result
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
@@ -34,7 +28,7 @@ _ROW_PX, _MOST_ROWS = 35, 9
 _OPEN = "Open"
 _WIDTHS_PX = {_OPEN: 62, "Campaign": 100, "What": 195}  # all columns fit at 900 px
 _TICKED = ("first", "second")  # session keys: ids of the results that are compared; "" for none
-_TABLE, _CLICKED, _REFUSED = "past results", "clicked result", "refused result"
+_TABLE, _CLICKED = "past results", "clicked result"
 _HOW_TO_COMPARE = (
     "No two studies listed here share a test and differ in their data or settings: run one again with another seed, "
     "say, and both are compared here."
@@ -46,7 +40,7 @@ def visible() -> list[PastResult]:
     results = past_results()
     if not campaigns.roots():
         return results
-    mine = {data for name in campaigns.open_campaigns() if (data := _fingerprint(name)) is not None}
+    mine = {data for name in campaigns.open_campaigns() if (data := fingerprint(name)) is not None}
     return [result for result in results if result.fingerprint in mine]
 
 
@@ -97,14 +91,14 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
         ids = [result.id for result in [*kept, *new][-2:]]
         st.session_state.update(zip(_TICKED, [*ids, "", ""], strict=False))  # "": none, and that was chosen
 
+    def open_clicked() -> None:
+        open_result(results[st.session_state[_CLICKED].row])
+
     st.dataframe(
         table, hide_index=True, on_select=tick, selection_mode="multi-row", key=_TABLE,
         height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Studies and predictions of this machine",
         column_config={
-            _OPEN: st.column_config.ButtonColumn(
-                "", width=_WIDTHS_PX[_OPEN], key=_CLICKED,
-                on_click=lambda: _open(results[st.session_state[_CLICKED].row]),
-            ),
+            _OPEN: st.column_config.ButtonColumn("", width=_WIDTHS_PX[_OPEN], key=_CLICKED, on_click=open_clicked),
             "What": st.column_config.TextColumn(
                 width=_WIDTHS_PX["What"], help="A test is left out alone, with all at about its speed, or both ways."
             ),
@@ -117,12 +111,6 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
     )  # fmt: skip
 
 
-def say_refused() -> None:
-    """Say what is in the way of opening a result, if that was just tried."""
-    if refused := st.session_state.pop(_REFUSED, ""):
-        st.warning(plain(refused), icon=":material/folder_off:")
-
-
 def compare(chosen: list[PastResult], display: Display) -> None:
     """Show the two that are ticked beside each other, or say what to tick."""
     if len(chosen) < 2:
@@ -132,7 +120,7 @@ def compare(chosen: list[PastResult], display: Display) -> None:
     st.header("Two compared")
     st.markdown(f"First: **{plain(described(first, display))}**  \nSecond: **{plain(described(second, display))}**")
     if not (first.tests or second.tests):
-        _offer_predictions(first, second)
+        offer_predictions(first, second)
         return
     if not (first.tests and second.tests):
         st.info("A prediction has no ratings: tick two studies, or two predictions.", icon=":material/join_inner:")
@@ -147,39 +135,8 @@ def compare(chosen: list[PastResult], display: Display) -> None:
         way = choose("Left out", compared.ways, key="compared_way", label_of=left_out_in_words)
     elif way in first.by_way:  # else the cautions say it
         st.caption(f"{left_out_in_words(way)}.")
-    _offer_pulses(first, second)
+    offer_pulses(first, second)
     _show(compared, way, display)
-
-
-def _offer_pulses(first: PastResult, second: PastResult) -> None:
-    """Offer to show the pulses of both on Compare, if they rest on the same data and have one test in common."""
-    shared = [test for test in first.tests if test in second.tests]
-    own, others = first.config.split_configs[0], second.config.split_configs
-    other = next((config for config in others if config.leave_out == own.leave_out), others[0])
-    beside = settings_text(other)
-    if first.fingerprint == second.fingerprint and len(shared) == 1 and beside != settings_text(own):
-        st.button(
-            f"Show both on Compare, {plain(shared[0])}", icon=":material/stacked_line_chart:", on_click=_open_beside,
-            args=(first, shared[0], beside), help="The pulses of the second stand beside those of the first.",
-        )  # fmt: skip
-
-
-def _open_beside(result: PastResult, test: str, beside: str) -> None:
-    """Open a study at one of its tests on Compare, with the prediction of it by other settings beside its own."""
-    if _choose(result):
-        st.session_state.update(test=test, also=list(dict.fromkeys([*st.session_state["also"], beside])))
-        open_next("compare")
-
-
-def _offer_predictions(first: PastResult, second: PastResult) -> None:
-    """Offer to show two predictions beside each other on the page Predict, which has both pulses and all metrics."""
-    if (first.fingerprint, first.config) == (second.fingerprint, second.config):
-        st.button("Show both on Predict", icon=":material/keep:", type="primary", on_click=_open, args=(first, second))
-    else:
-        st.info(
-            "These predictions rest on different data or settings; Predict shows those beside each other that rest on "
-            "the same.", icon=":material/join_inner:",
-        )  # fmt: skip
 
 
 @st.cache_resource(max_entries=20, show_spinner=False)
@@ -220,66 +177,3 @@ def _show_each_test(compared: StudyComparison, window: float, way: str) -> None:
         label_of=lambda name: LABELS.get(name, name),
     )  # fmt: skip
     show_table(comparison_table(compared, approach, window, way), "compared tests")
-
-
-def _open(result: PastResult, *pinned: PastResult) -> None:
-    """Open a result, or record what is in the way; predictions to be seen beside it are pinned."""
-    if not _choose(result):
-        return
-    if len(result.tests) == 1:
-        st.session_state["test"] = result.tests[0]
-    if result.condition is not None:
-        fill_in(campaigns.load(st.session_state["campaign"]), result.condition)
-    if pinned:
-        pin_all([each.condition for each in (result, *pinned) if each.condition is not None])
-    open_next(_page(result))
-
-
-def _choose(result: PastResult) -> bool:
-    """Choose the data and the settings of a result; False if they are not there, and why is recorded."""
-    names = [name for name in campaigns.open_campaigns() if _fingerprint(name) == result.fingerprint]
-    here = st.session_state["campaign"]
-    name = here if here in names else next(iter(names), None)
-    if name is None:
-        st.session_state[_REFUSED] = _in_the_way(result)
-        return False
-    choose_campaign(name)
-    if name != here:
-        note(f"Opened in {campaigns.label(name)}, which has the data of this result.")
-    config = result.config
-    st.session_state.update(
-        preset=config.preset, seed=config.seed, device=config.device,
-        approaches=[approach for approach in APPROACHES if approach in config.approaches],
-        leave_out="speed group" if config.leave_out == "speed group" else "test",
-    )  # fmt: skip
-    return True
-
-
-def _in_the_way(result: PastResult) -> str:
-    """Why no open campaign has the data of a result."""
-    data = f"campaign {result.campaign} with the data {result.fingerprint[:8]}"
-    of = f"The {data}"
-    for name in campaigns.open_campaigns():
-        with suppress(DataError):
-            campaign = campaigns.load(name)
-            unused = ", ".join(test for test, _ in campaign.unused)
-            if campaign.name == result.campaign and unused:
-                return f"{of} is open with other tests: use {unused} again on the page Data, then choose it again."
-            if campaign.name == result.campaign:
-                return (
-                    f"{of} was changed since: undo that on the page Data, or open a copy of it, then choose it again."
-                )
-    return f"You have not opened the {data}: open its folder, or upload it, on the page Data, then choose it again."
-
-
-def _page(result: PastResult) -> str:
-    if result.condition is not None:
-        return "predict"
-    return "compare" if len(result.tests) == 1 else "study"
-
-
-def _fingerprint(name: str) -> str | None:
-    try:
-        return campaigns.fingerprint_of(name)
-    except DataError:
-        return None

@@ -96,7 +96,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.sees("Difference, 34.0 mph", f"{MAIN} {TABLE}")
     user.press("Files and report", f"{MAIN} {PILL}")
     report = user.downloads_file("report.html")
-    assert "Beside other conditions: Displacement domain" in report
+    assert "Beside other predictions: Displacement domain" in report
     assert "Difference, 34.0 mph" in report
     assert "Method and settings" in report
     user.press("Short", PILL)

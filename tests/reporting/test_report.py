@@ -15,6 +15,7 @@ from crashfuse.errors import UsageError
 from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import COLOURS, FURTHER_COLOURS
+from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report import ReportOptions, prediction_report, study_report
 from crashfuse.run_quality import NAMED_LIMITS, RunQuality
 from crashfuse.study.account import worst_test
@@ -230,16 +231,17 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
 
 def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campaign) -> None:
     """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one."""
-    here, *pinned = ([estimate(test)] for test in campaign.tests[:2])
-    text = prediction_report(campaign, here, CONFIG, pinned=pinned, form="short")
+    here, other = campaign.tests[:2]
+    beside = [PredictedPulse(campaign, (estimate(other),), CONFIG)]
+    text = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside, form="short")
     assert figures(text) == 2
-    for kept in ("Expected over 0–60 ms", "Pulse metric", "Beside other conditions", "Limits</h2>", "--speed-mph 15 "):
+    for kept in ("Expected over 0–60 ms", "Pulse metric", "Beside other predictions", "Limits</h2>", "--speed-mph 15 "):
         assert kept in text
     for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
         assert left not in text
-    assert text.index("Pulse metrics at") < text.index("Beside other conditions") < text.index("Limits</h2>")
+    assert text.index("Pulse metrics at") < text.index("Beside other predictions") < text.index("Limits</h2>")
     with pytest.raises(UsageError, match="whole"):
-        prediction_report(campaign, here, CONFIG, form="brief")  # type: ignore[arg-type]
+        prediction_report(campaign, [estimate(here)], CONFIG, form="brief")  # type: ignore[arg-type]
 
 
 def test_what_a_report_of_a_prediction_begins_with_it_does_not_tell_again(campaign: Campaign) -> None:
@@ -252,28 +254,37 @@ def test_what_a_report_of_a_prediction_begins_with_it_does_not_tell_again(campai
         assert text.index("Made of two parts.") < text.index("Fused: CAE pulse: emulated.")
 
 
-def test_pinned_predictions_look_as_on_the_page(campaign: Campaign) -> None:
-    """The condition itself has the colour of its approach, the pinned ones those of curves that are put beside."""
-    here, *pinned = ([estimate(test)] for test in campaign.tests[:3])
-    drawn = figures_of(prediction_report(campaign, here, CONFIG, pinned=pinned)).figures
+def test_predictions_beside_one_look_as_on_the_page(campaign: Campaign) -> None:
+    """It has the colour of its approach, others those of curves put beside; a seed is told, and its command."""
+    first, other = (estimate(test) for test in campaign.tests[:2])
+    beside = [
+        PredictedPulse(campaign, (first,), replace(CONFIG, seed=7)),
+        PredictedPulse(campaign, (other,), CONFIG),
+    ]
+    text = prediction_report(campaign, [first], CONFIG, beside=beside)
+    assert re.search("Difference, 15.0 mph[^<]*, seed 7", text)
+    assert re.search(r"--speed-mph 15 [^;]*--seed 7", text)
+    drawn = figures_of(text).figures
     looks = [
         {trace["name"]: trace["line"]["color"] for trace in figure.drawn["data"] if trace.get("showlegend", True)}
         for figure in drawn
     ]
-    (beside,) = [look for look in looks if any(" at 25.0 mph" in name for name in look)]
-    assert list(beside.values()) == [COLOURS["cae"], *FURTHER_COLOURS[:2]]
+    (look,) = [look for look in looks if any(" at 25.0 mph" in name for name in look)]
+    assert list(look.values()) == [COLOURS["cae"], *FURTHER_COLOURS[:2]]
+    assert "CAE, seed 7 (95 % band)" in look
 
 
 def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campaign) -> None:
     """They come in several tables, each with the condition itself first; no line cuts an interval."""
     first = estimate(campaign.tests[0])
     speeds = [replace(first.prediction.condition, speed_mps=speed_mps) for speed_mps in (8.0, 9.0, 10.0, 11.0)]
-    pinned = [[replace(first, prediction=replace(first.prediction, condition=at))] for at in speeds]
-    text = prediction_report(campaign, [first], CONFIG, pinned=pinned, form="short")
-    beside = text[text.index("Beside other conditions") :]
-    assert [head.count("Difference, ") for head in re.findall(r"<thead>(.*?)</thead>", beside)] == [2, 2]
-    assert re.search(r"<td>[\d.]+\N{NO-BREAK SPACE}\[", beside)
-    assert not re.search(r"<td>[\d.]+ \[", beside)
+    moved = (replace(first, prediction=replace(first.prediction, condition=at)) for at in speeds)
+    pinned = [PredictedPulse(campaign, (each,), CONFIG) for each in moved]
+    text = prediction_report(campaign, [first], CONFIG, beside=pinned, form="short")
+    told = text[text.index("Beside other predictions") :]
+    assert [head.count("Difference, ") for head in re.findall(r"<thead>(.*?)</thead>", told)] == [2, 2]
+    assert re.search(r"<td>[\d.]+\N{NO-BREAK SPACE}\[", told)
+    assert not re.search(r"<td>[\d.]+ \[", told)
 
 
 def test_equal_results_give_equal_bytes(study: Study, text: str) -> None:

@@ -1,4 +1,4 @@
-"""On Compare, predictions of the held-out test with other settings are offered once they were computed."""
+"""On Compare and Data, predictions of the held-out test are offered once they were computed."""
 
 from collections.abc import Callable
 
@@ -79,3 +79,20 @@ def test_it_is_said_which_of_several_settings_are_not_shown(visit: Visit) -> Non
     session = predicted(visit("compare", **ONE, test="T2", also=asked))
     which = "seed 1 or with paper settings, all at its speed left out or with fast 0 magic or with *seven*"
     assert NOT_YET.format("T2", which) in beside_the_figure(session)
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_on_data_it_stands_among_the_tests_by_the_name_of_its_own(visit: Visit) -> None:
+    """One with the usual settings, too, as no other is shown there; the CAE runs have it beside them as well."""
+    predicted(visit("compare", **ONE, test="T2"))
+    predicted(visit("compare", **ONE, test="T2", seed="1"))
+    session = visit("data", **ONE, test="T2", also=["by:fast 0 test", SEED_1])
+    for tab in ("Tests", "CAE model"):
+        session.open_tab("data", tab)
+        assert "T2 by Displacement domain, seed 1" in figure(session)
+        (also,) = [each for each in session.app.multiselect if each.label == "Also show"]
+        assert also.value == ["by:fast 0 test", SEED_1]
+        assert "T2 by Displacement domain" in also.options
+    session.app.session_state["test"] = "T3"
+    why = "is not shown: it has not been predicted here yet, or comes out the same."
+    assert f"T3 with the usual settings or with seed 1 {why}" in beside_the_figure(session.run())

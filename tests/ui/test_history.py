@@ -103,13 +103,19 @@ def test_the_results_of_the_open_campaign_are_listed_or_all(visit: Visit) -> Non
 
 
 def test_two_predictions_are_shown_on_predict_with_both_pinned(visit: Visit, open_campaign: Path) -> None:
-    """If both rest on the same data and settings; Predict would compute one of them anew with those of the other."""
+    """If both have the same settings; of one condition the second's settings stand beside the first's."""
     data = load_campaign(open_campaign).fingerprint
     one, other, otherwise = (predicted(kph, data, seed) for kph, seed in ((50, 0), (56, 0), (56, 1)))
     session = visit("history", first=one.id, second=other.id).press("Show both on Predict")
     assert session.app.session_state["pins"] == ["50kph 900kg 700kg", "56kph 900kg 700kg"]
     assert session.app.session_state["speed_mph"] == pytest.approx(31.0686, abs=1e-4)
-    assert "rest on different data or settings" in visit("history", first=one.id, second=otherwise.id).words
+    session = visit("history", first=otherwise.id, second=other.id).press("Show both on Predict")
+    chosen = {key: session.app.session_state[key] for key in ("seed", "also", "pins")}
+    assert chosen == {"seed": 1, "also": ["by:fast 0 test"], "pins": []}
+    told = visit("history", first=one.id, second=otherwise.id).words
+    assert "differ in their condition and in their settings" in told
+    elsewhere = predicted(50, "b")
+    assert "rest on different data" in visit("history", first=one.id, second=elsewhere.id).words
 
 
 @pytest.mark.parametrize("tests", ["T2", "T2 T3"])

@@ -160,9 +160,19 @@ def measured_pulses(
     return figure
 
 
-def library_band(library: CaeLibrary, tests: Sequence[CrashTest] = (), *, display: Display = DEFAULT) -> go.Figure:
-    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
-    figure = new_figure(height_under_names(len(tests)))
+def library_band(
+    library: CaeLibrary,
+    tests: Sequence[CrashTest] = (),
+    *,
+    display: Display = DEFAULT,
+    further: Mapping[str, Prediction] | None = None,
+) -> go.Figure:
+    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top.
+
+    Further pulses, by their labels, are drawn over them.
+    """
+    further = further or {}
+    figure = new_figure(height_under_names(len(tests) + len(further)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale
     add_band(figure, _GRID_MS, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs")
@@ -171,6 +181,7 @@ def library_band(library: CaeLibrary, tests: Sequence[CrashTest] = (), *, displa
         if (run := library.paired_run(test.condition)) is not None:
             style["name"] = f"{library.ids[run]} · {display.speed(test.condition.speed_mps)}"
             add_line(figure, _GRID_MS, library.accel_mps2[run] * display.accel_scale, **style)
+    draw_curves(figure, _accelerations(None, further, display))
     figure.update_yaxes(title=display.accel_title)
     shade_window(figure, display.window_ms)
     return figure

@@ -22,7 +22,7 @@ from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
 
 _SHOWN = 20
-_ABREAST = 2  # conditions beside the first in one table: more would be wider than paper
+_ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
 
 NEXT_TEST_MEANING = (
     "Which test would narrow the band most is known before it is run: the variance of a Gaussian process depends on "
@@ -37,12 +37,12 @@ def prediction_report(
     estimates: Sequence[Estimate],
     config: StudyConfig,
     display: Display = DEFAULT,
-    pinned: Sequence[Sequence[Estimate]] = (),
+    beside: Sequence[PredictedPulse] = (),
     form: ReportForm = "whole",
 ) -> str:
     """HTML report of a prediction, from one estimate per approach at one condition.
 
-    ``pinned`` are estimates by the same approaches at further conditions, which the report shows beside it. A short
+    What the same approaches predict at further conditions, or with other settings, is shown ``beside`` it. A short
     report has recommendation, pulses, metrics and limits on two or three pages.
 
     Raises
@@ -51,42 +51,38 @@ def prediction_report(
         If there is no such form.
     """
     condition = estimates[0].prediction.condition
-    prediction = PredictedPulse(campaign, tuple(estimates))
+    prediction = PredictedPulse(campaign, tuple(estimates), config)
     advice = recommend_for(estimates, campaign, condition)
-    further = [other[0].prediction.condition for other in pinned]
     whole = one_of("form of a report", form, {"whole": True, "short": False})
     return render(
         "prediction" if whole else "short_prediction",
         f"prediction at {display.condition(condition)}",
         campaign,
         config,
-        "; ".join(prediction_command(each, config, display.system) for each in (condition, *further)),
+        "; ".join(prediction_command(own.condition, own.config, display.system) for own in (prediction, *beside)),
         display,
         condition=condition,
         verdict=advice.sentences,
         nearest=nearest_sentences(campaign, condition),
         motion=prediction.plot(display=display),
         over_displacement=prediction.plot("displacement", display=display),
-        beside=pinned and _beside(campaign, [estimates, *pinned], advice.approach, display),
+        beside=beside and _beside([prediction, *beside], advice.approach, display),
         about=details(campaign, estimates, display, said=advice.sentences),
         **({"bias": campaign.plot("bias", display=display)} if whole else {}),
     )
 
 
-def _beside(
-    campaign: Campaign, answers: Sequence[Sequence[Estimate]], approach: str, display: Display
-) -> dict[str, object]:
-    """One approach's predictions at several conditions: pulses, main metrics and their differences from the first."""
-    chosen = by_one(approach, answers)
-    first, *others = (PredictedPulse(campaign, (each,)) for each in chosen)
+def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Display) -> dict[str, object]:
+    """Several predictions by one approach: pulses, main metrics and their differences from the first."""
+    first, *others = by_one(approach, predictions)
     return {
         "approach": LABELS[approach],
         "motion": first.plot(also=others, display=display),  # in the colours of the page
         "metrics": [
-            side_by_side([chosen[0], *chosen[start : start + _ABREAST]], campaign, display).map(unbroken_interval)
-            for start in range(1, len(chosen), _ABREAST)
+            side_by_side([first, *others[start : start + _ABREAST]], display).map(unbroken_interval)
+            for start in range(0, len(others), _ABREAST)
         ],
-        "cautions": cautions(chosen, campaign, display),
+        "cautions": cautions([first, *others], display),
     }
 
 

@@ -18,7 +18,7 @@ from crashfuse.study.study import Study
 from crashfuse.ui.beside import Shown, choose_curves, leading, without_clicks
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, advised
-from crashfuse.ui.earlier import chosen_earlier
+from crashfuse.ui.earlier import earlier_of_test
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Comparison:
     def earlier(self) -> Sequence[EarlierPrediction]:
         """Predictions of the test with other settings that were chosen to be shown beside these."""
         approach = leading(self.predictions, self.recommended)
-        return chosen_earlier(self.view.campaign, self.test.id, approach)
+        return earlier_of_test(self.view.campaign, self.test.id, approach).chosen
 
     def choose_curves(self, offered: Sequence[str] | None = None) -> Shown:
         """Let the user choose the curves of a figure, of those that are offered, and what is shown beside them."""

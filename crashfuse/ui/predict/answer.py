@@ -14,6 +14,7 @@ from crashfuse.study.history import PastResult, keep
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, Fitted, advised, answers
+from crashfuse.ui.other_seeds import predicted
 from crashfuse.ui.pins import pinned
 
 
@@ -82,13 +83,15 @@ class Answer:
     @property
     def prediction(self) -> PredictedPulse:
         """All of them, as the library has it."""
-        return PredictedPulse(self.campaign, tuple(self.estimates))
+        return PredictedPulse(self.campaign, tuple(self.estimates), self.config)
 
-    @property
-    def pinned(self) -> list[list[Estimate]]:
-        """What the approaches predict at the pinned conditions, this one left out."""
+    @cached_property
+    def beside(self) -> list[PredictedPulse]:
+        """What is to be seen beside it: predictions here by other seeds and presets, and those at pinned conditions."""
         others = [condition for text, condition in pinned().items() if text != self.condition.text]
-        return [answers(self.request.key, condition, self.fitted) for condition in others]
+        at_pins = (tuple(answers(self.request.key, condition, self.fitted)) for condition in others)
+        same = [own for own in predicted(self.campaign, self.condition) if self.whole]
+        return [*same, *(PredictedPulse(self.campaign, own, self.config) for own in at_pins)]
 
     def remember(self) -> None:
         """Keep a record of it among the results of this machine."""
