@@ -19,17 +19,30 @@ def earlier_settings(
     They differ in preset, seed or what was left out with the test; where an approach takes no notice of that, as the
     raw CAE model of seeds, it is the same prediction.
     """
-    same = [own for own in results if own.fingerprint == campaign.fingerprint and test_id in own.tests]
-    if not same:  # an approach with networks is not imported for nothing
-        return []
     condition, found = campaign.test(test_id).condition, {_identity(campaign, test_id, approach, shown): shown}
-    for result in same:
-        for way in result.config.split_configs:
-            config = replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out)
-            training = config.training_campaign(campaign, test_id)
-            if is_estimate_cached(training, condition, approach, config, cache):
-                found.setdefault(_identity(campaign, test_id, approach, config), config)
+    for config in past_settings(results, campaign, test_id, shown):
+        training = config.training_campaign(campaign, test_id)
+        if is_estimate_cached(training, condition, approach, config, cache):
+            found.setdefault(_identity(campaign, test_id, approach, config), config)
     return list(found.values())[1:]
+
+
+def past_settings(
+    results: Iterable[PastResult], campaign: Campaign, test_id: str, shown: StudyConfig
+) -> list[StudyConfig]:
+    """Settings of past results with a prediction of a test, otherwise like those that are shown.
+
+    Whether the predictions are still in the cache is not looked up: that takes seconds where networks have to be
+    imported.
+    """
+    ways = (
+        way
+        for result in results
+        if result.fingerprint == campaign.fingerprint and test_id in result.tests
+        for way in result.config.split_configs
+    )
+    found = (replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out) for way in ways)
+    return list(dict.fromkeys(found))
 
 
 def _identity(campaign: Campaign, test_id: str, approach: str, config: StudyConfig) -> str:

@@ -21,7 +21,7 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
-from crashfuse.ui.earlier import EARLIER, Earlier, asked, earlier_of_test
+from crashfuse.ui.earlier import EARLIER, Earlier, earlier_of_test
 from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.other_seeds import other_seeds
 from crashfuse.ui.pins import pinned
@@ -162,18 +162,10 @@ def choose_beside_runs(view: View) -> tuple[Further, ...]:
 
 
 def _choose_beside_tests(view: View, *tests: str) -> tuple[tuple[Further, ...], list[str]]:
-    """As :func:`_choose_beside`, where no prediction is shown by itself, but perhaps some tests.
-
-    Predictions of the test in the sidebar are looked for when it is opened, or if a link asks for one: what learned
-    with networks takes seconds to be imported.
-    """
+    """As :func:`_choose_beside`, where no prediction is shown by itself, but perhaps some tests."""
     approach = by_preference(chosen_config().approaches)[0]
-    popover = st.popover("Beside them", icon=":material/stacked_line_chart:", on_change="rerun", key="beside them")
-    with popover:  # closed, a thousand runs cost nothing
-        wanted = popover.open or asked()
-        earlier = (
-            earlier_of_test(view.campaign, view.held_out.id, approach, among_tests=True) if wanted else Earlier({})
-        )
+    with st.popover("Beside them", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
+        earlier = earlier_of_test(view.campaign, view.held_out.id, approach, among_tests=True)
         return _choose_beside(view, approach, earlier, *tests)
 
 

@@ -202,7 +202,8 @@ class FitRequest(Request[Fitted]):
 
     @property
     def title(self) -> str:  # noqa: D102
-        return f"{self.campaign.name}: fit on all {len(self.campaign.tests)} tests"
+        seed = f", seed {self.config.seed}" if self.config.seed != StudyConfig().seed else ""
+        return f"{self.campaign.name}: fit on all {len(self.campaign.tests)} tests{seed}"
 
     def work(self, watch: Watch) -> Fitted:  # noqa: D102
         names = self.config.approaches

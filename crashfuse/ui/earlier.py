@@ -13,9 +13,9 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.earlier_prediction import EarlierPrediction, earlier_name, otherwise
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.earlier_settings import earlier_settings
+from crashfuse.study.earlier_settings import earlier_settings, past_settings
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.estimate_cache import find_estimate, is_estimate_cached
+from crashfuse.study.estimate_cache import find_estimate
 from crashfuse.study.history import past_results
 from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.text import plain
@@ -35,7 +35,7 @@ class Earlier:
     names : mapping of str to str
         Their names in the legend, by what stands for them in the address.
     chosen : tuple of EarlierPrediction
-        Those that were chosen; what was deleted meanwhile is left out.
+        Those that were chosen and are there.
     missing : tuple of str
         Sentences on what was chosen, for another test or by a link, and cannot be shown.
     """
@@ -49,22 +49,27 @@ def earlier_of_test(campaign: Campaign, test_id: str, approach: str, *, among_te
     """An approach's predictions of a held-out test that were computed before.
 
     They are put beside that with the chosen settings; in a figure ``among_tests``, which shows none, one with the usual
-    settings is offered, too, and each is named after its test.
+    settings is offered, too, and each is named after its test. There they are not looked up before they are chosen.
     """
-    chosen = chosen_config()
-    shown = StudyConfig(chosen.approaches, device=chosen.device) if among_tests else chosen
-    of = test_id if among_tests else ""
-    offered = _offered((campaign.fingerprint, jobs().ended), test_id, approach, shown, among_tests, campaign)
-    wanted = {name: offered[name] for name in asked() if name in offered}
-    found = (
-        (config, _estimate(campaign.fingerprint, test_id, approach, config, campaign)) for config in wanted.values()
-    )
-    known = {*offered, *([] if among_tests else [settings_text(shown)])}
+    chosen, key = chosen_config(), (campaign.fingerprint, jobs().ended)
+    if among_tests:
+        shown, of = StudyConfig(chosen.approaches, device=chosen.device), test_id
+        offered = _past(key, test_id, shown, campaign)
+    else:
+        shown, of = chosen, ""
+        offered = _offered(key, test_id, approach, shown, campaign)
+    found = {
+        name: EarlierPrediction(estimate, offered[name], shown, of)
+        for name in asked()
+        if name in offered
+        and (estimate := _estimate(campaign.fingerprint, test_id, approach, offered[name], campaign)) is not None
+    }
+    known = {*found, *([] if among_tests else [settings_text(shown)])}
     missing = plain(" or with ".join(_in_words(name, shown) for name in asked() if name not in known))
     why = "is not shown: it has not been predicted here yet, or comes out the same."
     return Earlier(
         {name: earlier_name(approach, config, shown, of) for name, config in offered.items()},
-        tuple(EarlierPrediction(own, config, shown, of) for config, own in found if own is not None),
+        tuple(found.values()),
         (f"{plain(test_id)} with {missing} {why}",) if missing else (),
     )
 
@@ -105,15 +110,22 @@ def _offered(
     test_id: str,
     approach: str,
     shown: StudyConfig,
-    itself: bool,
     _campaign: Campaign,
 ) -> Mapping[str, StudyConfig]:
-    """Settings by what stands for them; those shown, too, if ``itself`` and they were computed."""
-    found, cache = earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache()), Cache()
-    training, condition = shown.training_campaign(_campaign, test_id), _campaign.test(test_id).condition
-    if itself and is_estimate_cached(training, condition, approach, shown, cache):
-        found = [shown, *found]
+    found = earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
     return {settings_text(config): config for config in found}
+
+
+@st.cache_resource(max_entries=20, ttl=LOOK_AGAIN_S, show_spinner=False)
+def _past(
+    key: Hashable,  # noqa: ARG001 - as there
+    test_id: str,
+    shown: StudyConfig,
+    _campaign: Campaign,
+) -> Mapping[str, StudyConfig]:
+    found = past_settings(past_results(), _campaign, test_id, shown)
+    usual_first = sorted(found, key=lambda config: (config.preset, config.seed, config.leave_out != "test"))
+    return {settings_text(config): config for config in usual_first}
 
 
 @st.cache_resource(max_entries=12, show_spinner=False)

@@ -122,7 +122,10 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
 def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(
     small_server: "Server", user: "User"
 ) -> None:
-    """It was computed before; the numbers that are saved have it, and the name of their file."""
+    """It was computed before; the numbers that are saved have it, and the name of their file.
+
+    On Data the same link shows it among the tests, on Predict it stands for the condition, once it is predicted there.
+    """
     user.open(small_server, "compare", **ONE, test="T3", seed="1")
     user.starts("Predict test T3", FIGURE)
     user.open(small_server, "compare", **ONE, test="T3")
@@ -136,3 +139,22 @@ def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(
     press_tool(user, '[data-format="csv"]')
     first, *_ = rows(user.arrived("with-seed-1.csv").read_text(encoding="utf-8"))
     assert sum(column.startswith("Displacement domain, seed 1") for column in first) >= 3
+    user.go("Data")
+    user.sees("T3 by Displacement domain, seed 1", FIGURE)
+    user.press("Beside them", f"{MAIN} button")
+    user.find('input[aria-label^="Also show"]').send_keys("T3 by Displacement domain", Keys.ENTER)
+    seed_0 = "T3 by Displacement domain (95 % band)"
+    user.wait(lambda: seed_0 in legend(user))
+    user.browser.back()
+    user.wait(lambda: legend(user) and seed_0 not in legend(user))
+    user.go("Predict")
+    user.find('input[aria-label="Impact speed (mph)"]')  # the figure of Data is gone
+    user.starts("Predict", FIGURE)
+    seed_1 = "Displacement domain, seed 1 (95 % band)"
+    user.presses_until(lambda: seed_1 in legend(user), "Predict with seed 1")
+    user.press("Metrics", f"{MAIN} {PILL}")
+    told = user.sees("mph, seed 1", f"{MAIN} {TABLE}")
+    link = user.browser.current_url
+    user.becomes_another()
+    user.browser.get(link)
+    assert user.sees("mph, seed 1", f"{MAIN} {TABLE}") == told

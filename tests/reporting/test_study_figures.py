@@ -153,7 +153,8 @@ def test_so_it_is_of_a_campaign_and_a_prediction(campaign: Campaign, elsewhere: 
     for ask, sentence in (
         (lambda: campaign.plot("test"), "There is no figure of a campaign 'test'; did you mean tests?"),
         (lambda: campaign.plot(tests=["T9"]), "There is no test 'T9' in Tiny; it has T1, T2, T3, T4."),
-        (lambda: campaign.plot("cae", cfc=60), "A filter and further curves are for the figure tests."),
+        (lambda: campaign.plot("cae", cfc=60), "A filter is for the figure tests."),
+        (lambda: campaign.plot("bias", also=["T1"]), "Further curves are for the figures tests and cae."),
         (lambda: elsewhere.plot("residuals"), "There is no figure of pulses 'residuals'; choose from motion"),
         (lambda: crashfuse.sweep(campaign, HERE, (40, 30), "cae"), "A sweep takes a speed above 0 and a higher one"),
         (lambda: crashfuse.predict(campaign, HERE, ()), "A prediction takes an approach at least, such as fused."),

@@ -8,7 +8,7 @@ import pytest
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.earlier_settings import earlier_settings
+from crashfuse.study.earlier_settings import earlier_settings, past_settings
 from crashfuse.study.history import PastResult
 from crashfuse.study.running import run_study
 
@@ -35,6 +35,12 @@ def test_each_other_seed_and_way_is_found_once(campaign: Campaign, cache: Cache,
     assert earlier_settings([*past, *past], campaign, "T2", "displacement_domain", SHOWN, cache) == OTHERS
     shown = OTHERS[1]
     assert earlier_settings(past, campaign, "T2", "displacement_domain", shown, cache) == [OTHERS[0], SHOWN]
+
+
+def test_those_shown_are_among_all_that_are_past(campaign: Campaign, past: list[PastResult]) -> None:
+    """Each once, of this test alone."""
+    assert past_settings([*past, *past], campaign, "T2", SHOWN) == [*OTHERS, SHOWN]
+    assert past_settings(past, campaign, "T3", SHOWN) == []
 
 
 def test_what_would_be_the_same_prediction_is_none(campaign: Campaign, cache: Cache, past: list[PastResult]) -> None:

@@ -185,6 +185,14 @@ def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
     assert band.name == "5–95 % of 101 runs"
 
 
+def test_the_library_band_takes_further_pulses(campaign: Campaign) -> None:
+    """A test among the CAE runs, as it was measured."""
+    drawn = campaign.plot("cae", also=["T2", "cae:C05"]).data
+    (test,) = [trace for trace in drawn if (trace.name or "").startswith("T2 · ")]
+    assert np.array(test.y) == pytest.approx(campaign.test("T2").pulse.accel_mps2 / G)
+    assert any((trace.name or "").startswith("CAE run C05 · ") for trace in drawn)
+
+
 def test_the_library_band_carries_the_paired_runs(campaign: Campaign) -> None:
     """A test without a run of its own condition adds nothing."""
     stray = CrashTest("stray", campaign.cae.conditions[0], campaign.tests[0].pulse)
