@@ -66,7 +66,7 @@ def test_on_data(open_campaign: Path, visit: "Visit") -> None:
     for tab, figure in (
         ("Tests", campaign.plot(tests=["T2", "T3"], also=["C05"], held_out="T2", display=SHOWN)),
         ("Conditions", campaign.plot("conditions", held_out="T2", display=SHOWN)),
-        ("CAE model", campaign.plot("cae", display=SHOWN)),
+        ("CAE model", campaign.plot("cae", also=["C05"], display=SHOWN)),
     ):
         assert drawn(session.open_tab("data", tab)) == traces(figure)
 
