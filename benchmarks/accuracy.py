@@ -172,8 +172,8 @@ def _print_recommendations(study: Study) -> None:
         print("\n".join(rows))
     likely, no_surprise = surprises.count("as expected"), sum("far" not in each for each in surprises)
     print(
-        f"\nThe expected rating is {signed(np.mean(errors), 3)} off on average, {np.abs(errors).mean():.3f} in size. "
-        f"Of {len(errors)} tests {likely} came out inside the likely range (80 %), "
+        f"\nThe expected rating is {signed(float(np.mean(errors)), 3)} off on average, "
+        f"{np.abs(errors).mean():.3f} in size. Of {len(errors)} tests {likely} came out inside the likely range (80 %), "
         f"{no_surprise} inside the central 95 %."
     )
     if study.config.leave_out == "test":

@@ -135,8 +135,9 @@ def steps_of(user: "User", slider: "WebElement", name: str, values: tuple[str, .
 
 _WATCH_FADING = """
 window.fading = 0;
+const replaced = '.st-key-alone [data-stale="true"]';
 const look = () => {
-  window.fading += document.getAnimations().filter(own => own.effect.target.closest('[data-stale="true"]')).length;
+  window.fading += document.getAnimations().filter(own => own.effect.target.matches(replaced)).length;
   requestAnimationFrame(look);
 };
 look();
