@@ -173,8 +173,8 @@ def _print_recommendations(study: Study) -> None:
     likely, no_surprise = surprises.count("as expected"), sum("far" not in each for each in surprises)
     print(
         f"\nThe expected rating is {signed(float(np.mean(errors)), 3)} off on average, "
-        f"{np.abs(errors).mean():.3f} in size. Of {len(errors)} tests {likely} came out inside the likely range (80 %), "
-        f"{no_surprise} inside the central 95 %."
+        f"{np.abs(errors).mean():.3f} in size. Of {len(errors)} tests {likely} came out inside the likely range "
+        f"(80 %), {no_surprise} inside the central 95 %."
     )
     if study.config.leave_out == "test":
         print("\n" + "\n".join(recommend(study).sentences))
