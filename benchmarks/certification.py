@@ -10,12 +10,12 @@ raw CAE with its own error as band, the probabilities in bins, and seconds.
 
 import argparse
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from vehicles import World
+from vehicles import KINDS, metrics_of
 
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.metric_calibration import Distribution, metric_errors
@@ -28,13 +28,11 @@ from crashfuse.certification.support import share_bounds
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
-from crashfuse.signals.metrics import METRIC_LABELS, metric_values
+from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.synthetic.sample import TABLE_1
 from crashfuse.units import LB, MPH
 
-_SISTER = "sister"
-_KINDS: dict[str, Callable[[int], World]] = {_SISTER: World.of, "any": World.any, "calibrated": World.calibrated}
 _N_NEW = 60
 _METRICS = tuple(METRIC_LABELS)
 LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
@@ -46,8 +44,8 @@ _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 def _vehicle(seed: int, n_tests: int, kind: str) -> tuple[Campaign, tuple[CrashTest, ...]]:
     """A campaign of a random vehicle, and further tests of it."""
-    world, rng = _KINDS[kind](seed), np.random.default_rng([seed, 9])
-    if n_tests == len(TABLE_1) and kind == _SISTER:
+    world, rng = KINDS[kind](seed), np.random.default_rng([seed, 9])
+    if n_tests == len(TABLE_1) and kind == "sister":
         conditions = [Condition(speed * MPH, front * LB, rear * LB) for speed, front, rear, *_ in TABLE_1]
     else:
         conditions = world.over_speed(rng, n_tests)
@@ -57,14 +55,9 @@ def _vehicle(seed: int, n_tests: int, kind: str) -> tuple[Campaign, tuple[CrashT
     )
 
 
-def _measured(test: CrashTest) -> dict[str, float]:
-    values = metric_values(test.pulse.accel_mps2, test.condition.speed_mps)
-    return {name: float(value) for name, value in values.items()}
-
-
 def shown(tests: Iterable[CrashTest]) -> pd.DataFrame:
     """What tests show of :data:`LIMITED`, by their ids."""
-    return pd.DataFrame({test.id: _measured(test) for test in tests}).T[list(LIMITED)]
+    return pd.DataFrame({test.id: metrics_of(test.pulse.accel_mps2, test.condition) for test in tests}).T[list(LIMITED)]
 
 
 def limits(by: pd.DataFrame, share: float) -> pd.Series:
@@ -81,7 +74,7 @@ def _judged(
     seed: int, campaign: Campaign, new: tuple[CrashTest, ...], approach: str
 ) -> tuple[pd.DataFrame, list[dict[str, float]]]:
     """All verdicts on a vehicle, each with what was measured and what the raw CAE says; and :func:`_whole_tests`."""
-    measured = [_measured(test) for test in new]
+    measured = [metrics_of(test.pulse.accel_mps2, test.condition) for test in new]
     middle = {name: float(np.median([m[name] for m in measured if np.isfinite(m[name])])) for name in _METRICS}
     criteria = Criteria(tuple(Criterion(name, name, at_most=limit) for name, limit in middle.items()))
     matrix = Matrix(tuple(test.id for test in new), tuple(test.condition for test in new))
@@ -92,10 +85,10 @@ def _judged(
     errors = metric_errors(raw.left_out(campaign), campaign)
     rows = []
     for test, truth, row in zip(new, measured, found.verdicts, strict=True):
-        values = metric_values(raw.predict(test.condition).accel_mps2, test.condition.speed_mps)
+        values = metrics_of(raw.predict(test.condition).accel_mps2, test.condition)
         for verdict in row:
             name, limit = verdict.criterion.metric, verdict.criterion.at_most
-            cae = Distribution.of(np.array([float(values[name])]), errors[name])
+            cae = Distribution.of(np.array([values[name]]), errors[name])
             rows.append(
                 {
                     "seed": seed,
@@ -168,7 +161,7 @@ def _summary(table: pd.DataFrame) -> None:
 def _own_record(folder: str, approach: str) -> None:
     """The track record of a campaign's own tests, with the limits in the middle of what they showed."""
     campaign = load_campaign(folder)
-    measured = [_measured(test) for test in campaign.tests]
+    measured = [metrics_of(test.pulse.accel_mps2, test.condition) for test in campaign.tests]
     middle = {name: float(np.median([m[name] for m in measured if np.isfinite(m[name])])) for name in _METRICS}
     criteria = Criteria(tuple(Criterion(name, name, at_most=limit) for name, limit in middle.items()))
     matrix = Matrix(campaign.test_ids, tuple(test.condition for test in campaign.tests))
@@ -187,7 +180,7 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, default=4)
     parser.add_argument("--first", type=int, default=301, help="seed of the first vehicle")
     parser.add_argument("--tests", type=int, default=len(TABLE_1))
-    parser.add_argument("--kind", choices=list(_KINDS), default=_SISTER, help="of vehicle")
+    parser.add_argument("--kind", choices=list(KINDS), default="sister", help="of vehicle")
     parser.add_argument("--approach", default="fused")
     parser.add_argument("--campaign", nargs="+", default=[], help="campaign folders: their own records instead")
     given = parser.parse_args()

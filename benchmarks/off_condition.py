@@ -10,13 +10,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pandas as pd
-from vehicles import World
+from vehicles import KINDS, metrics_of
 
 from crashfuse.cae.model import CaeModel
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
-from crashfuse.signals.metrics import METRIC_LABELS, metric_values
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.units import KPH
 
 _N = 40
@@ -24,12 +23,12 @@ _N = 40
 
 def _differences(kind: str, seed: int) -> Iterator[Mapping[str, object]]:
     """By condition and metric, the difference in percent, and what the CAE model leaves of it."""
-    world, rng = World.any(seed) if kind == "any" else World.of(seed), np.random.default_rng([seed, 77])
+    world, rng = KINDS[kind](seed), np.random.default_rng([seed, 77])
     planned, emulator = world.conditions(rng, _N), CaeModel(cache=Cache()).fit(world.cae).emulator_
     off = [_moved(condition, rng) for condition in planned]
     for pair in zip(world.test(planned, first=3000), world.test(off, first=3000), strict=True):
-        tests = [_metrics(test.pulse.accel_mps2, test.condition) for test in pair]
-        cae = [_metrics(emulator.predict(test.condition), test.condition) for test in pair]
+        tests = [metrics_of(test.pulse.accel_mps2, test.condition) for test in pair]
+        cae = [metrics_of(emulator.predict(test.condition), test.condition) for test in pair]
         for name in METRIC_LABELS:
             difference, told = (own[1][name] - own[0][name] for own in (tests, cae))
             share = 100 / tests[0][name]
@@ -42,17 +41,13 @@ def _moved(condition: Condition, rng: np.random.Generator) -> Condition:
     return Condition(condition.speed_mps + speed, front_kg, rear_kg)
 
 
-def _metrics(accel_mps2: FloatArray, condition: Condition) -> dict[str, float]:
-    return {name: float(value) for name, value in metric_values(accel_mps2, condition.speed_mps).items()}
-
-
 def main() -> None:
     """Compare some vehicles of both kinds and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
-    parser.add_argument("--sisters", type=int, nargs="*", default=[301, 302, 303], help="their seeds")
+    parser.add_argument("--sister", type=int, nargs="*", default=[301, 302, 303], help="their seeds")
     parser.add_argument("--any", type=int, nargs="*", default=[701, 702, 703, 721], help="seeds of those of any kind")
     given = parser.parse_args()
-    rows = [row for kind in ("sisters", "any") for seed in getattr(given, kind) for row in _differences(kind, seed)]
+    rows = [row for kind in ("sister", "any") for seed in getattr(given, kind) for row in _differences(kind, seed)]
     table = pd.DataFrame(rows).replace([np.inf, -np.inf], np.nan).dropna()
     shown = table.groupby(["metric", "kind"], sort=False)[["off", "left"]].agg(lambda own: np.sqrt((own**2).mean()))
     print(shown.unstack("kind").to_string(float_format="{:.2f}".format))

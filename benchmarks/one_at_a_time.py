@@ -1,6 +1,6 @@
 """How many planned tests have to be run, if each is followed by new verdicts: ``python benchmarks/one_at_a_time.py``.
 
-Each seed is a vehicle of any kind (``benchmarks/vehicles.py``), if asked with a calibrated CAE model, tested at four
+Each seed is a vehicle of any kind, or of another one (``benchmarks/vehicles.py``), tested at four
 speeds evenly over its range; twelve further tests are planned. As long as any of them neither need not be run, as all
 criteria are met at once, nor is known to miss one, the next is run, and all others are judged anew: the fastest or the
 slowest of those left, or the most probable to meet all criteria. The limits on peak, crush, SM25, OLC and VPI are such
@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from certification import limiting, limits, shown
 from joblib import Parallel, delayed
-from vehicles import World
+from vehicles import KINDS
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
@@ -56,8 +56,8 @@ class _Plan(NamedTuple):
     shown: pd.DataFrame
 
 
-def _vehicle(seed: int, calibrated: bool) -> _Plan:
-    world, rng = World.calibrated(seed) if calibrated else World.any(seed), np.random.default_rng([seed, 9])
+def _vehicle(seed: int, kind: str) -> _Plan:
+    world, rng = KINDS[kind](seed), np.random.default_rng([seed, 9])
     begun = world.test(world.over_speed(rng, _RUN), first=0)
     planned = world.test(world.over_speed(rng, _PLANNED), first=1000)
     further = world.test(world.conditions(rng, _FURTHER), first=2000)
@@ -127,14 +127,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
     parser.add_argument("--vehicles", type=int, default=6)
     parser.add_argument("--first", type=int, default=701, help="seed of the first vehicle")
-    parser.add_argument("--calibrated", action="store_true", help="CAE models that crush as far at the top speed")
+    parser.add_argument("--kind", choices=list(KINDS), default="any", help="of vehicle")
     parser.add_argument(
         "--campaign", type=Path, nargs="+", default=[], help="campaign folders instead: their own tests"
     )
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     seeds = range(given.first, given.first + given.vehicles)
-    plans = [_campaign(folder) for folder in given.campaign] or [_vehicle(seed, given.calibrated) for seed in seeds]
+    plans = [_campaign(folder) for folder in given.campaign] or [_vehicle(seed, given.kind) for seed in seeds]
     tables = Parallel(given.workers)(delayed(_settled)(plan) for plan in plans)
     table = pd.DataFrame(row for rows in tables for row in rows)
     print(table.groupby(["limits", "first"], sort=False).sum().to_string())

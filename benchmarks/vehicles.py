@@ -6,7 +6,7 @@ CAE models that are nearly right or far off, and on some vehicles folds that beg
 know no rates and are too soft; those of ``World.calibrated`` were made to crush as far as the vehicle at its top speed.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Self
@@ -137,6 +137,15 @@ class World:
         return varied(self.truth, 0.02 * self.scatter, 0.02 * self.scatter, 0.004 * self.scatter, rng)
 
 
+KINDS: Mapping[str, Callable[[int], World]] = {"sister": World.of, "any": World.any, "calibrated": World.calibrated}
+"""Ways to draw a vehicle by its seed."""
+
+
+def metrics_of(accel_mps2: FloatArray, condition: Condition) -> dict[str, float]:
+    """All metrics of a pulse."""
+    return {name: float(value) for name, value in metric_values(accel_mps2, condition.speed_mps).items()}
+
+
 def _another(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     """A similar vehicle: each zone's forces differ by 10 % as a whole and 8 % at each knot, and so on."""
 
@@ -169,7 +178,7 @@ def _stronger(vehicle: Vehicle, share: float) -> Vehicle:
 
 def _crush(vehicle: Vehicle, condition: Condition) -> float:
     pulses = recorded([vehicle], [condition], None)
-    return float(metric_values(pulses[0], condition.speed_mps)["max_crush"])
+    return metrics_of(pulses[0], condition)["max_crush"]
 
 
 def _runs(model: Vehicle, conditions: tuple[Condition, ...], folding_m: float, seed: int) -> CaeLibrary:
