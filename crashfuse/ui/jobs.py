@@ -80,25 +80,31 @@ class Job(Generic[T]):
                 self.wanted_by.add(visitor)
 
     def cancel(self, visitor: Visitor) -> None:
-        """Note that someone wants it no more; once nobody does, it stops at its next progress report."""
+        """Note that someone wants it no more; once nobody does, it stops at its next report, at once while it waits."""
         with self._joining:
             self.wanted_by.discard(visitor)
-            if not self.wanted_by:
-                self._cancel.set()
+            if self.wanted_by:
+                return
+            self._cancel.set()
+            if self.state != "waiting":
+                return
+            self.state, self._work = "cancelled", None  # what is ahead of it may take hours
+        journal.note(visitor, f"cancelled: {self.title}")
+        self._ended.set()
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until it has ended; False on timeout."""
         return self._ended.wait(timeout_s)
 
     def run(self) -> None:
-        """Compute; any error becomes the job's state and message."""
-        work, self._work = self._work, None  # so that the objects the work refers to can be freed
-        self.state = "running"
-        journal.note(self.wanted_by, f"started: {self.title}")
-        wanted_by = self.wanted_by.copy()
+        """Compute, unless it was cancelled before; any error becomes the job's state and message."""
+        with self._joining:
+            if self.state != "waiting":
+                return
+            work, self._work = self._work, None  # so that the objects the work refers to can be freed
+            self.state, wanted_by = "running", self.wanted_by.copy()
+        journal.note(wanted_by, f"started: {self.title}")
         try:
-            if self._cancel.is_set():
-                raise Cancelled("Stopped before it began.")
             if work is not None:
                 self.result = work(self._watch)
             self.state = "done"

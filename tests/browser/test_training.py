@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it_any_more(
     small_server: "Server", user: "User"
 ) -> None:
-    """A second tab finds it, another browser sees whose it is and asks for it, too; it goes on until both cancel."""
+    """A second tab finds it, another browser sees whose it is and asks for it, too; it goes on until both cancel.
+
+    What waits behind it can be cancelled at once.
+    """
     user.open(small_server, "train", seed="1", preset="paper")  # which takes hours
     user.press("Start")
     user.sees("LF TCN: ")
@@ -30,6 +33,11 @@ def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it_any_more
     second = user.browser.current_window_handle
     user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})  # another browser from now on
     user.browser.switch_to.new_window("tab")
+    user.open(small_server, "study", seed="6", approaches="cae")
+    user.press("Leave out each of 4 tests")
+    user.sees("Waiting for its turn behind: A computation of browser ")
+    user.press("Cancel")
+    user.sees("Cancelled.", timeout_s=10)
     user.open(small_server, "train", seed="1", preset="paper")
     user.sees("Started by browser ")
     assert "Cancel" not in user.texts("button")

@@ -102,15 +102,21 @@ def test_a_cancelled_job_stops_at_its_next_report_and_can_be_started_again() -> 
     assert (again.state, again.result) == ("done", 1)
 
 
-def test_a_job_cancelled_while_it_waits_never_begins(gate: threading.Event) -> None:
-    """Its work is not called."""
+def test_a_job_cancelled_while_it_waits_has_ended_and_never_begins(
+    gate: threading.Event, caplog: pytest.LogCaptureFixture
+) -> None:
+    """At once, whatever is still ahead of it; its work is not called, and the log says who cancelled it."""
     jobs, calls = Jobs(), []
     jobs.start("a", "A", lambda _: gate.wait(SOON), ANNA)
-    waiting = jobs.start("b", "B", lambda _: calls.append(1), ANNA)
-    waiting.cancel(ANNA)
-    gate.set()
-    assert ended(waiting)
-    assert (waiting.state, calls) == ("cancelled", [])
+    waiting = jobs.start("b", "B", lambda _: calls.append(1), BEN)
+    with caplog.at_level(logging.INFO, "crashfuse"):
+        waiting.cancel(BEN)
+        assert waiting.wait(0)
+        assert (waiting.state, waiting in jobs.active) == ("cancelled", False)
+        gate.set()
+        assert ended(jobs.start("c", "C", lambda _: None, ANNA))
+    assert calls == []
+    assert [told for told in caplog.messages if told.endswith(": B")] == [f"{BEN.name}: cancelled: B"]
 
 
 def test_a_failed_job_keeps_the_sentence_and_the_queue_goes_on() -> None:
