@@ -26,8 +26,8 @@ if not results:
 display, here = (DEFAULT, "") if view is None else (view.display, view.campaign.name)
 st.caption(
     "Studies, tests predicted one by one, and predictions that were pinned or made with the command, by whomever on "
-    "this machine, the latest first. Tick one to write a note on it, two to compare them. Certifications are listed "
-    "on the page Certify, Earlier verdicts."
+    "this machine, the latest first; those of an upload for whoever has it open. Tick one to write a note on it, two "
+    "to compare them. Certifications are listed on the page Certify, Earlier verdicts."
 )
 listed = of_campaign(results, here)
 chosen = ticked(results, listed)

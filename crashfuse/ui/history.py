@@ -23,6 +23,7 @@ from crashfuse.ui.page_tables import window_label
 from crashfuse.ui.reopening import fingerprint, offer_predictions, offer_pulses, open_result
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
+from crashfuse.ui.uploads import uploaded
 
 _ROW_PX, _MOST_ROWS = 35, 9
 _OPEN = "Open"
@@ -36,12 +37,17 @@ _HOW_TO_COMPARE = (
 
 
 def visible() -> list[PastResult]:
-    """Past results: all of this machine, or, where folders are restricted, those of campaigns open to this visitor."""
-    results = past_results()
-    if not campaigns.roots():
-        return results
+    """Past results of campaigns that are open to this visitor and, unless folders are restricted, of all folders.
+
+    What somebody has uploaded is never for everybody.
+    """
     mine = {data for name in campaigns.open_campaigns() if (data := fingerprint(name)) is not None}
-    return [result for result in results if result.fingerprint in mine]
+    hidden = uploaded() - mine
+    return [
+        result
+        for result in past_results()
+        if result.fingerprint not in hidden and (result.fingerprint in mine or not campaigns.roots())
+    ]
 
 
 def of_campaign(results: list[PastResult], here: str) -> list[PastResult]:

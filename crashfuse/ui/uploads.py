@@ -5,6 +5,7 @@ import hashlib
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path, PurePath
 from typing import Protocol, TypeVar
 
@@ -14,6 +15,7 @@ from crashfuse.campaign_folder.condition_tables import TABLES
 from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError, Problem
+from crashfuse.execution.cache import default_folder
 from crashfuse.importing.unpacking import is_archive, lay_out_source, members_of
 from crashfuse.readers.formats import formats_of
 from crashfuse.ui import campaigns
@@ -53,12 +55,29 @@ def open_uploads(files: Sequence[Upload]) -> str | Source:
     key = visitor().key, digest.hexdigest()
     if key not in opened:
         opened[key] = _keep(lambda own: campaigns.open_uploaded(lay_out(uploads, own)))
+        _note(campaigns.fingerprint_of(opened[key]))
     return opened[key]
+
+
+def uploaded() -> set[str]:
+    """Fingerprints of all data that were ever uploaded: past results of them are not for everybody's list."""
+    return {path.name for path in _noted().glob("*")}
 
 
 def is_ours(folder: Path) -> bool:
     """True if a folder is not the user's own: the sample, or an upload, which goes when the server ends."""
     return is_sample(folder) or _scratch().resolve() in folder.parents
+
+
+def _note(fingerprint: str) -> None:
+    """Note that these data were uploaded, in the cache folder: results of them outlive the upload there."""
+    with suppress(OSError):  # no result is kept there either
+        _noted().mkdir(parents=True, exist_ok=True)
+        (_noted() / fingerprint).touch()
+
+
+def _noted() -> Path:
+    return default_folder() / "uploaded"
 
 
 def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:

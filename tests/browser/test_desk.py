@@ -13,7 +13,7 @@ import pytest
 from selenium.webdriver.common.by import By
 
 from crashfuse.files.archive import zipped
-from tests.browser.conftest import SIDEBAR, serve
+from tests.browser.conftest import MAIN, SIDEBAR, serve
 from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
 from tests.conftest import content_of
 
@@ -28,6 +28,9 @@ const socket = new WebSocket(arguments[0] + "/_stcore/stream", ["streamlit"]);
 socket.onopen = () => arguments[1]("open");
 socket.onerror = () => arguments[1]("refused");
 """
+
+
+_RESULTS = "return document.querySelector('[data-testid=\"stDataFrame\"]')?.textContent ?? ''"
 
 
 class _Quiet(SimpleHTTPRequestHandler):
@@ -70,14 +73,15 @@ def test_another_site_cannot_embed_the_dashboard(small_server: "Server", user: "
 def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     small_server: "Server", user: "User", campaign_on_disk: Path, tmp_path: Path
 ) -> None:
-    """After a reload it is still theirs; another browser's list does not have it, its link does."""
+    """After a reload it is still theirs, with what was computed of it; neither is in the lists of another browser."""
 
     def listed() -> str:
         user.press("", f'{SIDEBAR} [data-testid="stSelectbox"] input')
         return " ".join(user.wait(lambda: user.texts('[role="option"]')))
 
     dropped = tmp_path / "secret-car.zip"
-    dropped.write_bytes(zipped({f"secret-car/{path}": file for path, file in content_of(campaign_on_disk).items()}))
+    files = {**content_of(campaign_on_disk), "campaign.toml": b'unused = ["T4"]'}  # other data than all can see
+    dropped.write_bytes(zipped({f"secret-car/{path}": file for path, file in files.items()}))
     user.open(small_server, "data")
     user.open_tab("Open another campaign")
     user.uploads(dropped)
@@ -86,11 +90,21 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     link = user.browser.current_url
     user.open(small_server, "data")
     assert "secret-car (upload" in listed()
+    name = dict(parse_qsl(urlsplit(link).query))["campaign"]
+    user.open(small_server, "study", campaign=name, approaches="cae", seed="5")
+    user.press("Leave out each of 3 tests")
+    user.sees("Mean over the tests")
+    user.wait(lambda: not user.all("button", "Cancel"))  # of parts, too, there is a mean
+    user.open(small_server, "history", listed="all")
+    user.wait(lambda: "study of 3 tests" in user.browser.execute_script(_RESULTS), "History never listed it.", 20)
 
     user.becomes_another()
     user.open(small_server, "data")
     user.sees("CAE runs")
     assert "secret-car" not in listed()
+    user.open(small_server, "history", listed="all")
+    user.wait(lambda: user.browser.execute_script(_RESULTS) or user.all(MAIN, "Nothing was computed"))
+    assert "study of 3 tests" not in user.browser.execute_script(_RESULTS)
     user.browser.get(link)
     user.sees("secret-car", "h1")
 

@@ -14,6 +14,7 @@ from crashfuse.ui import campaigns, journal
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.visitors import Visitor
 from tests.conftest import content_of
+from tests.ui.test_history import kept
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
@@ -33,17 +34,22 @@ def _upload(session: "Session", folder: Path, name: str) -> str:
 
 @pytest.mark.slow
 def test_an_upload_is_in_nobody_elses_list_until_they_have_its_link(visit: Visit, campaign_folder: Path) -> None:
-    """Its name can't be guessed; a folder that was opened is in one list, too, and can be asked for by its name."""
+    """Its name can't be guessed; what was computed of it is for them alone, too, also once the server has ended."""
     first = visit()
     secret = _upload(first, campaign_folder, "secret-car")
+    kept(1, "secret-car", fingerprint=campaigns.fingerprint_of(secret))
     assert len(secret) == len("secret-car-") + 16
     second = visit()
     assert second.app.sidebar.selectbox(key="campaign").options == ["sample"]
     for guess in ("secret-car", secret[:-1], campaigns.label(secret)):
         assert "You have not opened the campaign" in visit(campaign=guess).words
+    assert "Nothing was computed on this machine yet" in visit("history").words
     linked = visit(campaign=secret)
     assert linked.app.title[0].value == r"secret\-car"
+    assert len(visit("history", campaign=secret).app.dataframe[0].value) == 1
     assert second.run().app.sidebar.selectbox(key="campaign").options == ["sample"]
+    campaigns.opened_here.clear()  # another server
+    assert "Nothing was computed on this machine yet" in visit("history").words
 
 
 @pytest.mark.usefixtures("open_campaign")
