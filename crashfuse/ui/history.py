@@ -29,7 +29,7 @@ _ROW_PX, _MOST_ROWS = 35, 9
 _OPEN = "Open"
 _WIDTHS_PX = {_OPEN: 62, "Campaign": 100, "What": 195}  # all columns fit at 900 px
 _TICKED = ("first", "second")  # session keys: ids of the results that are compared; "" for none
-_TABLE, _CLICKED = "past results", "clicked result"
+_TABLE, _CLICKED, _CHOSEN = "past results", "clicked result", "result to open"
 _HOW_TO_COMPARE = (
     "No two studies listed here share a test and differ in their data or settings: run one again with another seed, "
     "say, and both are compared here."
@@ -82,7 +82,7 @@ def ticked(results: list[PastResult], listed: list[PastResult]) -> list[PastResu
 
 
 def show_results(results: list[PastResult], chosen: list[PastResult], display: Display, here: str) -> None:
-    """Show the list: a button in each row opens it, ticks choose which are compared."""
+    """Show the list: a button in each row opens it, by keyboard a field below; ticks choose which are compared."""
     table = history_table(results, display).drop(columns="Data")
     if set(table["Campaign"]) == {here}:
         table = table.drop(columns="Campaign")
@@ -100,6 +100,10 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
     def open_clicked() -> None:
         open_result(results[st.session_state[_CLICKED].row])
 
+    def open_chosen() -> None:
+        open_result(next(result for result in results if result.id == st.session_state[_CHOSEN]))
+        st.session_state[_CHOSEN] = None  # to be chosen again, if it could not be opened
+
     st.dataframe(
         table, hide_index=True, on_select=tick, selection_mode="multi-row", key=_TABLE,
         height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Studies and predictions of this machine",
@@ -114,6 +118,11 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
                 help="Over the longest window: of a study the mean, of a prediction 80 % of what is to be expected.",
             ),
         },
+    )  # fmt: skip
+    named = {result.id: described(result, display) for result in results}
+    st.selectbox(
+        "Open a result", list(named), index=None, placeholder="Open a result", key=_CHOSEN, on_change=open_chosen,
+        format_func=named.__getitem__, label_visibility="collapsed",
     )  # fmt: skip
 
 

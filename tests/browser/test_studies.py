@@ -118,7 +118,7 @@ def test_the_report_of_a_study_shows_the_chosen_tests_in_the_units_of_the_page(
 
 
 def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server", user: "User") -> None:
-    """Two seeds: a row for each, means and differences, a table to take along; a button in its row opens a study.
+    """A row for each seed, means, differences, a table to take along; a button in its row, or keys, open a study.
 
     The two are ticked when nobody has chosen; without a tick nothing is compared, and Back ticks it again.
     """
@@ -143,6 +143,12 @@ def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server"
     user.browser.back()
     user.sees("mean", f"{MAIN} li")
     _click_in_first_row(user, 66)
+    user.wait(lambda: "/study?" in user.browser.current_url)
+    assert "seed=4" in user.browser.current_url
+    user.go("History")
+    user.find('input[aria-label="Open a result"]').send_keys("each both ways seed 4")
+    user.find('[role="option"]', "seed 4")
+    user.browser.switch_to.active_element.send_keys(Keys.ENTER)
     user.wait(lambda: "/study?" in user.browser.current_url)
     assert "seed=4" in user.browser.current_url
 
