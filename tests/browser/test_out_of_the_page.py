@@ -133,6 +133,12 @@ return [Math.max(...words), cells / trace.x.length, trace.textfont.size];
 """  # of a table of cells: its widest words, the width of a cell, and the size of the words
 
 
+_PARTS = """
+const parts = [...document.querySelectorAll(".js-plotly-plot")].filter(each => each.layout.yaxis4);
+return Math.max(0, ...parts.map(each => each.getBoundingClientRect().height));
+"""  # how high the figure is that explains a rating, if there is one
+
+
 _TOO_WIDE = """
 const ids = document.querySelectorAll(".narrow td:first-child");
 ids.forEach(id => id.textContent = "2026-11_" + "long_id_".repeat(8));
@@ -156,6 +162,7 @@ def test_a_report_on_the_sample_fits_its_pages(
     user.browser.execute_script("dispatchEvent(new Event('beforeprint'))")
     words, cell, on_paper = user.browser.execute_script(_CELLS)
     assert 0 < words <= 0.8 * cell
+    assert user.browser.execute_script(_PARTS) <= 430  # else they do not fit below the pulses: half a page stays empty
     user.browser.execute_script("dispatchEvent(new Event('afterprint'))")
     assert user.browser.execute_script(_CELLS)[2] == 12 > on_paper
     printed = user.browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})

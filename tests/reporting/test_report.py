@@ -230,7 +230,10 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
 
 
 def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campaign) -> None:
-    """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one."""
+    """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one.
+
+    Metrics stand below the pulses in both, where they fit the page.
+    """
     here, other = campaign.tests[:2]
     beside = [PredictedPulse(campaign, (estimate(other),), CONFIG)]
     text = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside, form="short")
@@ -240,6 +243,9 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
     for left in ("Data: ", "Method and settings", "by speed</h2>", "Over displacement", "How the fit went"):
         assert left not in text
     assert text.index("Pulse metrics at") < text.index("Beside other predictions") < text.index("Limits</h2>")
+    whole = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside)
+    assert whole.count('<table class="metrics"') == text.count('<table class="metrics"') == 2
+    assert whole.index("Pulse metrics at") < whole.index("Beside other predictions") < whole.index("Over displacement")
     with pytest.raises(UsageError, match="whole"):
         prediction_report(campaign, [estimate(here)], CONFIG, form="brief")  # type: ignore[arg-type]
 
