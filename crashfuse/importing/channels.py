@@ -50,7 +50,7 @@ def agreeing_channels(
         Sentence(
             "{}: {}",
             channel.name,
-            f"{number(gain, '.4g')} of its unit times s" if factor is None else speed(gain * factor),
+            f"integral {number(gain, '.4g')} (unit not stated)" if factor is None else speed(gain * factor),
         )
         for channel, gain in zip(chosen, gains.tolist(), strict=True)
     ]

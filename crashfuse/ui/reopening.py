@@ -121,7 +121,7 @@ def offer_predictions(first: PastResult, second: PastResult) -> None:
     elif _settings(first) != _settings(second) and first.condition != second.condition:
         told = (
             "These predictions differ in their condition and in their settings; Predict shows those beside each other "
-            "that differ in one of both."
+            "that differ in only one of the two."
         )
     else:
         st.button(
