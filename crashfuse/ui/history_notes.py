@@ -13,10 +13,11 @@ from crashfuse.ui.visitors import visitor
 def edit_ticked(ticked: list[PastResult], display: Display) -> None:
     """Offer a note on each result that is ticked, and to take it off the list."""
     for result in ticked:
-        key = f"note on {result.id}"
+        key, label = f"note on {result.id}", f"Note on {described(result, display)}"
+        st.markdown(f":small[{plain(label)}]")
         with st.container(horizontal=True, vertical_alignment="bottom"):
-            st.text_input(
-                f"Note on {plain(described(result, display))}", result.note, LONGEST_NOTE, key=key,
+            st.text_input(  # a label is read out as it is written, with the marks of Markdown
+                label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed",
                 placeholder="such as: baseline CAE model, before the new rail", on_change=_annotate, args=(result, key),
             )  # fmt: skip
             st.button(

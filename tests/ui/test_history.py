@@ -78,7 +78,7 @@ def test_a_result_that_is_ticked_gets_a_note_and_leaves_the_list(visit: Visit) -
     assert "Take off the list" not in visit("history").buttons
     session = visit("history", first=one.id, second="")
     (field,) = session.app.text_input
-    assert "study of 2 tests" in field.label
+    assert "study of 2 tests, each alone · fast, seed 0" in field.label  # read out without backslashes
     field.set_value("baseline *model*").run()
     again = visit("history", first=one.id, second=other.id)
     assert again.app.dataframe[0].value["Note"].tolist() == ["", "baseline *model*"]
