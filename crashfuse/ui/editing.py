@@ -64,11 +64,12 @@ def show_tests_in_use(view: View) -> None:
             st.caption("Its row and its pulse leave the folder. Undo brings them back.")
             st.button("Take it out of the folder", on_click=_take_out, args=(view,))
     for test_id in unused:
-        key = f"why {test_id} of {view.folder} is left out"
+        key, label = f"why {test_id} of {view.folder} is left out", f"Why is {test_id} left out?"
         address.put(key, view.campaign.why_unused.get(test_id, ""))
-        st.text_input(
-            f"Why is {plain(test_id)} left out?", key=key, max_chars=LONGEST_REASON, on_change=_say_why,
-            args=(view, test_id, key), placeholder="no reason given; what you write stands in every report",
+        st.markdown(f":small[{plain(label)}]")
+        st.text_input(  # a label is read out as it is written, with the marks of Markdown
+            label, key=key, max_chars=LONGEST_REASON, on_change=_say_why, args=(view, test_id, key),
+            label_visibility="collapsed", placeholder="no reason given; what you write stands in every report",
         )  # fmt: skip
 
 
