@@ -52,12 +52,20 @@ const cut = e => getComputedStyle(e).textOverflow == "ellipsis" && e.scrollWidth
 return [...document.querySelectorAll('[data-testid="stMetric"] *')].filter(cut).length;
 """
 
+_WIDE_WORDS = """
+const words = [...document.querySelectorAll('.heatmap-label')];
+const columns = document.querySelectorAll('.js-plotly-plot .xtick').length;
+const cell = document.querySelector('.js-plotly-plot .nsewdrag').getBoundingClientRect().width / columns;
+return words.length ? words.filter(e => e.getBoundingClientRect().width > cell).length : -1;
+"""
+
 
 def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: "User") -> None:
     """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict.
 
     Once judged, criteria fold away, so that all verdicts stand on the first screen, with the answer beside each row,
-    the figure within 350 px; unfolded they stay so. At twice the size no number of the answer is cut.
+    the figure within 350 px; unfolded they stay so. At twice the size no number of the answer is cut, and in a narrow
+    window the words of eight criteria stay in their cells.
     """
     criteria = user.downloads.parent / "criteria.toml"
     criteria.write_text('confidence = 0.9\n[[criterion]]\nmetric = "peak"\nat_most = 25\n', encoding="utf-8")
@@ -90,6 +98,11 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.open_tab("Verdicts")
     user.press("See the predicted pulse there")
     user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "30.0")
+    user.sits_at(800, 1000)
+    many = tuple(f"peak~~~{25 + i}~peak {i}" for i in range(8))
+    user.open(small_server, "certify", campaign="campaign", criteria=many, **link)
+    user.sees("peak 7", FIGURE)
+    user.wait(lambda: user.browser.execute_script(_WIDE_WORDS) == 0, "Words run out of their cells.", 10)
 
 
 def presses(user: "User", slider: "WebElement", key: str) -> None:

@@ -18,24 +18,28 @@ from crashfuse.wording import unbroken
 
 FEW_CONDITIONS = 40
 """More rows than these are drawn narrower."""
+MOST_WORDS = 400
+"""Of more conditions than these only colours are drawn: a browser would take many seconds for the words."""
 
-_MOST_WORDS = 200  # conditions; of more, only colours can be made out
+_FEW_CRITERIA = 5  # of more, the probability stands below the word
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
 _BELOW_PX = 44  # of the legend
 _LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
 _HEADER_CHARACTERS = 65  # of all columns together, on paper
-_LETTERS = 104  # size in px, times the columns, with which "not met <0.001" fits into a cell
+_LETTERS = 130  # size in px, times the columns, with which "not met", or "<0.001" below it, fits into a cell
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
 _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
 _MAX_RUNS = 600  # more points only fill the same cloud
 _CHECKED = "#0072B2"
 
 
-def verdict_matrix(certification: Certification, display: Display = DEFAULT, part: slice = slice(None)) -> go.Figure:
+def verdict_matrix(
+    certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, words: bool = True
+) -> go.Figure:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria: colour, word and probability of being met.
 
-    Beside each row stands the answer at the condition. A cell's mark carries ``"<condition> | <criterion>"``. Beyond
-    200 conditions only colours are drawn. ``part`` takes some of the sorted conditions.
+    Beside each row stands the answer at the condition. A cell's mark carries ``"<condition> | <criterion>"``. Without
+    ``words``, and beyond 400 conditions, only colours are drawn. ``part`` takes some of the sorted conditions.
     """
     ids, rows = _by_speed(certification, part)
     width = min(max(_HEADER_CHARACTERS // len(certification.criteria.items), 9), 22)
@@ -45,8 +49,9 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT, par
     short = [f"{tick_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
     answers = answer_texts(certification)
     beside = [answers[i] for i in ids]
-    with_words = len(rows) <= _MOST_WORDS
-    row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
+    with_words = words and len(rows) <= MOST_WORDS
+    in_a_line = len(names) <= _FEW_CRITERIA
+    row_px = _NARROW_ROW_PX if in_a_line and len(rows) > FEW_CONDITIONS else _ROW_PX
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
     figure = new_figure(height=above + _BELOW_PX + row_px * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
@@ -64,20 +69,20 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT, par
     )
     if with_words:
         figure.update_traces(
-            text=[[_cell(verdict) for verdict in row] for row in rows],
+            text=[[_cell(verdict, " " if in_a_line else "<br>") for verdict in row] for row in rows],
             texttemplate="%{text}",
             textfont={"color": MEASURED_COLOUR, "size": min(12, max(_LETTERS // len(names), 6))},
             hoverinfo="skip",
         )
         cells = [cell_name(i, verdict) for i, row in zip(ids, rows, strict=True) for verdict in row]
-        told = [text for row in hover for text in row]
-        make_clickable(figure, names, labels, cells, 20, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
+        over = [text for row in hover for text in row]
+        make_clickable(figure, names, labels, cells, 20, hovertext=over, hovertemplate="%{hovertext}<extra></extra>")
     else:
         figure.update_traces(hovertext=hover, hovertemplate="%{hovertext}<extra></extra>")
-    words = [verdict.word for row in rows for verdict in row]
+    told = [verdict.word for row in rows for verdict in row]
     for word in WORDS:
         figure.add_scatter(
-            x=[None], y=[None], mode="markers", name=f"{word} ({words.count(word)})", hoverinfo="skip",
+            x=[None], y=[None], mode="markers", name=f"{word} ({told.count(word)})", hoverinfo="skip",
             marker={"color": VERDICT_COLOURS[word], "symbol": "square", "size": 13, "line": {"width": 1}},
         )  # fmt: skip
     fix_cells(figure)
@@ -192,10 +197,10 @@ def _header(criterion: Criterion, width: int, display: Display) -> str:
     return "<br>".join(name + wrap(unbroken(display.words(criterion.limits)), width))
 
 
-def _cell(verdict: Verdict) -> str:
+def _cell(verdict: Verdict, between: str) -> str:
     if verdict.word == "outside" or verdict.probability is None:
         return verdict.word
-    return f"{verdict.word} {probability_text(verdict.probability)}"
+    return f"{verdict.word}{between}{probability_text(verdict.probability)}"
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:

@@ -140,10 +140,11 @@ def _occupant(certification: Certification) -> list[str]:
 
 
 def _matrix_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
-    """The matrix in parts, slow before fast; if it would take too many, as a single figure."""
+    """The matrix in parts, slow before fast; if it would take too many, as a single figure of colours."""
     n = len(certification.matrix.ids)
     size = _CONDITIONS if n <= _CONDITIONS else _CONDITIONS_OF_MANY
-    size = size if n <= size * _MOST_FIGURES else n
+    if n > size * _MOST_FIGURES:
+        return iter([verdict_matrix(certification, display, words=False)])
     return (verdict_matrix(certification, display, slice(i, i + size)) for i in range(0, n, size))
 
 

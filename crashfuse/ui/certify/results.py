@@ -11,7 +11,7 @@ from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_changes import saved_and_missed
 from crashfuse.reporting.certification_sentences import beside_matrix
 from crashfuse.reporting.certification_tables import probability_text, verdict_counts
-from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name
+from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.track_record_sentences import at_most
@@ -25,6 +25,10 @@ from crashfuse.ui.text import plain
 
 _CELL = "cell"
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
+_NUMBERS = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
+_COLOURS = (
+    "So many conditions have colours alone: point at a cell for its verdict. The answers are in certification.csv."
+)
 _MEANINGS = {
     "met": "A test there would meet the criterion, with the confidence asked for.",
     "not met": "A test there would miss it, with the same confidence.",
@@ -48,7 +52,7 @@ def show(judgement: Judgement) -> None:
             display,
             name="verdicts",
         )
-    st.caption("Numbers: probability that a test there would meet the criterion. Click a cell for its reason.")
+    st.caption(_NUMBERS if n <= MOST_WORDS else _COLOURS)
     _show_cell(certification)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
     if certification.since is None and (alone := kept_files.beside_none(certification.campaign)):

@@ -105,13 +105,20 @@ def test_beside_each_row_stands_the_answer_at_its_condition(campaign: Campaign) 
         assert figure_table(figure.to_plotly_json())["A test there"].tolist() == told[part]
 
 
-@pytest.mark.parametrize(("n", "size"), [(2, 12), (8, 12), (10, 10), (30, 6)])
-def test_words_grow_smaller_with_the_number_of_criteria(three: Certification, n: int, size: int) -> None:
-    """So that those of one cell do not run into the next."""
+@pytest.mark.parametrize(
+    ("n", "text", "size"),
+    [(2, "met 0.998", 12), (6, "met<br>0.998", 12), (12, "met<br>0.998", 10), (30, "met<br>0.998", 6)],
+)
+def test_words_stand_above_their_numbers_and_grow_smaller_with_the_number_of_criteria(
+    three: Certification, n: int, text: str, size: int
+) -> None:
+    """So that those of one cell do not run into the next; the numbers of the figure have them in a line."""
     criteria = tuple(replace(CRUSH, name=f"crush {i}") for i in range(n))
     rows = tuple(tuple(replace(row[0], criterion=own) for own in criteria) for row in three.verdicts)
     figure = verdict_matrix(replace(three, criteria=Criteria(criteria), verdicts=rows))
     assert figure.data[0].textfont.size == size
+    assert figure.data[0].text[0][0] == text
+    assert "met 0.998" in figure_table(figure.to_plotly_json()).iloc[0].tolist()
 
 
 def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> None:
@@ -137,17 +144,18 @@ def test_verdicts_are_dim_on_a_dark_page_and_the_legend_with_them(three: Certifi
     assert {colour for _, colour in heat.colorscale} == {trace.marker.color for trace in legend}
 
 
-@pytest.mark.parametrize(("n", "words_shown", "row_px"), [(40, True, 34), (100, True, 22), (201, False, None)])
+@pytest.mark.parametrize(("n", "words_shown", "row_px"), [(40, True, 34), (400, True, 22), (401, False, None)])
 def test_many_conditions_become_narrow_rows_and_then_colours(
     campaign: Campaign, n: int, words_shown: bool, row_px: float | None
 ) -> None:
-    """A hundred can be read; of hundreds, only colours can be told, with the words under the mouse."""
+    """Hundreds can be read, with the answer beside each; of more, only colours, with the words under the mouse."""
     names = [f"M{i}" for i in range(n)]
     many = certification(campaign, dict.fromkeys(names, WORDS["fast"]), dict.fromkeys(names, 20.0))
     figure = verdict_matrix(many)
     heat = figure.data[0]
     assert list(heat.y) == [f"{name} · 20.0 mph" for name in names]  # as fast: in the order of the matrix
     assert (heat.text is not None) == words_shown
+    assert ("yaxis2" in figure.layout) == words_shown
     assert list(figure.layout.yaxis.range) == [n - 0.5, -0.5]
     if row_px is not None:
         margin = figure.layout.margin
