@@ -1,6 +1,6 @@
 """Compare: the held-out test against every prediction of it."""
 
-from crashfuse.ui import explanations, frame
+from crashfuse.ui import earlier, explanations, frame
 from crashfuse.ui.compare import displacement, files, headline, networks, pulses, ratings, why
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.computation import StudyRequest, chosen_config
@@ -34,4 +34,5 @@ study = result_of(
 explanations.show_missing(config, study.config.approaches)
 comparison = Comparison.of(view, request, study)
 headline.show(comparison)
+earlier.show_missing(campaign, test.id)
 show_tabs(TABS, comparison, key="compare_tab")

@@ -5,19 +5,22 @@ test, on Predict of the condition (``other_seeds``).
 """
 
 from collections.abc import Hashable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 
 import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.earlier_prediction import EarlierPrediction, earlier_name, otherwise
+from crashfuse.reporting.earlier_prediction import LEFT_OUT, EarlierPrediction, earlier_name, otherwise
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.earlier_settings import earlier_settings, past_settings
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.estimate_cache import find_estimate
 from crashfuse.study.history import past_results
-from crashfuse.ui.computation import chosen_config, jobs
+from crashfuse.ui import address, explanations
+from crashfuse.ui.computation import StudyRequest, chosen_config, jobs
+from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.text import plain
 
 EARLIER = "by:"
@@ -51,27 +54,59 @@ def earlier_of_test(campaign: Campaign, test_id: str, approach: str, *, among_te
     They are put beside that with the chosen settings; in a figure ``among_tests``, which shows none, one with the usual
     settings is offered, too, and each is named after its test. There they are not looked up before they are chosen.
     """
-    chosen, key = chosen_config(), (campaign.fingerprint, jobs().ended)
-    if among_tests:
-        shown, of = StudyConfig(chosen.approaches, device=chosen.device), test_id
-        offered = _past(key, test_id, shown, campaign)
-    else:
-        shown, of = chosen, ""
-        offered = _offered(key, test_id, approach, shown, campaign)
+    shown, key, of = (
+        _shown(among_tests=among_tests),
+        (campaign.fingerprint, jobs().ended),
+        test_id if among_tests else "",
+    )
+    offered = _past(key, test_id, shown, campaign) if among_tests else _offered(key, test_id, approach, shown, campaign)
     found = {
         name: EarlierPrediction(estimate, offered[name], shown, of)
         for name in asked()
-        if name in offered
-        and (estimate := _estimate(campaign.fingerprint, test_id, approach, offered[name], campaign)) is not None
+        if name in offered and (estimate := _estimate(key, test_id, approach, offered[name], campaign)) is not None
     }
-    known = {*found, *([] if among_tests else [settings_text(shown)])}
+    to_predict = {name for name, request in _requests(campaign, test_id, shown).items() if not _is_done(request)}
+    known = {*found, *to_predict, *([] if among_tests else [settings_text(shown)])}
     missing = plain(" or with ".join(_in_words(name, shown) for name in asked() if name not in known))
-    why = "is not shown: it has not been predicted here yet, or comes out the same."
+    why = "is not shown: it comes out the same, or there are no such settings."
     return Earlier(
         {name: earlier_name(approach, config, shown, of) for name, config in offered.items()},
         tuple(found.values()),
         (f"{plain(test_id)} with {missing} {why}",) if missing else (),
     )
+
+
+def show_missing(campaign: Campaign, test_id: str, *, among_tests: bool = False) -> None:
+    """Offer to predict a held-out test with settings that were chosen, by a link perhaps, or show how far that is."""
+    shown = _shown(among_tests=among_tests)
+    for name, request in _requests(campaign, test_id, shown).items():
+        words = f"{plain(test_id)} with {_in_words(name, shown)}"
+        if among_tests or request.config != shown:
+            result_or_none(
+                request,
+                invitation=f"The prediction of {words} is not there yet, or is no longer kept. "
+                + explanations.patience(request.config, "It takes a minute or two; then it stands beside the others."),
+                button=f"Predict {words}",
+            )
+
+
+def _shown(*, among_tests: bool) -> StudyConfig:
+    """The settings that names leave out: the chosen ones, or the usual ones where no prediction is shown by itself."""
+    chosen = chosen_config()
+    return StudyConfig(chosen.approaches, device=chosen.device) if among_tests else chosen
+
+
+def _requests(campaign: Campaign, test_id: str, shown: StudyConfig) -> Mapping[str, StudyRequest]:
+    """What computes the predictions that were chosen, by what stands for their settings in the address."""
+    found = {}
+    for name in asked() if len(campaign.tests) > 1 else ():
+        with suppress(ValueError):  # a link has it from nowhere
+            found[name] = StudyRequest(campaign, (test_id,), settings_of(name, shown))
+    return found
+
+
+def _is_done(request: StudyRequest) -> bool:
+    return (job := request.find()) is not None and job.result is not None
 
 
 def asked() -> list[str]:
@@ -93,6 +128,8 @@ def settings_of(text: str, shown: StudyConfig) -> StudyConfig:
         If a link has it from nowhere.
     """
     preset, seed, leave_out = text.removeprefix(EARLIER).split(" ", 2)
+    if int(seed) not in address.CHOICES["seed"].options or leave_out not in LEFT_OUT:
+        raise ValueError("no settings of a prediction of one test")
     return StudyConfig.parse({**asdict(shown), "preset": preset, "seed": int(seed), "leave_out": leave_out})
 
 
@@ -100,7 +137,7 @@ def _in_words(text: str, shown: StudyConfig) -> str:
     """In what the settings that a text stands for differ from those shown; the text if it stands for none."""
     try:
         return otherwise(settings_of(text, shown), shown) or "the usual settings"
-    except (ValueError, KeyError):
+    except ValueError:
         return text.removeprefix(EARLIER)[:80]
 
 
@@ -130,7 +167,7 @@ def _past(
 
 @st.cache_resource(max_entries=12, show_spinner=False)
 def _estimate(
-    fingerprint: str,  # noqa: ARG001 - of the campaign
+    key: Hashable,  # noqa: ARG001 - as there: what is not there may be computed
     test_id: str,
     approach: str,
     config: StudyConfig,

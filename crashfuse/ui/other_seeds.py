@@ -17,7 +17,7 @@ from crashfuse.reporting.earlier_prediction import EarlierPrediction, earlier_na
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import past_results
-from crashfuse.ui import address, explanations
+from crashfuse.ui import explanations
 from crashfuse.ui.computation import FitRequest, answers, chosen_config, jobs
 from crashfuse.ui.earlier import LOOK_AGAIN_S, Earlier, asked, settings_of, settings_text
 from crashfuse.ui.panel import result_or_none
@@ -71,7 +71,7 @@ def _wanted() -> dict[StudyConfig, str]:
     for text in asked():
         with suppress(ValueError):  # a link has it from nowhere
             config = replace(settings_of(text, shown), leave_out=shown.leave_out)
-            if config != shown and config.seed in address.CHOICES["seed"].options:
+            if config != shown:
                 found.setdefault(config, text)
     return found
 

@@ -122,18 +122,14 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
 def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(
     small_server: "Server", user: "User"
 ) -> None:
-    """It was computed before; the numbers that are saved have it, and the name of their file.
+    """A link asks for it, and it is predicted in a click; the numbers that are saved have it, and their file's name.
 
     On Data the same link shows it among the tests, on Predict it stands for the condition, once it is predicted there.
     """
-    user.open(small_server, "compare", **ONE, test="T3", seed="1")
+    user.open(small_server, "compare", **ONE, test="T3", also="by:fast 1 test")
     user.starts("Predict test T3", FIGURE)
-    user.open(small_server, "compare", **ONE, test="T3")
-    user.starts("Predict test T3", FIGURE)
-    user.press("Curves", CURVES)
-    user.find('input[aria-label^="Also show"]').send_keys("seed 1", Keys.ENTER)
+    user.starts("Predict T3 with seed 1", f"{FIGURE} .legendtext")
     user.sees("Displacement domain, seed 1", FIGURE)
-    user.wait(lambda: "also=by%3Afast+1+test" in user.browser.current_url)
     user.browser.refresh()
     user.sees("Displacement domain, seed 1", FIGURE)
     press_tool(user, '[data-format="csv"]')

@@ -10,7 +10,8 @@ from tests.ui.test_beside import beside_the_figure
 Visit = Callable[..., Session]
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 SEED_1 = "by:fast 1 test"
-NOT_YET = "{} with {} is not shown: it has not been predicted here yet, or comes out the same."
+NOT_YET = "The prediction of {} with {} is not there yet, or is no longer kept."
+NEVER = "{} with {} is not shown: it comes out the same, or there are no such settings."
 
 
 def predicted(session: Session, test: str = "T2") -> Session:
@@ -45,7 +46,7 @@ def test_another_seed_and_way_of_leaving_out_are_offered_once_they_are_known(vis
 def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
     """Where it is computed later, it is shown then; the settings that are shown anyway are not missed."""
     session = predicted(visit("compare", **ONE, test="T2", also=SEED_1))
-    assert NOT_YET.format("T2", "seed 1") in beside_the_figure(session)
+    assert NOT_YET.format("T2", "seed 1") in session.words
     assert "seed 1" not in figure(session)
     other = predicted(visit("compare", **ONE, test="T2", seed="1", also=SEED_1))
     assert "is not shown" not in other.words
@@ -54,6 +55,8 @@ def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
     session.app.session_state["test"] = "T3"
     predicted(session.run(), "T3")
     assert NOT_YET.format("T3", "seed 1") in session.words
+    session.press("Predict T3 with seed 1").finish()
+    assert "Displacement domain, seed 1" in figure(session)
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -77,8 +80,9 @@ def test_it_is_said_which_of_several_settings_are_not_shown(visit: Visit) -> Non
     """Whatever a link has in their place."""
     asked = [SEED_1, "by:paper 0 speed group", "by:fast 0 magic", "by:*seven*"]
     session = predicted(visit("compare", **ONE, test="T2", also=asked))
-    which = "seed 1 or with paper settings, all at its speed left out or with fast 0 magic or with *seven*"
-    assert NOT_YET.format("T2", which) in beside_the_figure(session)
+    for words in ("seed 1", "paper settings, all at its speed left out"):
+        assert NOT_YET.format("T2", words) in session.words
+    assert NEVER.format("T2", "fast 0 magic or with *seven*") in beside_the_figure(session)
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -94,5 +98,8 @@ def test_on_data_it_stands_among_the_tests_by_the_name_of_its_own(visit: Visit) 
         assert also.value == ["by:fast 0 test", SEED_1]
         assert "T2 by Displacement domain" in also.options
     session.app.session_state["test"] = "T3"
-    why = "is not shown: it has not been predicted here yet, or comes out the same."
-    assert f"T3 with the usual settings or with seed 1 {why}" in beside_the_figure(session.run())
+    words = session.run().words
+    for settings in ("the usual settings", "seed 1"):
+        assert NOT_YET.format("T3", settings) in words
+    session.press("Predict T3 with seed 1").finish()
+    assert "T3 by Displacement domain, seed 1" in figure(session)
