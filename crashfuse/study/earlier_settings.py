@@ -20,7 +20,7 @@ def earlier_settings(
     raw CAE model of seeds, it is the same prediction.
     """
     condition, found = campaign.test(test_id).condition, {_identity(campaign, test_id, approach, shown): shown}
-    for config in past_settings(results, campaign, test_id, shown):
+    for config in past_settings(results, campaign, test_id, approach, shown):
         training = config.training_campaign(campaign, test_id)
         if is_estimate_cached(training, condition, approach, config, cache):
             found.setdefault(_identity(campaign, test_id, approach, config), config)
@@ -28,9 +28,9 @@ def earlier_settings(
 
 
 def past_settings(
-    results: Iterable[PastResult], campaign: Campaign, test_id: str, shown: StudyConfig
+    results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig
 ) -> list[StudyConfig]:
-    """Settings of past results with a prediction of a test, otherwise like those that are shown.
+    """Settings of past results with a prediction of a test by an approach, otherwise like those that are shown.
 
     Whether the predictions are still in the cache is not looked up: that takes seconds where networks have to be
     imported.
@@ -38,7 +38,9 @@ def past_settings(
     ways = (
         way
         for result in results
-        if result.fingerprint == campaign.fingerprint and test_id in result.tests
+        if result.fingerprint == campaign.fingerprint
+        and test_id in result.tests
+        and approach in result.config.approaches
         for way in result.config.split_configs
     )
     found = (replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out) for way in ways)

@@ -59,7 +59,11 @@ def earlier_of_test(campaign: Campaign, test_id: str, approach: str, *, among_te
         (campaign.fingerprint, jobs().ended),
         test_id if among_tests else "",
     )
-    offered = _past(key, test_id, shown, campaign) if among_tests else _offered(key, test_id, approach, shown, campaign)
+    offered = (
+        _past(key, test_id, approach, shown, campaign)
+        if among_tests
+        else _offered(key, test_id, approach, shown, campaign)
+    )
     found = {
         name: EarlierPrediction(estimate, offered[name], shown, of)
         for name in asked()
@@ -157,10 +161,11 @@ def _offered(
 def _past(
     key: Hashable,  # noqa: ARG001 - as there
     test_id: str,
+    approach: str,
     shown: StudyConfig,
     _campaign: Campaign,
 ) -> Mapping[str, StudyConfig]:
-    found = past_settings(past_results(), _campaign, test_id, shown)
+    found = past_settings(past_results(), _campaign, test_id, approach, shown)
     usual_first = sorted(found, key=lambda config: (config.preset, config.seed, config.leave_out != "test"))
     return {settings_text(config): config for config in usual_first}
 

@@ -38,9 +38,10 @@ def test_each_other_seed_and_way_is_found_once(campaign: Campaign, cache: Cache,
 
 
 def test_those_shown_are_among_all_that_are_past(campaign: Campaign, past: list[PastResult]) -> None:
-    """Each once, of this test alone."""
-    assert past_settings([*past, *past], campaign, "T2", SHOWN) == [*OTHERS, SHOWN]
-    assert past_settings(past, campaign, "T3", SHOWN) == []
+    """Each once, of this test and approach alone."""
+    assert past_settings([*past, *past], campaign, "T2", "cae", SHOWN) == [*OTHERS, SHOWN]
+    assert past_settings(past, campaign, "T3", "cae", SHOWN) == []
+    assert past_settings(past, campaign, "T2", "fused", SHOWN) == []
 
 
 def test_what_would_be_the_same_prediction_is_none(campaign: Campaign, cache: Cache, past: list[PastResult]) -> None:
