@@ -73,13 +73,14 @@ def show_tests(view: View) -> None:
     earlier.show_missing(campaign, test.id, among_tests=True)
     options = [AS_READ, *(f"CFC {cfc}" for cfc in CLASSES)]
     address.default("filter", AS_READ, options)
-    with st.container(horizontal=True, vertical_alignment="bottom"):
+    row = st.container(horizontal=True, vertical_alignment="bottom")
+    with row:
         choice = st.segmented_control(
             "Channel filter class (SAE J211-1)", options, default=AS_READ,
             required=True, key="filter", persist_state="session",
             help="For this figure only: approaches are fitted and rated on the pulses as read.",
         )  # fmt: skip
-        tests, also = choose_tests(view)
+    tests, also = choose_tests(view, row)
     cfc = None if choice == AS_READ else float(choice.removeprefix("CFC "))
     show_cached_figure(
         lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=view.display)),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import plotly.graph_objects as go
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS, by_preference
@@ -144,10 +145,10 @@ def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> s
     return _usual_band(predictions, recommended)
 
 
-def choose_tests(view: View) -> tuple[tuple[str, ...], tuple[Further, ...]]:
-    """Let the user choose tests, all by default, and CAE runs and predictions beside them."""
+def choose_tests(view: View, row: DeltaGenerator) -> tuple[tuple[str, ...], tuple[Further, ...]]:
+    """Let the user choose tests, all by default, and CAE runs and predictions beside them, in a row of choices."""
     names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
-    with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
+    with row, st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
         only = _choose_several("only", names, "Tests", "all")
         further, missing = _choose_beside_tests(view, *names)
     _say([*_unknown("only", names), *missing])

@@ -212,7 +212,8 @@ def test_a_figure_is_drawn_once(predicted: "User") -> None:
 def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: "User") -> None:
     """The tests first; conditions with the ratings, and the CAE model, in tabs of their own.
 
-    A test with a CAE run at its condition is in range, in the table and in the figure; the report says the same.
+    A test with a CAE run at its condition is in range, in the table and in the figure; the report says the same. What
+    a link asks for in vain is said below the choices, which stay in their row at 900 px.
     """
     engineer.go("Data")
     engineer.find(FIGURE, "Time (ms)")
@@ -227,3 +228,9 @@ def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: "User"
     assert "data_tab=Conditions" in engineer.browser.current_url
     engineer.browser.back()
     engineer.find(FIGURE, "rated:")
+    engineer.sits_at(900, 1000)
+    engineer.browser.get(f"{engineer.browser.current_url}&also=T99")
+    engineer.sees("Not among the tests in use and the CAE runs: T99.")
+    field = engineer.find(f'{MAIN} [data-testid="stMultiSelect"]').rect
+    button = engineer.find(f"{MAIN} button", "Beside them").rect
+    assert abs(field["y"] + field["height"] - button["y"] - button["height"]) < 10
