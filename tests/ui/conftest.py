@@ -1,5 +1,6 @@
 """The dashboard without a browser: a new server for each test, and sessions on it."""
 
+import gc
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -109,6 +110,7 @@ def everything_is_imported() -> None:
     for thread in threading.enumerate():
         if thread.name == "crashfuse-imports":
             thread.join()
+    gc.unfreeze()  # or Hypothesis, which asks the collector who refers to what, would warn
 
 
 @pytest.fixture(autouse=True)
