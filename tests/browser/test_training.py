@@ -33,7 +33,7 @@ def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it_any_more
     second = user.browser.current_window_handle
     user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})  # another browser from now on
     user.browser.switch_to.new_window("tab")
-    user.open(small_server, "study", seed="6", approaches="cae")
+    user.open(small_server, "study", seed="6", approaches="lf_tcn")  # which nobody has computed
     user.press("Leave out each of 4 tests")
     user.sees("Waiting for its turn behind: A computation of browser ")
     user.press("Cancel")
