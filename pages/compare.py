@@ -34,5 +34,5 @@ study = result_of(
 explanations.show_missing(config, study.config.approaches)
 comparison = Comparison.of(view, request, study)
 headline.show(comparison)
-earlier.show_missing(campaign, test.id)
+earlier.show_missing(campaign, test.id, comparison.leading)
 show_tabs(TABS, comparison, key="compare_tab")

@@ -5,7 +5,7 @@ import streamlit as st
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, earlier, editing, frame, page_tables
-from crashfuse.ui.beside import choose_beside_runs, choose_tests, key_of, without_clicks
+from crashfuse.ui.beside import choose_beside_runs, choose_tests, key_of, usual_approach, without_clicks
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figures import show_cached_figure
@@ -70,7 +70,7 @@ def show_tests(view: View) -> None:
     """All tests overlaid, as read or filtered."""
     campaign, test = view.campaign, view.held_out
     editing.show_tests_in_use(view)
-    earlier.show_missing(campaign, test.id, among_tests=True)
+    earlier.show_missing(campaign, test.id, usual_approach(), among_tests=True)
     options = [AS_READ, *(f"CFC {cfc}" for cfc in CLASSES)]
     address.default("filter", AS_READ, options)
     row = st.container(horizontal=True, vertical_alignment="bottom")
@@ -134,7 +134,7 @@ def show_conditions(view: View) -> None:
 def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
-    earlier.show_missing(campaign, view.held_out.id, among_tests=True)
+    earlier.show_missing(campaign, view.held_out.id, usual_approach(), among_tests=True)
     also = choose_beside_runs(view)
     show_cached_figure(
         lambda: without_clicks(campaign.plot("cae", also=also, display=view.display)),

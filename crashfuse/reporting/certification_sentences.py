@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from crashfuse.certification.answer import answers
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.verdict import WORDS, Verdict
@@ -85,26 +86,28 @@ def to_test(certification: Certification) -> Iterator[str]:
             f"{certification.criteria.confidence:g} (in brackets): "
             f"{listed_conditions(ids, _least(uncertain, known_of))}."
         )
-    known, missing = _open(certification, known=True), {i: own for i, own in rows["not met"].items() if i not in run}
+    given, known, unknown = answers(certification), _open(certification, known=True), _open(certification, known=False)
+    missing = {i: own for i, own in rows["not met"].items() if given[i] == "would miss"}
+    settled = {"run", "would miss"}
     for told, some in (
         ("A test would miss", missing),
-        ("To be tested, or redesigned", {i: own for i, own in known.items() if i not in run and i not in missing}),
+        ("To be tested, or redesigned", {i: own for i, own in known.items() if given[i] not in settled}),
         ("Run, yet open for another test", {i: own for i, own in known.items() if i in run}),
         (
             "Recordings end too early to tell, so a test there has to be recorded for longer",
-            {i: own for i, own in _open(certification, known=False).items() if i not in run and i not in missing},
+            {i: own for i, own in unknown.items() if given[i] not in settled},
         ),
     ):
         if some:
-            answers = {i: "; ".join(filter(None, (_names(own), known_of.get(i)))) for i, own in some.items()}
-            yield f"{told}: {listed_conditions(ids, answers)}."
+            each = {i: "; ".join(filter(None, (_names(own), known_of.get(i)))) for i, own in some.items()}
+            yield f"{told}: {listed_conditions(ids, each)}."
     if first := certification.run_first:
         yield f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
     if certification.domain.too_few_tests:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:
         yield Sentence("Outside what the tests check: {}", _outside(ids, rows["outside"]))
-    if not (rows["open"].keys() | rows["outside"].keys() | uncertain.keys()) - run.keys() - missing.keys():
+    if {*given.values()} <= settled | {"need not be run"}:
         if not missing:
             yield "No condition of the matrix needs a test."
         elif len(missing) < len(certification.matrix.ids):

@@ -1,6 +1,6 @@
 """Tables of a certification: ``certification.csv``, ``track_record.csv``, and the counts of ``certification.json``."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import pandas as pd
 
@@ -56,13 +56,14 @@ def certification_table(certification: Certification) -> pd.DataFrame:
     ).astype(dict.fromkeys(_NUMBERS, float))  # also where all are unknown
 
 
-def answer_texts(certification: Certification) -> dict[str, str]:
-    """The answer at each condition in words: if run, by which test; if counted as another condition, as which."""
+def answer_texts(certification: Certification, name: Callable[[str], str] = str) -> dict[str, str]:
+    """The answer at each condition in words: if run, by which tests; if counted as another condition, as which.
+
+    ``name`` says how tests and conditions are called.
+    """
     run, same = certification.run, certification.counted_once
-    texts: dict[str, str] = {**answers(certification)}
-    for i, tests in run.items():
-        texts[i] = f"run: {tests[0] if len(tests) == 1 else f'{len(tests)} tests'}"
-    return {i: f"{text}, as {same[i]}" if i in same else text for i, text in texts.items()}
+    texts = {**answers(certification), **{i: f"run: {', '.join(map(name, tests))}" for i, tests in run.items()}}
+    return {i: f"{text}, as {name(same[i])}" if i in same else text for i, text in texts.items()}
 
 
 def probability_text(probability: float | None) -> str:

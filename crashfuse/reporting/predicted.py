@@ -33,12 +33,16 @@ _MM = 1e-3
 class PredictedPulse:
     """The pulse at a condition as one or several approaches predict it with some settings, and its band.
 
-    ``estimates`` have the draws.
+    ``estimates`` have the draws; of the settings it does not matter how tests would be left out, as none is.
     """
 
     campaign: Campaign
     estimates: tuple[Estimate, ...]
     config: StudyConfig = StudyConfig()
+
+    def __post_init__(self) -> None:
+        """Take the settings without what means nothing here: two predictions would seem to differ in it."""
+        object.__setattr__(self, "config", replace(self.config, leave_out=StudyConfig().leave_out))
 
     @property
     def condition(self) -> Condition:

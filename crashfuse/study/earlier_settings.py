@@ -1,4 +1,4 @@
-"""With which other settings a held-out test was predicted before, as far as the predictions are still in the cache."""
+"""With which other settings a held-out test was predicted before, and of which the cache still has the predictions."""
 
 from collections.abc import Iterable
 from dataclasses import replace

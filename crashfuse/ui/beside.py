@@ -164,10 +164,15 @@ def choose_beside_runs(view: View) -> tuple[Further, ...]:
 
 def _choose_beside_tests(view: View, *tests: str) -> tuple[tuple[Further, ...], list[str]]:
     """As :func:`_choose_beside`, where no prediction is shown by itself, but perhaps some tests."""
-    approach = by_preference(chosen_config().approaches)[0]
+    approach = usual_approach()
     with st.popover("Beside them", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
         earlier = earlier_of_test(view.campaign, view.held_out.id, approach, among_tests=True)
         return _choose_beside(view, approach, earlier, *tests)
+
+
+def usual_approach() -> str:
+    """The approach whose predictions stand beside tests, where none is shown by itself."""
+    return by_preference(chosen_config().approaches)[0]
 
 
 def without_clicks(figure: go.Figure) -> go.Figure:
@@ -194,6 +199,8 @@ def _usual_band(predictions: Mapping[str, Prediction], recommended: str | None) 
 
 def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder: str) -> list[str]:
     """Let the user choose of some pulses by their labels."""
+    if len(st.session_state[key]) > _MOST:  # of a link, or one more of History: Streamlit would refuse them all
+        st.session_state[key] = st.session_state[key][-_MOST:]
     return kept_choice(
         key, list(labels), st.multiselect, title, format_func=labels.__getitem__, max_selections=_MOST,
         placeholder=placeholder, filter_mode="contains", select_all=False,

@@ -19,6 +19,7 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.files.archive import zipped
+from crashfuse.reporting.earlier_prediction import otherwise
 from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.duration import fit_steps
@@ -149,7 +150,7 @@ class StudyRequest(Request[Study]):
     @property
     def title(self) -> str:  # noqa: D102
         tests = f"test {self.held_out[0]}" if len(self.held_out) == 1 else f"each of {len(self.held_out)} tests in turn"
-        return f"{self.campaign.name}: predict {tests} from the others"
+        return f"{self.campaign.name}: predict {tests} from the others{_unlike_usual(self.config)}"
 
     def work(self, watch: Watch) -> Study:  # noqa: D102
         study = run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, folds=_folds())
@@ -166,6 +167,12 @@ class StudyRequest(Request[Study]):
         training, condition = way.training_campaign(self.campaign, test_id), self.campaign.test(test_id).condition
         cache = Cache()
         return all(is_estimate_cached(training, condition, name, way, cache) for name in way.approaches)
+
+
+def _unlike_usual(config: StudyConfig) -> str:
+    """What tells a job from the same one with the usual preset and seed."""
+    told = otherwise(replace(config, leave_out=StudyConfig().leave_out), StudyConfig())
+    return f", {told}" if told else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,8 +209,7 @@ class FitRequest(Request[Fitted]):
 
     @property
     def title(self) -> str:  # noqa: D102
-        seed = f", seed {self.config.seed}" if self.config.seed != StudyConfig().seed else ""
-        return f"{self.campaign.name}: fit on all {len(self.campaign.tests)} tests{seed}"
+        return f"{self.campaign.name}: fit on all {len(self.campaign.tests)} tests{_unlike_usual(self.config)}"
 
     def work(self, watch: Watch) -> Fitted:  # noqa: D102
         names = self.config.approaches

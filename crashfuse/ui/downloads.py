@@ -24,7 +24,7 @@ _HOLDS = {
     "pulses.csv": "The predicted pulses over time, with the ends of their 95 % bands.",
     "pulses.parquet": "The same as pulses.csv, for programs that read Parquet.",
     "scores.csv": "The ratings, and the four scores of each, by test, approach and window.",
-    "side_by_side.csv": "The metrics at this condition and at the pinned ones.",
+    "side_by_side.csv": "The metrics of this prediction and of those beside it, with their differences.",
     "speed_groups.csv": "As scores.csv, of tests left out with all at about their speed.",
     "sweep.csv": "The pulse metrics over impact speed, with their 95 % intervals.",
 }
@@ -50,7 +50,7 @@ def download_report(write: Callable[[], str], of: str, name: str = "report.html"
 
 
 def download_bytes(name: str, write: Callable[[], bytes], of: str = "", mime: str | None = None) -> None:
-    """Button that downloads a file of any kind, and says what it holds."""
+    """Button that downloads a file of any kind, and says what a known one holds."""
     slides = "The figures of the report, one a slide." if name.endswith(".pptx") else None
     st.download_button(
         name, write, file_name=_named(name, of), mime=mime, icon=":material/download:", on_click="ignore",

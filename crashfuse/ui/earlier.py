@@ -54,25 +54,21 @@ def earlier_of_test(campaign: Campaign, test_id: str, approach: str, *, among_te
     They are put beside that with the chosen settings; in a figure ``among_tests``, which shows none, one with the usual
     settings is offered, too, and each is named after its test. There they are not looked up before they are chosen.
     """
-    shown, key, of = (
-        _shown(among_tests=among_tests),
-        (campaign.fingerprint, jobs().ended),
-        test_id if among_tests else "",
-    )
-    offered = (
-        _past(key, test_id, approach, shown, campaign)
-        if among_tests
-        else _offered(key, test_id, approach, shown, campaign)
-    )
+    shown, of = _shown(among_tests=among_tests), test_id if among_tests else ""
+    key, requests = (campaign.fingerprint, jobs().ended), _requests(campaign, test_id, shown)
+    offered = dict(_offered(key, test_id, approach, shown, among_tests, campaign))
+    if among_tests:
+        offered |= {name: request.config for name, request in requests.items()}
     found = {
         name: EarlierPrediction(estimate, offered[name], shown, of)
         for name in asked()
         if name in offered and (estimate := _estimate(key, test_id, approach, offered[name], campaign)) is not None
     }
-    to_predict = {name for name, request in _requests(campaign, test_id, shown).items() if not _is_done(request)}
+    to_predict = {name for name, request in requests.items() if not _is_done(request)}
     known = {*found, *to_predict, *([] if among_tests else [settings_text(shown)])}
     missing = plain(" or with ".join(_in_words(name, shown) for name in asked() if name not in known))
-    why = "is not shown: it comes out the same, or there are no such settings."
+    alone = "there is no other test to learn from." if len(campaign.tests) == 1 else ""
+    why = f"is not shown: {alone or 'it comes out the same, or there are no such settings.'}"
     return Earlier(
         {name: earlier_name(approach, config, shown, of) for name, config in offered.items()},
         tuple(found.values()),
@@ -80,12 +76,13 @@ def earlier_of_test(campaign: Campaign, test_id: str, approach: str, *, among_te
     )
 
 
-def show_missing(campaign: Campaign, test_id: str, *, among_tests: bool = False) -> None:
-    """Offer to predict a held-out test with settings that were chosen, by a link perhaps, or show how far that is."""
+def show_missing(campaign: Campaign, test_id: str, approach: str, *, among_tests: bool = False) -> None:
+    """Offer what a figure lacks: to predict a test with settings that were chosen, by a link perhaps."""
     shown = _shown(among_tests=among_tests)
+    there = {own.config for own in earlier_of_test(campaign, test_id, approach, among_tests=among_tests).chosen}
     for name, request in _requests(campaign, test_id, shown).items():
         words = f"{plain(test_id)} with {_in_words(name, shown)}"
-        if among_tests or request.config != shown:
+        if request.config not in there and (among_tests or request.config != shown):
             result_or_none(
                 request,
                 invitation=f"The prediction of {words} is not there yet, or is no longer kept. "
@@ -151,23 +148,15 @@ def _offered(
     test_id: str,
     approach: str,
     shown: StudyConfig,
+    among_tests: bool,
     _campaign: Campaign,
 ) -> Mapping[str, StudyConfig]:
-    found = earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
+    if among_tests:
+        found = past_settings(past_results(), _campaign, test_id, approach, shown)
+        found.sort(key=lambda config: (config.preset, config.seed, config.leave_out != "test"))  # the usual one first
+    else:
+        found = earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
     return {settings_text(config): config for config in found}
-
-
-@st.cache_resource(max_entries=20, ttl=LOOK_AGAIN_S, show_spinner=False)
-def _past(
-    key: Hashable,  # noqa: ARG001 - as there
-    test_id: str,
-    approach: str,
-    shown: StudyConfig,
-    _campaign: Campaign,
-) -> Mapping[str, StudyConfig]:
-    found = past_settings(past_results(), _campaign, test_id, approach, shown)
-    usual_first = sorted(found, key=lambda config: (config.preset, config.seed, config.leave_out != "test"))
-    return {settings_text(config): config for config in usual_first}
 
 
 @st.cache_resource(max_entries=12, show_spinner=False)

@@ -25,7 +25,7 @@ from crashfuse.ui.panel import result_or_none
 
 def other_seeds(campaign: Campaign, condition: Condition, approach: str) -> Earlier:
     """An approach's predictions at a condition that a figure can show beside that with the chosen settings."""
-    shown, wanted = chosen_config(), _wanted()
+    shown, wanted = _shown(), _wanted()
     known = _known((campaign.fingerprint, jobs().ended), shown, campaign)
     offered = {config: settings_text(config) for config in known} | wanted
     return Earlier(
@@ -51,22 +51,24 @@ def predicted(campaign: Campaign, condition: Condition) -> list[PredictedPulse]:
 
 def show_missing(campaign: Campaign) -> None:
     """Offer to predict by those that were chosen and are not ready, or show how far they are."""
-    shown = chosen_config()
     for config in _wanted():
-        request, words = FitRequest(campaign, config), otherwise(config, shown)
-        job = request.find()
-        if job is None or job.result is None:
-            result_or_none(
-                request,
-                invitation=f"Nothing was predicted with {words} yet. "
-                + explanations.patience(config, "This takes a minute or two; then it stands beside the others."),
-                button=f"Predict with {words}",
-            )
+        words = otherwise(config, _shown())
+        result_or_none(
+            FitRequest(campaign, config),
+            invitation=f"Nothing was predicted with {words} yet. "
+            + explanations.patience(config, "This takes a minute or two; then it stands beside the others."),
+            button=f"Predict with {words}",
+        )
+
+
+def _shown() -> StudyConfig:
+    """The chosen settings, without how tests are left out: here none is."""
+    return replace(chosen_config(), leave_out=StudyConfig().leave_out)
 
 
 def _wanted() -> dict[StudyConfig, str]:
     """Settings that were chosen, by what stands for them in the address: what is left out means nothing here."""
-    shown = chosen_config()
+    shown = _shown()
     found: dict[StudyConfig, str] = {}
     for text in asked():
         with suppress(ValueError):  # a link has it from nowhere

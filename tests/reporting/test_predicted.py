@@ -1,6 +1,7 @@
 """A prediction as the library offers it: tables in known units, the pages' figure, one sentence for what is wrong."""
 
 import io
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.reporting.predicted import PredictedPulse, predict
 from crashfuse.reporting.result_tables import pulses_table
+from crashfuse.study.config import StudyConfig
 
 AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")
 
@@ -51,6 +53,14 @@ def test_the_figure_marks_the_crush_of_the_metrics(predicted: PredictedPulse) ->
         assert mark.x[0] == pytest.approx(crush["value"], rel=1e-4)
         assert mark.x[0] - mark.error_x.arrayminus[0] == pytest.approx(crush["lower"], rel=1e-4)
         assert mark.x[0] + mark.error_x.array[0] == pytest.approx(crush["upper"], rel=1e-4)
+
+
+def test_how_tests_would_be_left_out_tells_no_predictions_apart(predicted: PredictedPulse) -> None:
+    """None is: beside the same with another way, it is named by its condition, not by what was left out."""
+    both = replace(predicted, config=StudyConfig(leave_out="both"))
+    assert both.config == predicted.config
+    drawn = both.plot(also=[replace(both, config=StudyConfig(seed=1))])
+    assert "Displacement domain, seed 1 (95 % band)" in {curve.name for curve in drawn.data}
 
 
 def test_it_shows_itself(predicted: PredictedPulse) -> None:

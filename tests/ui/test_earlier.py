@@ -103,3 +103,12 @@ def test_on_data_it_stands_among_the_tests_by_the_name_of_its_own(visit: Visit) 
         assert NOT_YET.format("T3", settings) in words
     session.press("Predict T3 with seed 1").finish()
     assert "T3 by Displacement domain, seed 1" in figure(session)
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_what_stands_in_the_figure_is_not_asked_for_though_other_approaches_lack_it(visit: Visit) -> None:
+    """A study by one approach is enough for its prediction, where the page would compare two."""
+    predicted(visit("compare", **ONE, test="T2", seed="1"))
+    session = visit("data", approaches=["displacement_domain", "lf_tcn"], test="T2", also=SEED_1)
+    assert "Displacement domain, seed 1" in figure(session)
+    assert NOT_YET.format("T2", "seed 1") not in session.words

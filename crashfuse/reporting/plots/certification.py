@@ -47,8 +47,8 @@ def verdict_matrix(
     speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
     labels = [f"{i} · {own}" for i, own in zip(ids, speeds, strict=True)]
     short = [f"{tick_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
-    answers = answer_texts(certification)
-    beside = [answers[i] for i in ids]
+    answers, cut, run = answer_texts(certification), answer_texts(certification, tick_name), certification.run
+    beside = [f"run: {len(run[i])} tests" if len(run.get(i, ())) > 1 else cut[i] for i in ids]
     with_words = words and len(rows) <= MOST_WORDS
     in_a_line = len(names) <= _FEW_CRITERIA
     row_px = _NARROW_ROW_PX if in_a_line and len(rows) > FEW_CONDITIONS else _ROW_PX
@@ -65,7 +65,7 @@ def verdict_matrix(
         xgap=2,
         ygap=2 if with_words else 0,
         showscale=False,
-        meta={ANSWER: beside},
+        meta={ANSWER: [answers[i] for i in ids]},
     )
     if with_words:
         figure.update_traces(

@@ -84,8 +84,12 @@ class Comparison:
     @property
     def earlier(self) -> Sequence[EarlierPrediction]:
         """Predictions of the test with other settings that were chosen to be shown beside these."""
-        approach = leading(self.predictions, self.recommended)
-        return earlier_of_test(self.view.campaign, self.test.id, approach).chosen
+        return earlier_of_test(self.view.campaign, self.test.id, self.leading).chosen
+
+    @property
+    def leading(self) -> str:
+        """The approach whose predictions with other settings stand beside these."""
+        return leading(self.predictions, self.recommended)
 
     def choose_curves(self, offered: Sequence[str] | None = None) -> Shown:
         """Let the user choose the curves of a figure, of those that are offered, and what is shown beside them."""

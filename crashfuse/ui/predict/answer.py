@@ -90,7 +90,7 @@ class Answer:
         """What is to be seen beside it: predictions here by other seeds and presets, and those at pinned conditions."""
         others = [condition for text, condition in pinned().items() if text != self.condition.text]
         at_pins = (tuple(answers(self.request.key, condition, self.fitted)) for condition in others)
-        same = [own for own in predicted(self.campaign, self.condition) if self.whole]
+        same = predicted(self.campaign, self.condition) if self.whole else []
         return [*same, *(PredictedPulse(self.campaign, own, self.config) for own in at_pins)]
 
     def remember(self) -> None:
