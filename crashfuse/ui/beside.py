@@ -277,13 +277,13 @@ def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[st
 def _pinned_predictions(campaign: Campaign, wanted: Sequence[Condition], approach: str) -> list[PredictedPulse]:
     """By one approach; none until the approaches are fitted on all tests."""
     request = FitRequest(campaign, chosen_config())
-    job = request.find() if wanted else None
-    if job is None or job.result is None:
+    fitted = request.result if wanted else None
+    if fitted is None:
         return []
     return [
         PredictedPulse(campaign, (estimate,), request.config)
         for condition in wanted
-        for estimate in answers(request.key, condition, job.result)
+        for estimate in answers(request.key, condition, fitted)
         if estimate.approach == approach
     ]
 

@@ -134,6 +134,12 @@ class Request(ABC, Generic[T]):
             _lookups().ended_before[self.key] = jobs().ended
         return job
 
+    @property
+    def result(self) -> T | None:
+        """What it has come to, once it is ready."""
+        job = self.find()
+        return None if job is None else job.result
+
 
 @dataclass(frozen=True)
 class StudyRequest(Request[Study]):
@@ -171,7 +177,7 @@ class StudyRequest(Request[Study]):
 
 def _unlike_usual(config: StudyConfig) -> str:
     """What tells a job from the same one with the usual preset and seed."""
-    told = otherwise(replace(config, leave_out=StudyConfig().leave_out), StudyConfig())
+    told = otherwise(replace(config, leave_out="test"), StudyConfig())
     return f", {told}" if told else ""
 
 

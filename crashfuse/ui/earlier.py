@@ -64,7 +64,7 @@ def earlier_of_test(campaign: Campaign, test_id: str, approach: str, *, among_te
         for name in asked()
         if name in offered and (estimate := _estimate(key, test_id, approach, offered[name], campaign)) is not None
     }
-    to_predict = {name for name, request in requests.items() if not _is_done(request)}
+    to_predict = {name for name, request in requests.items() if request.result is None}
     known = {*found, *to_predict, *([] if among_tests else [settings_text(shown)])}
     missing = plain(" or with ".join(_in_words(name, shown) for name in asked() if name not in known))
     alone = "there is no other test to learn from." if len(campaign.tests) == 1 else ""
@@ -104,10 +104,6 @@ def _requests(campaign: Campaign, test_id: str, shown: StudyConfig) -> Mapping[s
         with suppress(ValueError):  # a link has it from nowhere
             found[name] = StudyRequest(campaign, (test_id,), settings_of(name, shown))
     return found
-
-
-def _is_done(request: StudyRequest) -> bool:
-    return (job := request.find()) is not None and job.result is not None
 
 
 def asked() -> list[str]:

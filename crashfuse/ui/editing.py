@@ -14,7 +14,7 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.ui import address, campaigns, journal, recent
 from crashfuse.ui.chosen import View, choose_campaign
 from crashfuse.ui.problems import show_problems
-from crashfuse.ui.text import plain
+from crashfuse.ui.text import plain, show_label
 from crashfuse.ui.uploads import is_ours
 from crashfuse.ui.visitors import visitor
 
@@ -66,8 +66,8 @@ def show_tests_in_use(view: View) -> None:
     for test_id in unused:
         key, label = f"why {test_id} of {view.folder} is left out", f"Why is {test_id} left out?"
         address.put(key, view.campaign.why_unused.get(test_id, ""))
-        st.markdown(f":small[{plain(label)}]")
-        st.text_input(  # a label is read out as it is written, with the marks of Markdown
+        show_label(label)
+        st.text_input(
             label, key=key, max_chars=LONGEST_REASON, on_change=_say_why, args=(view, test_id, key),
             label_visibility="collapsed", placeholder="no reason given; what you write stands in every report",
         )  # fmt: skip

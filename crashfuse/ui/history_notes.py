@@ -6,7 +6,7 @@ from crashfuse.reporting.past_results import described
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, forget
 from crashfuse.ui import journal
-from crashfuse.ui.text import plain
+from crashfuse.ui.text import show_label
 from crashfuse.ui.visitors import visitor
 
 
@@ -14,9 +14,9 @@ def edit_ticked(ticked: list[PastResult], display: Display) -> None:
     """Offer a note on each result that is ticked, and to take it off the list."""
     for result in ticked:
         key, label = f"note on {result.id}", f"Note on {described(result, display)}"
-        st.markdown(f":small[{plain(label)}]")
+        show_label(label)
         with st.container(horizontal=True, vertical_alignment="bottom"):
-            st.text_input(  # a label is read out as it is written, with the marks of Markdown
+            st.text_input(
                 label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed",
                 placeholder="such as: baseline CAE model, before the new rail", on_change=_annotate, args=(result, key),
             )  # fmt: skip

@@ -44,8 +44,8 @@ def predicted(campaign: Campaign, condition: Condition) -> list[PredictedPulse]:
     found = []
     for config in _wanted():
         request = FitRequest(campaign, config)
-        if (job := request.find()) is not None and job.result is not None:
-            found.append(PredictedPulse(campaign, tuple(answers(request.key, condition, job.result)), config))
+        if (fitted := request.result) is not None:
+            found.append(PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config))
     return found
 
 
@@ -63,7 +63,7 @@ def show_missing(campaign: Campaign) -> None:
 
 def _shown() -> StudyConfig:
     """The chosen settings, without how tests are left out: here none is."""
-    return replace(chosen_config(), leave_out=StudyConfig().leave_out)
+    return replace(chosen_config(), leave_out="test")
 
 
 def _wanted() -> dict[StudyConfig, str]:

@@ -16,6 +16,7 @@ from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole, ColumnUse, 
 from crashfuse.readers.tables.sheet import Sheet
 from crashfuse.readers.unit_spelling import UNITS
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.wording import read_out
 
 Rows = npt.NDArray[np.signedinteger[Any]]
 _LONGEST_S = 3.0  # beyond it a time without a unit is in ms
@@ -191,7 +192,7 @@ def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
 def _told(uses: Iterable[ColumnUse]) -> Iterator[str]:
     """A sentence on each role; columns that have it one after the other for the same reason share it."""
     for (role, unit, why), own in groupby(uses, lambda use: (use.role, use.unit, use.why)):
-        *others, last = (printable(use.column, 60) for use in own)
-        columns = f"Each of the columns {', '.join(others)} and {last}" if others else f"Column {last}"
+        names = [printable(use.column, 60) for use in own]
+        columns = f"{'Each of the columns' if len(names) > 1 else 'Column'} {read_out(names)}"
         in_unit = f" in {unit}" if unit else ""
         yield f"{columns} is the {role.replace('_', ' ')}{in_unit}: {why}."

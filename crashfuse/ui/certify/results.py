@@ -64,11 +64,7 @@ def show(judgement: Judgement) -> None:
 
 def _show_numbers(certification: Certification) -> None:
     """Show the answer, how often such answers were wrong, and the counts of verdicts; in rows, so that none is cut."""
-    counts, (saved, of), (told, missed) = (
-        verdict_counts(certification),
-        certification.saved,
-        saved_and_missed(certification),
-    )
+    (saved, of), (told, missed) = certification.saved, saved_and_missed(certification)
     shown = {
         "Need not be run": (
             f"{saved} of {of}", f"confidence {certification.criteria.confidence:g}",
@@ -83,7 +79,7 @@ def _show_numbers(certification: Certification) -> None:
         ),
         **{
             word.capitalize(): (f"{n:,}", f"{100 * n / len(certification.cells):.0f} %", _MEANINGS[word])
-            for word, n in counts.items()
+            for word, n in verdict_counts(certification).items()
         },
     }  # fmt: skip
     with st.container(horizontal=True, gap="large"):
