@@ -46,7 +46,7 @@ def _vehicle(seed: int, n_tests: int, kind: str) -> tuple[Campaign, tuple[CrashT
     """A campaign of a random vehicle, and further tests of it."""
     world, rng = KINDS[kind](seed), np.random.default_rng([seed, 9])
     if n_tests == len(TABLE_1) and kind == "sister":
-        conditions = [Condition(speed * MPH, front * LB, rear * LB) for speed, front, rear, *_ in TABLE_1]
+        conditions = [Condition.of_vector([speed * MPH, front * LB, rear * LB]) for speed, front, rear, *_ in TABLE_1]
     else:
         conditions = world.over_speed(rng, n_tests)
     tests = world.test(conditions, first=0)

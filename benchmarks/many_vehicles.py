@@ -198,7 +198,7 @@ def _campaign(seed: int) -> _Campaign:
         shares = rng.dirichlet(np.full(centres.size, 2.0))
         speeds = centres[rng.choice(centres.size, TESTS, p=shares)] + rng.normal(0, 0.15, TESTS)
     weights = np.array([front, mass - front]) * rng.uniform(0.92, 1.08, (TESTS, 2))
-    conditions = [Condition(*vector) for vector in np.column_stack([speeds, weights]).tolist()]
+    conditions = [Condition.of_vector(vector) for vector in np.column_stack([speeds, weights]).tolist()]
     specimens = [
         folded_elsewhere(varied(truth, 0.02 * scatter, 0.02 * scatter, 0.004 * scatter, rng), folding, rng)
         for _ in conditions

@@ -39,7 +39,7 @@ def _start(start: str, world: World, rng: np.random.Generator) -> list[Condition
     """Conditions of the tests already run."""
     if start == "paper":
         rows = [TABLE_1[i] for i in rng.choice(len(TABLE_1), 3, replace=False)]
-        return [Condition(speed * MPH, front * LB, rear * LB) for speed, front, rear, *_ in rows]
+        return [Condition.of_vector([speed * MPH, front * LB, rear * LB]) for speed, front, rear, *_ in rows]
     speeds = (np.array([25.0, 25.0, 35.0]) + rng.normal(0, 0.15, 3)) * MPH
     return [replace(c, speed_mps=v) for v, c in zip(speeds.tolist(), world.conditions(rng, 3), strict=True)]
 
@@ -81,7 +81,7 @@ def _evenly(n: int) -> list[Condition]:
     """Midpoints of n equal parts of the speed range, at the middle weights."""
     middle = (SAMPLE_RANGE.low.vector + SAMPLE_RANGE.high.vector) / 2
     low, high = SAMPLE_RANGE.low.speed_mps, SAMPLE_RANGE.high.speed_mps
-    return [Condition(low + (i + 0.5) / n * (high - low), *middle[1:].tolist()) for i in range(n)]
+    return [Condition.of_vector([low + (i + 0.5) / n * (high - low), *middle[1:].tolist()]) for i in range(n)]
 
 
 def _judge(domain: DisplacementDomain, test: CrashTest) -> dict[str, float]:

@@ -38,7 +38,7 @@ def _differences(kind: str, seed: int) -> Iterator[Mapping[str, object]]:
 def _moved(condition: Condition, rng: np.random.Generator) -> Condition:
     speed, front, rear = (rng.uniform(-1, 1, 3) * [KPH, 0.02, 0.02]).tolist()
     front_kg, rear_kg = condition.front_weight_kg * (1 + front), condition.rear_weight_kg * (1 + rear)
-    return Condition(condition.speed_mps + speed, front_kg, rear_kg)
+    return Condition.of_vector([condition.speed_mps + speed, front_kg, rear_kg])
 
 
 def main() -> None:

@@ -29,7 +29,8 @@ from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle, simulate
 from crashfuse.units import LB, MPH
 
 SAMPLE_RANGE = ConditionRange(
-    Condition(8.0 * MPH, 1922.0 * LB, 1349.0 * LB), Condition(35.2 * MPH, 2185.0 * LB, 1770.0 * LB)
+    Condition.of_vector([8.0 * MPH, 1922.0 * LB, 1349.0 * LB]),
+    Condition.of_vector([35.2 * MPH, 2185.0 * LB, 1770.0 * LB]),
 )  # of the sample campaign, without the slowest
 _BEFORE_CONTACT = 250  # samples, for the filter
 NOISE_SAMPLES = N_SAMPLES + 2 * _BEFORE_CONTACT  # of a record, with those before contact
@@ -83,7 +84,7 @@ class World:
         folding = float(np.exp(rng.normal(np.log(0.012), 0.5))) if folds else 0.0
         scatter = float(np.exp(0.4 * rng.standard_normal()))
         conditions = _spread_out(low * [0.7, 1, 1], high, n_runs or int(np.exp(rng.uniform(4.25, 6.0))), seed)
-        reach = ConditionRange(Condition(*low.tolist()), Condition(*high.tolist()))
+        reach = ConditionRange(Condition.of_vector(low), Condition.of_vector(high.tolist()))
         return cls(model, truth, _runs(model, conditions, folding, seed), seed, reach, scatter, folding)
 
     @classmethod
@@ -91,7 +92,7 @@ class World:
         """The vehicle of :meth:`any`, its CAE model's forces scaled to the vehicle's crush at the top speed."""
         world = cls.any(seed)
         low, high = world.range.low, world.range.high
-        fast = Condition(high.speed_mps, *(0.5 * (low.vector + high.vector)[1:]).tolist())
+        fast = Condition.of_vector([high.speed_mps, *(0.5 * (low.vector + high.vector)[1:]).tolist()])
         share = brentq(
             lambda own: _crush(_stronger(world.model, own), fast) - _crush(world.truth, fast), 0.3, 3, xtol=1e-3
         )
@@ -101,7 +102,7 @@ class World:
     def conditions(self, rng: np.random.Generator, n: int) -> list[Condition]:
         """Draw conditions at random in the range."""
         vectors = rng.uniform(self.range.low.vector, self.range.high.vector, (n, 3))
-        return [Condition(*vector) for vector in vectors.tolist()]
+        return [Condition.of_vector(vector) for vector in vectors]
 
     def over_speed(self, rng: np.random.Generator, n: int) -> list[Condition]:
         """Conditions evenly over the speeds of the range, at random weights."""
@@ -284,7 +285,7 @@ def wandering(size: float, length_m: float, rng: np.random.Generator) -> FloatAr
 
 def _spread_out(low: FloatArray, high: FloatArray, n: int, seed: int) -> tuple[Condition, ...]:
     vectors = qmc.scale(qmc.LatinHypercube(d=3, rng=seed).random(n), low, high)
-    return tuple(Condition(*vector) for vector in vectors.tolist())
+    return tuple(Condition.of_vector(vector) for vector in vectors)
 
 
 def _library(pulses: FloatArray, conditions: tuple[Condition, ...]) -> CaeLibrary:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 from typing import Self
@@ -20,7 +20,7 @@ SAME_CONDITION = 2e-3
 _QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
     """Condition of a full-frontal barrier crash.
 
@@ -63,7 +63,13 @@ class Condition:
         speed, front, rear = (_quantity(name, units, given) for name, units in _QUANTITIES.items())
         used = {f"{name}_{unit}" for name, units in _QUANTITIES.items() for unit in units}
         factors = tuple((name, str(value)) for name, value in given.items() if name not in used and value is not None)
-        return cls(speed, front, rear, factors)
+        return cls(speed_mps=speed, front_weight_kg=front, rear_weight_kg=rear, factors=factors)
+
+    @classmethod
+    def of_vector(cls, vector: Iterable[float], factors: tuple[tuple[str, str], ...] = ()) -> Self:
+        """The condition with this :attr:`vector`, shape (3,), in m/s and kg."""
+        speed_mps, front_kg, rear_kg = map(float, vector)
+        return cls(speed_mps=speed_mps, front_weight_kg=front_kg, rear_weight_kg=rear_kg, factors=factors)
 
     def _repr_html_(self) -> str:
         kind = "".join(f", {name} {value}" for name, value in self.factors if value)
@@ -125,7 +131,9 @@ class Condition:
         if not (speed_mps and front_kg and rear_kg) or not all(name and found for name, found, _ in pairs):
             found = printable(text, 60)
             raise UsageError(f"A condition is a speed and two weights, such as 35mph 2100lb 1500lb, not {found!r}.")
-        return cls(speed_mps, front_kg, rear_kg, tuple((unquote(name), unquote(value)) for name, _, value in pairs))
+        return cls.of_vector(
+            [speed_mps, front_kg, rear_kg], tuple((unquote(name), unquote(own)) for name, _, own in pairs)
+        )
 
 
 _QUANTITY = re.compile(r"(?P<number>\d{1,12}(\.\d{1,12})?)(?P<unit>[a-z]+)")

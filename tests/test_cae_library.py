@@ -22,8 +22,8 @@ def test_a_condition_without_a_run_has_no_pair(campaign: Campaign) -> None:
 def test_a_pair_survives_rounding_and_is_the_nearest_of_several(campaign: Campaign) -> None:
     """A table in whole kg and tenths of km/h gives the same run; 0.4 % apart is another condition."""
     test = campaign.tests[0].condition
-    rounded = Condition(
-        round(test.speed_mps / KPH, 1) * KPH, float(round(test.front_weight_kg)), float(round(test.rear_weight_kg))
+    rounded = Condition.of_vector(
+        [round(test.speed_mps / KPH, 1) * KPH, float(round(test.front_weight_kg)), float(round(test.rear_weight_kg))]
     )
     assert rounded != test
     assert campaign.cae.paired_run(rounded) == campaign.cae.paired_run(test)
@@ -36,19 +36,19 @@ def test_a_pair_survives_rounding_and_is_the_nearest_of_several(campaign: Campai
 
 def test_a_standstill_has_no_pair_among_moving_runs(campaign: Campaign) -> None:
     """A speed of 0 is compared like any other."""
-    assert campaign.cae.paired_run(Condition(0.0, 2000 * LB, 1450 * LB)) is None
+    assert campaign.cae.paired_run(Condition.of_vector([0.0, 2000 * LB, 1450 * LB])) is None
 
 
 def test_a_weight_beyond_the_library_is_flagged(campaign: Campaign) -> None:
     """The sentence names the input, its value and the range."""
-    condition = Condition(25 * MPH, 2400 * LB, 1500 * LB)
+    condition = Condition.of_vector([25 * MPH, 2400 * LB, 1500 * LB])
     (note,) = campaign.cae.extrapolation(condition)
     assert note.startswith("Extrapolation: front weight 2400 lb lies outside the CAE runs' 19")
 
 
 def test_a_paired_run_puts_its_condition_in_range(campaign: Campaign) -> None:
     """However far it lies from the other runs, and to the tolerance of a pair: its pulse is known there."""
-    heavy = Condition(25 * MPH, 2400 * LB, 1500 * LB)
+    heavy = Condition.of_vector([25 * MPH, 2400 * LB, 1500 * LB])
     assert campaign.cae.extrapolation(heavy)
     cae = replace(campaign.cae, conditions=(*campaign.cae.conditions[:-1], heavy))
     for factor in (1 - 1.99e-3, 1.0, 1 + 1.99e-3):
@@ -64,4 +64,4 @@ def test_every_run_is_in_range(campaign: Campaign) -> None:
 
 def test_a_condition_inside_the_library_is_not_flagged(campaign: Campaign) -> None:
     """Nothing to say about the middle of the range."""
-    assert campaign.cae.extrapolation(Condition(20 * MPH, 2050 * LB, 1550 * LB)) == ()
+    assert campaign.cae.extrapolation(Condition.of_vector([20 * MPH, 2050 * LB, 1550 * LB])) == ()

@@ -10,10 +10,13 @@ from crashfuse.units import KPH, LB, MPH
 @pytest.mark.parametrize(
     ("condition", "text"),
     [
-        (Condition(35 * MPH, 2100 * LB, 1500 * LB), "35mph 2100lb 1500lb"),
-        (Condition(56 * KPH, 950.0, 1500 * LB), "56kph 950kg 1500lb"),
-        (Condition(35.1 * MPH, 950.0, 690.5, (("drive", "2 wheels"),)), "35.1mph 950kg 690.5kg drive=2%20wheels"),
-        (Condition(10 * MPH, 1.0, 1.0, (("a=b", "x=y"),)), "10mph 1kg 1kg a%3Db=x%3Dy"),
+        (Condition.of_vector([35 * MPH, 2100 * LB, 1500 * LB]), "35mph 2100lb 1500lb"),
+        (Condition.of_vector([56 * KPH, 950.0, 1500 * LB]), "56kph 950kg 1500lb"),
+        (
+            Condition.of_vector([35.1 * MPH, 950.0, 690.5], (("drive", "2 wheels"),)),
+            "35.1mph 950kg 690.5kg drive=2%20wheels",
+        ),
+        (Condition.of_vector([10 * MPH, 1.0, 1.0], (("a=b", "x=y"),)), "10mph 1kg 1kg a%3Db=x%3Dy"),
     ],
 )
 def test_each_quantity_is_in_the_unit_in_which_it_is_short(condition: Condition, text: str) -> None:

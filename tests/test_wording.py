@@ -80,7 +80,7 @@ def test_quantities_are_shown_in_the_readers_unit(quantity: Quantity, shown: str
 
 def test_a_condition_is_said_in_one_system() -> None:
     """Never in mph and km/h at once."""
-    condition = Condition(56 * KPH, 950.0, 700.0)
+    condition = Condition.of_vector([56 * KPH, 950.0, 700.0])
     assert condition.in_units(MPH_LB) == "34.8 mph, front 2094 lb, rear 1543 lb"
     assert condition.in_units(METRIC) == "56.0 km/h, front 950 kg, rear 700 kg"
 

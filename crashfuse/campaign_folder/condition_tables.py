@@ -126,7 +126,7 @@ def read_what_can_be(
         return None
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=str).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
-    conditions = tuple(Condition(float(v), float(front), float(rear), fac) for v, front, rear, fac in rows)
+    conditions = tuple(Condition.of_vector([float(v), float(front), float(rear)], fac) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
     table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, units)
     return table if len(sound) == len(frame) else table.without(sorted({*range(len(frame))} - {*sound}))

@@ -157,7 +157,7 @@ class Matrix:
         if len(axes) > _MOST:
             raise UsageError(f"A matrix has at most {_MOST:,} conditions; this grid has {len(axes):,}.")
         ids = tuple(f"M{number:03d}" for number in range(1, len(axes) + 1))
-        conditions = tuple(Condition(v, front, rear, kind) for v, front, rear, kind in axes)
+        conditions = tuple(Condition.of_vector([v, front, rear], kind) for v, front, rear, kind in axes)
         if beyond := next(filter(is_beyond, conditions), None):
             raise UsageError(Sentence("No barrier test is made at {}: a grid has {}.", beyond, BOUNDS))
         return cls(ids, conditions)

@@ -47,7 +47,7 @@ def condition_of(arguments: argparse.Namespace, campaign: "Campaign", speed_mps:
     from crashfuse.condition import Condition
 
     factors = tuple(factor(text, campaign.factors) for text in arguments.factor or ())
-    return Condition(speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg, factors)
+    return Condition.of_vector([speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg], factors)
 
 
 def factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:

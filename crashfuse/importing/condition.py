@@ -88,7 +88,7 @@ def complete_condition(
     if share is not None and weights.mass_kg is not None:
         told = f"Front weight {{}}: {100 * share:.4g} % of {{}}."
         steps.append(Sentence(told, weight(front), weight(weights.mass_kg)))
-    return Condition(float(speed_mps), float(front), float(rear), known.factors)
+    return Condition.of_vector([float(speed_mps), float(front), float(rear)], known.factors)
 
 
 def missing_values(

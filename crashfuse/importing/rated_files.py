@@ -226,7 +226,7 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] |
     record, given = records[0], Choices(channels, unit, channel_filter_class=cfc)
     if missing := missing_choices(record, given):
         raise DataError(missing)
-    condition = Condition(_speed(record, given), 1.0, 1.0)  # weights do not matter to a pulse
+    condition = Condition.of_vector([_speed(record, given), 1.0, 1.0])  # weights do not matter to a pulse
     settled = settled_at(record, given, condition, FORMATS[fmt].role, [], raw=False)
     return Curve(settled.pulse, filter_class_text(settled.channel_filter_class))
 

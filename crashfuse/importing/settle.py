@@ -124,7 +124,7 @@ def _pulse_problems(record: Record, choices: Choices, role: Role, *, raw: bool) 
         speed_mps = math.nan
     problems: list[Problem] = []
     with collecting(problems):
-        settled_at(record, choices, Condition(speed_mps, 1.0, 1.0), role, [], raw=raw)
+        settled_at(record, choices, Condition.of_vector([speed_mps, 1.0, 1.0]), role, [], raw=raw)
     # the unit that a speed may tell is asked for along with the speed
     return [problem for problem in problems if not (math.isnan(speed_mps) and isinstance(problem, UnknownUnit))]
 

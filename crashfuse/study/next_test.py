@@ -68,7 +68,7 @@ class ConditionRange:
         vectors = np.array([test.condition.vector for test in tests])
         limits = np.array([vectors.min(axis=0), vectors.max(axis=0)])
         [(kind, _)] = Counter(test.condition.factors for test in tests).most_common(1)
-        low, high = (Condition(v, front, rear, kind) for v, front, rear in limits.tolist())
+        low, high = (Condition.of_vector([v, front, rear], kind) for v, front, rear in limits.tolist())
         return cls(low, high)
 
     def grid(self, n_speeds: int, n_weights: int = 1) -> tuple[Condition, ...]:
@@ -88,7 +88,7 @@ class ConditionRange:
         return self._at(self.low.vector + shares * (self.high.vector - self.low.vector))
 
     def _at(self, vectors: FloatArray) -> tuple[Condition, ...]:
-        return tuple(Condition(v, front, rear, self.low.factors) for v, front, rear in vectors.tolist())
+        return tuple(Condition.of_vector([v, front, rear], self.low.factors) for v, front, rear in vectors.tolist())
 
 
 @dataclass(frozen=True, slots=True)

@@ -185,7 +185,7 @@ def _write_cae_pulses(library: CaeLibrary, path: Path) -> None:
 def _condition(
     speed_mph: float, front_weight_lb: float, rear_weight_lb: float, factors: tuple[tuple[str, str], ...] = ()
 ) -> Condition:
-    return Condition(speed_mph * MPH, front_weight_lb * LB, rear_weight_lb * LB, factors)
+    return Condition.of_vector([speed_mph * MPH, front_weight_lb * LB, rear_weight_lb * LB], factors)
 
 
 def _of_the_kind(

@@ -48,7 +48,7 @@ def small_campaign() -> Campaign:
     tests = tuple(
         CrashTest(f"T{i + 1}", condition, Pulse(GRID_S, real_pulse(condition)))
         for i, condition in enumerate(
-            Condition(v * MPH, (2000 + 40 * i) * LB, (1450 + 50 * i) * LB, (("drive", "FWD"),))
+            Condition.of_vector([v * MPH, (2000 + 40 * i) * LB, (1450 + 50 * i) * LB], (("drive", "FWD"),))
             for i, v in enumerate(TEST_SPEEDS_MPH)
         )
     )
@@ -57,8 +57,10 @@ def small_campaign() -> Campaign:
     mass = rng.permutation(np.linspace(3363, 3876, N_RUNS - len(tests)))
     speed, share = rng.uniform([[5.0], [0.0]], [[34.5], [1.0]], (2, mass.size))
     front = (1 - share) * np.maximum(mass - 1700, 1950) + share * np.minimum(mass - 1400, 2180)
-    conditions = [Condition(v * MPH, f * LB, m * LB - f * LB) for v, f, m in zip(speed, front, mass, strict=True)]
-    conditions += [Condition(*test.condition.vector.tolist()) for test in tests]
+    conditions = [
+        Condition.of_vector([v * MPH, f * LB, m * LB - f * LB]) for v, f, m in zip(speed, front, mass, strict=True)
+    ]
+    conditions += [Condition.of_vector(test.condition.vector) for test in tests]
     accel = np.array([cae_pulse(condition) for condition in conditions], dtype=np.float32)
     return Campaign("Tiny", CaeLibrary(tuple(f"C{i:02d}" for i in range(N_RUNS)), tuple(conditions), accel), tests)
 

@@ -228,7 +228,7 @@ class FitRequest(Request[Fitted]):
                 watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
         fitted = Fitted(tuple(fits[name] for name in names))
         at_no_test = np.median(self.campaign.cae.vectors, axis=0)  # where nothing is known from earlier
-        fitted.estimates(Condition(*at_no_test.tolist()))  # computes what all later answers share
+        fitted.estimates(Condition.of_vector(at_no_test))  # computes what all later answers share
         return fitted
 
     def in_cache(self) -> bool:  # noqa: D102

@@ -20,6 +20,6 @@ def test_it_gives_the_paired_run_and_says_so(campaign: Campaign) -> None:
 
 def test_it_emulates_elsewhere_and_flags_extrapolation(campaign: Campaign) -> None:
     """Any condition has a pulse; what lies outside the library is said."""
-    prediction = Cae().fit(campaign).predict(Condition(20.0, 930.0, 690.0))
+    prediction = Cae().fit(campaign).predict(Condition.of_vector([20.0, 930.0, 690.0]))
     assert prediction.notes[0] == "CAE pulse: from the emulator."
     assert prediction.notes[1].startswith("Extrapolation: speed")

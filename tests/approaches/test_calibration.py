@@ -14,7 +14,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 
-CONDITION = Condition(12.0, 950.0, 700.0)
+CONDITION = Condition.of_vector([12.0, 950.0, 700.0])
 INSIDE = Coverage(1.0, 1.0, 1.0, crush=True, peak=True)
 OUTSIDE = Coverage(0.5, 0.5, 0.5, crush=False, peak=False)
 

@@ -31,7 +31,7 @@ def pulse(condition: Condition) -> FloatArray:
 def half_sines(n: int, lowest_mps: float = 0.0) -> CaeLibrary:
     """Half-sine runs at random conditions."""
     spread = np.random.default_rng(3).uniform([lowest_mps, 880.0, 620.0], [16.0, 1000.0, 800.0], (n, 3))
-    conditions = tuple(Condition(*row) for row in spread.tolist())
+    conditions = tuple(Condition.of_vector(row) for row in spread)
     accel = np.array([pulse(condition) for condition in conditions], dtype=np.float32)
     return CaeLibrary(tuple(f"C{i}" for i in range(n)), conditions, accel)
 
@@ -73,19 +73,19 @@ def test_speeds_near_zero_break_nothing() -> None:
     cae = half_sines(40)
     cae = CaeLibrary(
         (*cae.ids, "zero"),
-        (*cae.conditions, Condition(0.0, 950.0, 700.0)),
+        (*cae.conditions, Condition.of_vector([0.0, 950.0, 700.0])),
         np.vstack([cae.accel_mps2, np.zeros((1, 1250), np.float32)]),
     )
     emulator = Emulator().fit(cae)
     for speed in (0.0, 1e-3, 0.5, 10.0):
-        assert np.isfinite(emulator.predict(Condition(speed, 950.0, 700.0))).all()
+        assert np.isfinite(emulator.predict(Condition.of_vector([speed, 950.0, 700.0]))).all()
 
 
 def test_beyond_the_fastest_run_the_change_of_velocity_grows_with_the_speed() -> None:
     """A crash a tenth faster than the library brakes a tenth harder; it does not fall back to a mean pulse."""
     emulator = Emulator().fit(half_sines(60))
     top = float(emulator.speed_range_[1])
-    border, beyond = (emulator.predict(Condition(factor * top, 950.0, 700.0)) for factor in (1.0, 1.1))
+    border, beyond = (emulator.predict(Condition.of_vector([factor * top, 950.0, 700.0])) for factor in (1.0, 1.1))
     np.testing.assert_allclose(beyond, 1.1 * border)
 
 
@@ -139,7 +139,7 @@ def test_what_was_learned_can_be_kept_and_restored() -> None:
     library = half_sines(30)
     emulator, restored = Emulator().fit(library), Emulator()
     restored.restore(emulator.arrays(), library)
-    condition = Condition(11.0, 930.0, 710.0)
+    condition = Condition.of_vector([11.0, 930.0, 710.0])
     np.testing.assert_array_equal(restored.predict(condition), emulator.predict(condition))
 
 

@@ -23,7 +23,7 @@ def spring_pulse(speed_mps: float) -> FloatArray:
 def springs() -> CaeLibrary:
     """Runs of that vehicle up to 16 m/s."""
     spread = np.random.default_rng(0).uniform([1.0, 880.0, 620.0], [16.0, 1000.0, 800.0], (40, 3))
-    conditions = tuple(Condition(*row) for row in [*spread.tolist(), [16.0, 950.0, 700.0]])
+    conditions = tuple(Condition.of_vector(row) for row in [*spread.tolist(), [16.0, 950.0, 700.0]])
     accel = np.array([spring_pulse(condition.speed_mps) for condition in conditions], np.float32)
     return CaeLibrary(tuple(f"C{i}" for i in range(41)), conditions, accel)
 
@@ -42,7 +42,7 @@ def test_a_paired_run_beats_the_emulator(campaign: Campaign) -> None:
 def test_without_a_paired_run_the_emulator_is_taken(campaign: Campaign) -> None:
     """At any other condition the pulse is the emulator's, and the notes say so."""
     model = CaeModel().fit(campaign.cae)
-    condition = Condition(12.0, 930.0, 690.0)
+    condition = Condition.of_vector([12.0, 930.0, 690.0])
     np.testing.assert_array_equal(model.pulse(condition).accel_mps2, model.emulator_.predict(condition))
     assert model.notes(condition)[0] == "CAE pulse: from the emulator."
 
@@ -50,14 +50,14 @@ def test_without_a_paired_run_the_emulator_is_taken(campaign: Campaign) -> None:
 def test_conditions_outside_the_library_are_flagged(campaign: Campaign) -> None:
     """They are predicted all the same."""
     model = CaeModel().fit(campaign.cae)
-    outside = Condition(12.0, 1100.0, 690.0)
+    outside = Condition.of_vector([12.0, 1100.0, 690.0])
     assert any(note.startswith("Extrapolation: front weight") for note in model.notes(outside))
     assert np.isfinite(model.pulse(outside).accel_mps2).all()
 
 
 def test_the_emulator_is_trained_once(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second model finds it in the cache and gives the same to the bit."""
-    condition = Condition(12.0, 930.0, 690.0)
+    condition = Condition.of_vector([12.0, 930.0, 690.0])
     first = CaeModel(cache=Cache()).fit(campaign.cae).pulse(condition)
     monkeypatch.setattr(Emulator, "fit", lambda *_: pytest.fail("trained again"))
     np.testing.assert_array_equal(
@@ -74,7 +74,7 @@ def test_within_its_crush_the_curve_is_the_pulse_itself(campaign: Campaign) -> N
 def test_beyond_its_crush_the_curve_goes_on_as_faster_runs_do() -> None:
     """On a linear spring every faster crash continues a = -ω² s; a flat line would be wrong by half."""
     model = CaeModel().fit(springs())
-    curve = model.loading_curve(Condition(7.0, 950.0, 700.0))
+    curve = model.loading_curve(Condition.of_vector([7.0, 950.0, 700.0]))
     crush = 7.0 / OMEGA
     s = np.linspace(crush, 2 * crush, 100)
     np.testing.assert_allclose(curve.accel_at(s), -(OMEGA**2) * s, rtol=0.02)
@@ -82,7 +82,7 @@ def test_beyond_its_crush_the_curve_goes_on_as_faster_runs_do() -> None:
 
 def test_beyond_the_fastest_run_the_curve_is_level() -> None:
     """There is nothing to go by."""
-    curve = CaeModel().fit(springs()).loading_curve(Condition(16.0, 950.0, 700.0))
+    curve = CaeModel().fit(springs()).loading_curve(Condition.of_vector([16.0, 950.0, 700.0]))
     level = curve.accel_at(np.array([1.0, 2.0]))
     assert level[0] == level[1] == pytest.approx(-16.0 * OMEGA, rel=0.01)
 

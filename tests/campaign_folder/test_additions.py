@@ -19,7 +19,7 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import KPH, LB, MPH, G
 from tests.conftest import content_of
 
-CONDITION = Condition(30 * MPH, 2050 * LB, 1500 * LB, (("drive", "AWD"), ("colour", "red")))
+CONDITION = Condition.of_vector([30 * MPH, 2050 * LB, 1500 * LB], (("drive", "AWD"), ("colour", "red")))
 
 
 def addition(run_id: str = "New", speed_mph: float = 30.0) -> Addition:

@@ -69,7 +69,9 @@ def test_ids_that_a_file_system_takes_for_one_are_refused(campaign_folder: Path,
 def test_an_addition_is_refused_that_a_file_system_takes_for_one_that_is_there(campaign_folder: Path) -> None:
     """And two of one name are."""
     test = load_campaign(campaign_folder).tests[0]
-    condition = Condition(test.condition.speed_mps, test.condition.front_weight_kg, test.condition.rear_weight_kg)
+    condition = Condition.of_vector(
+        [test.condition.speed_mps, test.condition.front_weight_kg, test.condition.rear_weight_kg]
+    )
     for ids in (["t1"], [COMPOSED, APART]):
         with pytest.raises(DataError, match=r"not there yet|each id once"):
             add_to_campaign(campaign_folder, "tests", [Addition(run_id, condition, test.pulse) for run_id in ids])

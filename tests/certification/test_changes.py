@@ -477,7 +477,7 @@ def test_a_test_left_out_of_use_is_told_where_it_was_made_for_a_condition_though
 
 def test_of_a_metric_that_was_not_asked_of_a_test_it_is_not_said_that_none_was_missed() -> None:
     """Nobody knows."""
-    gone = Gone("T1", "d", Condition(10.0, 900.0, 700.0), {"max_crush": 500.0})
+    gone = Gone("T1", "d", Condition.of_vector([10.0, 900.0, 700.0]), {"max_crush": 500.0})
     assert gone.not_asked([PEAK, CRUSH]) == ("peak",)
     assert gone.missed([PEAK, CRUSH]) == ("crush",)
 

@@ -15,7 +15,7 @@ from crashfuse.units import LB, MPH
 
 def at(speed_mph: float, mass_lb: float = 3600.0, drive: str = "FWD") -> Condition:
     """A condition in mph and lb, its weight divided as in the tests."""
-    return Condition(speed_mph * MPH, 0.58 * mass_lb * LB, 0.42 * mass_lb * LB, (("drive", drive),))
+    return Condition.of_vector([speed_mph * MPH, 0.58 * mass_lb * LB, 0.42 * mass_lb * LB], (("drive", drive),))
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def wide() -> Campaign:
     """Tests at 15, 25, 26 and 35 mph; CAE runs over a range that leaves the tests to decide."""
     campaign = small_campaign()
     vectors = [(4.0, 1500.0, 1100.0), (60.0, 3000.0, 2200.0)]
-    ends = tuple(Condition(v * MPH, f * LB, r * LB) for v, f, r in vectors)
+    ends = tuple(Condition.of_vector([v * MPH, f * LB, r * LB]) for v, f, r in vectors)
     cae = campaign.cae
     conditions = (*ends, *cae.conditions[2:])
     return replace(campaign, cae=replace(cae, conditions=conditions))

@@ -32,7 +32,7 @@ def test_a_table_is_read_with_its_units_and_factors(tmp_path: Path) -> None:
     )
     found = Matrix.read(path, FACTORS)
     assert found.ids == ("A", "B")
-    assert found.conditions[0] == Condition(50 * KPH, 2000 * LB, 700.0, (("drive", "FWD"),))
+    assert found.conditions[0] == Condition.of_vector([50 * KPH, 2000 * LB, 700.0], (("drive", "FWD"),))
     assert found.conditions[1].factors == (("drive", "RWD"),)
 
 
@@ -107,8 +107,8 @@ def test_a_grid_has_every_combination_once() -> None:
     found = Matrix.grid([20 * MPH, 30 * MPH], [900.0], [650.0, 700.0], {"drive": ("FWD", "AWD")})
     assert found.ids == tuple(f"M{number:03d}" for number in range(1, 9))
     assert len(set(found.conditions)) == 8
-    assert found.conditions[1] == Condition(20 * MPH, 900.0, 650.0, (("drive", "AWD"),))
-    assert found.conditions[-1] == Condition(30 * MPH, 900.0, 700.0, (("drive", "AWD"),))
+    assert found.conditions[1] == Condition.of_vector([20 * MPH, 900.0, 650.0], (("drive", "AWD"),))
+    assert found.conditions[-1] == Condition.of_vector([30 * MPH, 900.0, 700.0], (("drive", "AWD"),))
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_grid_that_cannot_be_predicted_is_refused(speeds: list[float], sentenc
 
 def test_conditions_within_the_tolerance_of_a_test_are_one() -> None:
     """B is A and D is C, not E, though it is near D; whatever comes first stands for the others. Factors tell apart."""
-    here = Condition(15.0, 900.0, 700.0)
+    here = Condition.of_vector([15.0, 900.0, 700.0])
     speeds = {"A": 15.0, "B": 15.0 + 0.9 * KPH, "C": 17.0, "D": 17.0 + 0.9 * KPH, "E": 17.0 + 1.8 * KPH}
     matrix = Matrix(tuple(speeds), tuple(replace(here, speed_mps=v) for v in speeds.values()))
     assert matrix.alike() == {"B": "A", "D": "C"}

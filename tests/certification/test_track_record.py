@@ -13,7 +13,7 @@ from crashfuse.condition import Condition
 
 CRUSH = Criterion("crush", "max_crush", at_most=500.0)
 PEAK = Criterion("peak", "peak", at_most=30.0)
-HERE = Condition(10.0, 1000.0, 700.0)
+HERE = Condition.of_vector([10.0, 1000.0, 700.0])
 
 
 def trial(

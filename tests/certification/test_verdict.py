@@ -24,7 +24,7 @@ def verdict(campaign: Campaign, criterion: Criterion, confidence: float = 0.95, 
     forecast = Forecast(np.zeros(1250), values, {"max_crush": crush, "rating 60": rating, "olc": None})
     here = campaign.tests[1].condition
     if outside:
-        here = Condition(3 * here.speed_mps, here.front_weight_kg, here.rear_weight_kg)
+        here = Condition.of_vector([3 * here.speed_mps, here.front_weight_kg, here.rear_weight_kg])
     [found] = judge(forecast, here, Criteria((criterion,), confidence), Domain.of(campaign).exceeded_by(here))
     return found
 

@@ -24,7 +24,7 @@ from crashfuse.study.estimate import Estimate
 from tests.conftest import OTHER_READERS, needs_other_readers
 
 SPEED_MPS, T0_S, N_DRAWS = 15.0, 0.06, 40
-CONDITION = Condition(SPEED_MPS, 950.0, 700.5)
+CONDITION = Condition.of_vector([SPEED_MPS, 950.0, 700.5])
 PULSE = np.where(GRID_S <= T0_S, -SPEED_MPS / T0_S, 0.0)
 SHIFTS = np.linspace(-30, 30, N_DRAWS)
 ANY = SolverCurve("m-s-kg")

@@ -35,7 +35,7 @@ def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaig
 @pytest.mark.parametrize("units", SYSTEMS)
 def test_the_command_of_a_prediction_is_parsed_back_to_its_condition(units: str) -> None:
     """To ten digits, with its factors, in the units of the report."""
-    condition = Condition(33.3 * MPH, 2100.5 * LB, 1500 * LB, (("drive", "all wheels"), ("motor", "")))
+    condition = Condition.of_vector([33.3 * MPH, 2100.5 * LB, 1500 * LB], (("drive", "all wheels"), ("motor", "")))
     parsed = parser().parse_args(shlex.split(prediction_command(condition, StudyConfig(), SYSTEMS[units]))[1:])
     found = parsed.speed_mps, parsed.front_weight_kg, parsed.rear_weight_kg
     np.testing.assert_allclose(found, condition.vector, rtol=1e-9)
@@ -45,7 +45,7 @@ def test_the_command_of_a_prediction_is_parsed_back_to_its_condition(units: str)
 
 def test_commands_are_in_the_units_of_the_report() -> None:
     """Round numbers stay round: 56 km/h is no 34.8 mph."""
-    condition, higher = Condition(56 * KPH, 950.0, 700.0), Condition(64 * KPH, 1000.0, 750.0)
+    condition, higher = Condition.of_vector([56 * KPH, 950.0, 700.0]), Condition.of_vector([64 * KPH, 1000.0, 750.0])
     vehicle = " --front-weight-kg 950 --rear-weight-kg 700"
     assert f" --speed-kph 56{vehicle} --out" in prediction_command(condition, StudyConfig(), KPH_KG)
     speeds = np.array([condition.speed_mps, 16.0, higher.speed_mps])

@@ -64,7 +64,7 @@ def test_another_seed_is_told_by_it(campaign: Campaign) -> None:
 def test_a_file_holds_every_approach_at_every_condition(campaign: Campaign) -> None:
     """Numbered, in the units of all files, with the difference from the first condition by the same approach."""
     fit = Fit.of(campaign, "cae", StudyConfig(approaches=("cae",)))
-    conditions = [campaign.tests[0].condition, Condition(64 * KPH, 900.0, 700.0, (("drive", "FWD"),))]
+    conditions = [campaign.tests[0].condition, Condition.of_vector([64 * KPH, 900.0, 700.0], (("drive", "FWD"),))]
     config = StudyConfig(seed=1)
     table = predictions_table([PredictedPulse(campaign, (fit.estimate(own),), config) for own in conditions])
     assert (set(table["preset"]), set(table["seed"])) == ({"fast"}, {1})

@@ -175,7 +175,7 @@ def test_crashes_cut_anywhere_stop_within_what_they_are_given(campaign: Campaign
 
 def test_condition_is_the_papers_input_vector() -> None:
     """The vector x is [v0, wf, wr] in SI (Eq. 3); the mass is on both axles; the text has both systems of units."""
-    condition = Condition(35 * MPH, 2000 * LB, 1500 * LB)
+    condition = Condition.of_vector([35 * MPH, 2000 * LB, 1500 * LB])
     np.testing.assert_allclose(condition.vector, [15.6464, 907.18474, 680.388555])
     assert condition.mass_kg == pytest.approx(1587.573295)
     assert str(condition) == "35.0 mph (56.3 km/h), front 2000 lb, rear 1500 lb"

@@ -53,7 +53,7 @@ def test_a_study_is_found_again_with_every_rating(finished: Study, past: PastRes
 def test_a_prediction_is_found_again_with_its_condition(campaign: Campaign, shared_cache: Path) -> None:
     """Speed and weights to nine digits, in whatever unit they were given."""
     fit = Fit.of(campaign, "displacement_domain", CONFIG, cache=Cache(shared_cache))
-    asked = Condition(31.7 * MPH, 910.0, 790.5, (("drive", "2 wheels"),))
+    asked = Condition.of_vector([31.7 * MPH, 910.0, 790.5], (("drive", "2 wheels"),))
     past = PastResult.of_prediction(campaign, [fit.estimate(asked)], CONFIG)
     keep(past)
     (found,) = past_results()

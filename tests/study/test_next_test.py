@@ -19,12 +19,14 @@ from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
 from crashfuse.units import LB, MPH, G
 
 FEW = DisplacementConfig(n_draws=20)
-RANGE = ConditionRange(Condition(8 * MPH, 2000 * LB, 1450 * LB), Condition(36 * MPH, 2120 * LB, 1600 * LB))
+RANGE = ConditionRange(
+    Condition.of_vector([8 * MPH, 2000 * LB, 1450 * LB]), Condition.of_vector([36 * MPH, 2120 * LB, 1600 * LB])
+)
 
 
 def at(speed_mph: float) -> Condition:
     """A crash at this speed, with weights in the middle of the range."""
-    return Condition(speed_mph * MPH, 2060 * LB, 1525 * LB)
+    return Condition.of_vector([speed_mph * MPH, 2060 * LB, 1525 * LB])
 
 
 def braking(condition: Condition, decel_mps2: float) -> Pulse:

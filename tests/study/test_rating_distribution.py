@@ -38,7 +38,7 @@ def test_a_rating_and_its_share_are_each_others_inverse() -> None:
 
 def test_draws_agree_as_they_would_be_rated_by_corridor_and_slope() -> None:
     """Draws that all differ by one share of the pulse are rated alike, on the rating's own time step as on ours."""
-    condition = Condition(15.0, 800.0, 700.0)
+    condition = Condition.of_vector([15.0, 800.0, 700.0])
     pulse = 200 * np.sin(np.pi * np.minimum(GRID_S / 0.08, 1))
     rating = rate_iso18571(pulse[:750], 1.2 * pulse[:750], dt_s=8e-5)
     found = agreement(Prediction(condition, pulse, np.tile(1.2 * pulse, (7, 1))))
@@ -48,7 +48,7 @@ def test_draws_agree_as_they_would_be_rated_by_corridor_and_slope() -> None:
 
 def test_without_draws_nothing_is_known_of_their_agreement() -> None:
     """As of the raw CAE model, whose rating follows from left-out tests alone."""
-    prediction = Prediction(Condition(15.0, 800.0, 700.0), np.ones(1250))
+    prediction = Prediction(Condition.of_vector([15.0, 800.0, 700.0]), np.ones(1250))
     assert np.isnan(agreement(prediction))
     ratings = np.array([0.9, 0.8])
     alone = RatingDistribution.learned(ratings, np.zeros(2))

@@ -65,7 +65,7 @@ def test_a_repeat_is_a_test_at_about_the_same_condition_of_the_same_kind(campaig
     ) -> CrashTest:
         v, front, rear = first.condition.vector.tolist()
         own = first.condition.factors if factors is None else factors
-        return CrashTest(name, Condition(speed * v, weight * front, weight * rear, own), first.pulse)
+        return CrashTest(name, Condition.of_vector([speed * v, weight * front, weight * rear], own), first.pulse)
 
     tests = (
         first,
@@ -122,7 +122,7 @@ def test_a_sentence_places_a_prediction_beside_what_repeats_reach() -> None:
 @pytest.mark.slow
 def test_simulated_vehicles_repeat_as_estimated(campaign: Campaign) -> None:
     """Eleven tests of the sample's vehicle: the mean within 0.02 of real repeats, most of which lie inside."""
-    conditions = [Condition(v * MPH, front * LB, rear * LB) for v, front, rear, *_ in TABLE_1]
+    conditions = [Condition.of_vector([v * MPH, front * LB, rear * LB]) for v, front, rear, *_ in TABLE_1]
     runs = cae_pulses(conditions).astype(np.float32)
     library = replace(
         campaign.cae, ids=tuple(f"C{i}" for i in range(len(runs))), conditions=tuple(conditions), accel_mps2=runs

@@ -26,7 +26,7 @@ from crashfuse.units import LB, MPH
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_networks")]
 
-NEW = Condition(22 * MPH, 2060 * LB, 1520 * LB)
+NEW = Condition.of_vector([22 * MPH, 2060 * LB, 1520 * LB])
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,9 @@ def with_tests(campaign: Campaign, n: int) -> Campaign:
     """The campaign with n tests at speeds of their own, in no order."""
     speeds = np.random.default_rng(3).permutation(np.linspace(10.0, 40.0, n))
     pulse = campaign.tests[0].pulse
-    tests = tuple(CrashTest(f"T{i:02d}", Condition(v * MPH, 900.0, 650.0), pulse) for i, v in enumerate(speeds))
+    tests = tuple(
+        CrashTest(f"T{i:02d}", Condition.of_vector([v * MPH, 900.0, 650.0]), pulse) for i, v in enumerate(speeds)
+    )
     return replace(campaign, tests=tests)
 
 

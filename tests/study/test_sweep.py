@@ -103,24 +103,28 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
     pulse = np.full(GRID_S.size, -400.0, dtype=np.float32)  # takes 40 m/s off in its 100 ms
     speeds = np.array([1.0, 7.3, 12.0, 28.4, 120.0])  # mph; the last is too fast to be stopped
     library = CaeLibrary(
-        tuple("abcde"), tuple(Condition(v * MPH, 900.0, 700.0) for v in speeds.tolist()), np.tile(pulse, (5, 1))
+        tuple("abcde"),
+        tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds.tolist()),
+        np.tile(pulse, (5, 1)),
     )
     without = replace(campaign, cae=library, tests=())
     np.testing.assert_allclose(usual_speeds(without) / MPH, [7.3, *range(8, 29), 28.4])
-    test = CrashTest("fast", Condition(31 * MPH, 900.0, 700.0), Pulse(GRID_S, pulse.astype(float)))
+    test = CrashTest("fast", Condition.of_vector([31 * MPH, 900.0, 700.0]), Pulse(GRID_S, pulse.astype(float)))
     assert usual_speeds(replace(without, tests=(test,)))[-1] == pytest.approx(31 * MPH)
 
 
 def test_a_single_speed_is_a_range_too(campaign: Campaign) -> None:
     """Where all was run at one speed."""
-    one = CaeLibrary(("a",), (Condition(11.0, 900.0, 700.0),), np.full((1, GRID_S.size), -400, dtype=np.float32))
+    one = CaeLibrary(
+        ("a",), (Condition.of_vector([11.0, 900.0, 700.0]),), np.full((1, GRID_S.size), -400, dtype=np.float32)
+    )
     np.testing.assert_allclose(usual_speeds(replace(campaign, cae=one, tests=())), [11.0])
 
 
 def test_speeds_without_runs_are_found(campaign: Campaign) -> None:
     """Below, above, and between runs that are far apart; only within the range that is asked for."""
     speeds = [10.0, 12.0, 14.0, 20.0, 21.0]
-    conditions = tuple(Condition(v * MPH, 900.0, 700.0) for v in speeds)
+    conditions = tuple(Condition.of_vector([v * MPH, 900.0, 700.0]) for v in speeds)
     library = CaeLibrary(tuple("abcde"), conditions, campaign.cae.accel_mps2[:5])
     found = np.array(uncovered_speeds(library, 8 * MPH, 30 * MPH)) / MPH
     np.testing.assert_allclose(found, [[8, 10], [14, 20], [21, 30]])
@@ -142,7 +146,7 @@ def test_a_sentence_tells_where_numbers_are_missing_and_why(campaign: Campaign, 
 
 def test_a_sentence_tells_the_weights_of_sweep_and_tests(campaign: Campaign) -> None:
     """The tests' are a range, for each has its own."""
-    condition = Condition(1.0, 2050 * LB, 1500 * LB)
+    condition = Condition.of_vector([1.0, 2050 * LB, 1500 * LB])
     assert weights_sentence(condition, campaign.tests) == (
         "Swept at front 2050 lb, rear 1500 lb. The tests were run with weights of their own: "
         "front 2000–2120 lb, rear 1450–1600 lb."

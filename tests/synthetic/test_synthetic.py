@@ -36,7 +36,7 @@ from tests.conftest import ROOT
 SAMPLE_DATA = ROOT / "sample_data"
 WINDOWS_MS = (20, 40, 60)
 MODELS = pytest.mark.parametrize("vehicle", [CAE_MODEL, TRUTH], ids=["cae", "truth"])
-CONDITIONS = [Condition(speed * MPH, 2100 * LB, 1600 * LB) for speed in (0.5, 8.0, 16.0, 25.0, 35.2)]
+CONDITIONS = [Condition.of_vector([speed * MPH, 2100 * LB, 1600 * LB]) for speed in (0.5, 8.0, 16.0, 25.0, 35.2)]
 FULL_SPEED = ("T08", "T09", "T10", "T11")
 
 

@@ -27,7 +27,7 @@ def kept(day: int, campaign: str = "a", seed: int = 0, tests: str = "T1 T2", **c
 
 def predicted(kph: float, data: str = "a", seed: int = 0) -> PastResult:
     """A prediction at a speed."""
-    condition = Condition(kph * KPH, 900.0, 700.0)
+    condition = Condition.of_vector([kph * KPH, 900.0, 700.0])
     return kept(1, seed=seed, fingerprint=data, ratings={}, condition=condition, expected="0.78 to 0.93")
 
 

@@ -186,7 +186,7 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
     session.app.button_group(key="predict_tab").set_value("Next test").run()
     chosen = [_ends(session.app.session_state[f"{axis}_range"]) for axis in ("speed", "front", "rear")]
     kind = campaign.tests[0].condition.factors
-    low, high = (Condition(v0, front, rear, kind) for v0, front, rear in zip(*chosen, strict=True))
+    low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*chosen, strict=True))
     assert drawn(session) == traces(next_test(campaign, low, high).plot(display=SHOWN))
 
 

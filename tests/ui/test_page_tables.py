@@ -78,8 +78,10 @@ def test_ratings_and_range_come_before_weights_and_factors(campaign: Campaign) -
 def test_the_next_tests_show_their_gain_first_and_equal_digits() -> None:
     """3.10 beside 3.09, not 3.1; whether it is an extrapolation stands beside the gain."""
     ranked = [
-        NextTest(Condition(30 * MPH, 2000 * LB, 1500 * LB), 3.5 * 9.80665, 3.1 * 9.80665),
-        NextTest(Condition(31.5 * MPH, 2000 * LB, 1500 * LB), 3.5 * 9.80665, 3.09 * 9.80665, ("Extrapolation.",)),
+        NextTest(Condition.of_vector([30 * MPH, 2000 * LB, 1500 * LB]), 3.5 * 9.80665, 3.1 * 9.80665),
+        NextTest(
+            Condition.of_vector([31.5 * MPH, 2000 * LB, 1500 * LB]), 3.5 * 9.80665, 3.09 * 9.80665, ("Extrapolation.",)
+        ),
     ]
     table = page_tables.next_tests(ranked, Display()).data
     assert table.columns[:4].tolist() == ["Rank", "Speed (mph)", "Gain (%)", "Extrapolation"]
@@ -104,7 +106,7 @@ def test_conditions_are_in_the_chosen_units_alone(campaign: Campaign) -> None:
 @pytest.mark.parametrize("paired", [True, False])
 def test_page_report_and_figure_say_one_range(campaign: Campaign, paired: bool) -> None:
     """A test far from all other runs is in range if it has a run at its own condition, and nowhere if it has none."""
-    far = CrashTest("far", Condition(30 * MPH, 2400 * LB, 1500 * LB), campaign.tests[0].pulse)
+    far = CrashTest("far", Condition.of_vector([30 * MPH, 2400 * LB, 1500 * LB]), campaign.tests[0].pulse)
     library = CaeLibrary(
         (*campaign.cae.ids, "its own"),
         (*campaign.cae.conditions, far.condition if paired else campaign.cae.conditions[0]),

@@ -309,7 +309,11 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
         file = archive.extract("cae.safetensors", tmp_path)
     go(app, "predict")
     speed, front, rear = (float(field.value or 0) for field in app.number_input[:3])
-    pulse = load_model(file, campaign).approach.predict(Condition(speed * MPH, front * LB, rear * LB)).accel_mps2
+    pulse = (
+        load_model(file, campaign)
+        .approach.predict(Condition.of_vector([speed * MPH, front * LB, rear * LB]))
+        .accel_mps2
+    )
     shown = tables(open_tab(app, "predict", "Metrics"))[0].set_index("Pulse metric")["CAE"]
     assert shown["Peak deceleration (g)"] == f"{-pulse.min() / G:.1f}"
 

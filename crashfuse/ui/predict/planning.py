@@ -93,7 +93,7 @@ def show_next_test(answer: Answer) -> None:
         tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
         ends.append(_range(column, axis, answer.view, campaign.cae.vectors[:, place], tests))
     kind = answer.condition.factors or usual.low.factors
-    low, high = (Condition(v0, front, rear, kind) for v0, front, rear in zip(*ends, strict=True))
+    low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
         found = NextTests(campaign, over, _ranked(request.key, over, domains[0]))

@@ -45,7 +45,7 @@ def bias() -> FloatArray:
 
 def made_up(extra: FloatArray, speeds: tuple[float, ...] = SPEEDS) -> Campaign:
     """Tests at these speeds, each with a paired CAE run, of a vehicle whose bias is ``extra`` (one, or one a test)."""
-    conditions = [Condition(v, 950.0 + 5 * i, 700.0 + 3 * i) for i, v in enumerate(speeds)]
+    conditions = [Condition.of_vector([v, 950.0 + 5 * i, 700.0 + 3 * i]) for i, v in enumerate(speeds)]
     cae = np.array([crash(cae_force(), c.speed_mps) for c in conditions], np.float32)
     tests = tuple(
         CrashTest(f"T{i + 1}", c, Pulse(GRID_S, crash(cae_force() + own, c.speed_mps)))
@@ -142,7 +142,7 @@ def test_notes_tell_where_the_cae_pulse_comes_from(campaign: Campaign) -> None:
     """Paired or emulated, and what is extrapolated."""
     model = DisplacementDomain(FEW).fit(campaign)
     assert model.predict(campaign.tests[0].condition).notes[0].startswith("CAE pulse: paired run")
-    notes = model.predict(Condition(20.0, 930.0, 690.0)).notes
+    notes = model.predict(Condition.of_vector([20.0, 930.0, 690.0])).notes
     assert notes[0] == "CAE pulse: from the emulator."
     assert notes[1].startswith("Extrapolation: speed")
 
@@ -169,7 +169,7 @@ def test_two_tests_and_tests_at_the_same_condition_work() -> None:
 
 def test_vehicles_that_never_stop_within_the_record_are_predicted() -> None:
     """A CAE model and a car so soft that 100 ms are not enough: every sample has a finite value all the same."""
-    conditions = [Condition(v, 950.0, 700.0 + 5 * v) for v in (12.0, 14.0, 16.0)]
+    conditions = [Condition.of_vector([v, 950.0, 700.0 + 5 * v]) for v in (12.0, 14.0, 16.0)]
     cae = np.array([np.full(1250, -5 * c.speed_mps) for c in conditions], np.float32)
     tests = tuple(
         CrashTest(f"T{i}", c, Pulse(GRID_S, np.full(1250, -6 * c.speed_mps))) for i, c in enumerate(conditions)

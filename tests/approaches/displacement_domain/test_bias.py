@@ -10,7 +10,7 @@ from crashfuse.signals.loading import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import GRID_S
 
 SPEED = 10.0
-CONDITION = Condition(SPEED, 950.0, 700.0)
+CONDITION = Condition.of_vector([SPEED, 950.0, 700.0])
 
 
 def constant(accel_mps2: float) -> LoadingPhase:

@@ -23,7 +23,7 @@ NO_HUMP = CaeStop(SHARES, np.zeros(101), 0.4)
 
 def condition(speed_mps: float) -> Condition:
     """A crash at this speed."""
-    return Condition(speed_mps, 950.0, 700.0)
+    return Condition.of_vector([speed_mps, 950.0, 700.0])
 
 
 def cae(speed_mps: float) -> FloatArray:
@@ -45,7 +45,7 @@ def with_factor(values: str, effect: FloatArray) -> HierarchicalBias:
     """Fit to tests at 6 to 15 m/s, one for each letter; those of value B have ``effect`` on top of what all share."""
     tests = []
     for speed, value in zip(np.linspace(6, 15, len(values)).tolist(), values, strict=True):
-        at = Condition(speed, 950.0, 700.0, factors=(("powertrain", value),))
+        at = Condition.of_vector([speed, 950.0, 700.0], factors=(("powertrain", value),))
         tests.append(BiasPoints(at, S, SHARE, force(speed), shared(S) + (value == "B") * effect))
     return HierarchicalBias().fit(tests)
 
@@ -179,7 +179,7 @@ def test_a_factor_that_tells_tests_apart_is_used() -> None:
     assert model.factors_ == ("powertrain",)
     assert model.densities_["powertrain"] > model.densities_["none"]
     for value, expected in (("A", shared(S)), ("B", shared(S) + effect)):
-        at = Condition(10.0, 950.0, 700.0, factors=(("powertrain", value),))
+        at = Condition.of_vector([10.0, 950.0, 700.0], factors=(("powertrain", value),))
         mean = model.sample(at, S, force(10.0), NO_HUMP, 4, np.random.default_rng(0)).over_displacement_mps2[0]
         np.testing.assert_allclose(mean, expected, atol=6.0)
     assert model.unknown_factors(at) == ()

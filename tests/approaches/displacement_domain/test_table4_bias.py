@@ -21,7 +21,11 @@ def points(bias: FloatArray, k: int) -> BiasPoints:
     """A test's bias at 15 displacements."""
     s = np.linspace(0, 0.5, 15)
     return BiasPoints(
-        Condition(8.0 + k, 950.0 + 10 * k, 700.0 - 7 * k), s, np.sqrt(1 - s / 0.5), CaeForce(0 * s, 0 * s), bias
+        Condition.of_vector([8.0 + k, 950.0 + 10 * k, 700.0 - 7 * k]),
+        s,
+        np.sqrt(1 - s / 0.5),
+        CaeForce(0 * s, 0 * s),
+        bias,
     )
 
 
@@ -45,7 +49,7 @@ def test_it_learns_a_smooth_bias_and_passes_through_it() -> None:
     model = Table4Bias(restarts=3).fit([points(smooth(k), k) for k in (0, 2, 4)])
     s = np.linspace(0, 0.5, 15)
     shares = np.linspace(0, 1, 5)
-    condition = Condition(10.0, 970.0, 686.0)
+    condition = Condition.of_vector([10.0, 970.0, 686.0])
     draws = model.sample(
         condition, s, CaeForce(0 * s, 0 * s), CaeStop(shares, 0 * shares, 0.5), 50, np.random.default_rng(0)
     )

@@ -79,7 +79,7 @@ def test_another_seed_or_library_is_another_entry(campaign: Campaign) -> None:
 
 def test_a_condition_beyond_the_library_is_flagged(lf: LfTcn) -> None:
     """The note names the input that lies outside."""
-    (note,) = lf.predict(Condition(60 * MPH, 2050 * LB, 1550 * LB)).notes
+    (note,) = lf.predict(Condition.of_vector([60 * MPH, 2050 * LB, 1550 * LB])).notes
     assert "speed 60 mph" in note
 
 
@@ -103,7 +103,7 @@ def test_members_differ_and_their_mean_predicts(campaign: Campaign, lf: LfTcn) -
 
 def test_standstill_is_predicted_small(lf: LfTcn) -> None:
     """A library may start at 0 mph: the output's scale keeps the pulse small there."""
-    pulse = lf.predict(Condition(0.0, 2050 * LB, 1550 * LB)).accel_mps2
+    pulse = lf.predict(Condition.of_vector([0.0, 2050 * LB, 1550 * LB])).accel_mps2
     assert np.abs(pulse).max() < 60
 
 

@@ -46,7 +46,7 @@ def test_a_few_cae_runs_are_seen_one_by_one(campaign: Campaign) -> None:
 
 def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaign) -> None:
     """Outside the range that is drawn."""
-    far = CrashTest("far", Condition(30 * MPH, 2400 * LB, 1500 * LB), campaign.tests[0].pulse)
+    far = CrashTest("far", Condition.of_vector([30 * MPH, 2400 * LB, 1500 * LB]), campaign.tests[0].pulse)
     figure = condition_space(campaign.cae, (*campaign.tests, far))
     (front,) = traces(figure, OUTSIDE)
     assert list(front.text) == ["far"]
@@ -60,7 +60,7 @@ def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaig
 
 def test_a_test_with_a_paired_run_lies_in_the_range_that_is_drawn(campaign: Campaign) -> None:
     """However far from the other runs: figure, page and report say one range."""
-    far = CrashTest("far", Condition(30 * MPH, 2400 * LB, 1500 * LB), campaign.tests[0].pulse)
+    far = CrashTest("far", Condition.of_vector([30 * MPH, 2400 * LB, 1500 * LB]), campaign.tests[0].pulse)
     library = CaeLibrary(
         (*campaign.cae.ids, "paired"),
         (*campaign.cae.conditions, far.condition),
@@ -79,7 +79,7 @@ def test_a_test_is_drawn_open_only_over_the_weight_that_lies_outside(
     campaign: Campaign, front_lb: float, rear_lb: float, outside: str, inside: str
 ) -> None:
     """Inside the other box it is drawn as any test inside; the legend names the open mark, in whichever plot it is."""
-    condition = Condition(25 * MPH, front_lb * LB, rear_lb * LB)
+    condition = Condition.of_vector([25 * MPH, front_lb * LB, rear_lb * LB])
     test = CrashTest("far", condition, campaign.tests[0].pulse)
     figure = condition_space(campaign.cae, [campaign.tests[1], test])
     (open_mark,) = traces(figure, OUTSIDE)
@@ -109,7 +109,7 @@ def test_the_held_out_test_has_a_ring(campaign: Campaign) -> None:
 def test_a_large_library_is_thinned_but_counted_whole(campaign: Campaign) -> None:
     """30,000 points would only slow the browser down; the range stays that of all runs."""
     vectors = np.random.default_rng(0).uniform([0, 900, 600], [16, 1000, 800], (30_000, 3))
-    conditions = tuple(Condition(*row) for row in vectors.tolist())
+    conditions = tuple(Condition.of_vector(row) for row in vectors)
     accel = np.zeros((len(conditions), 1), dtype=np.float32)
     library = CaeLibrary(tuple(map(str, range(len(conditions)))), conditions, accel)
     figure = condition_space(library, campaign.tests)

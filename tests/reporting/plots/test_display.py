@@ -25,7 +25,7 @@ def test_labels_have_the_chosen_units() -> None:
         "Velocity (mph)",
     )
     assert METRIC.heading("OLC, slack (65 mm), CFC 60 (g)") == "OLC, slack (65 mm), CFC 60 (m/s²)"
-    assert METRIC.condition(Condition(56 * KPH, 950.0, 700.0)) == "56.0 km/h, front 950 kg, rear 700 kg"
+    assert METRIC.condition(Condition.of_vector([56 * KPH, 950.0, 700.0])) == "56.0 km/h, front 950 kg, rear 700 kg"
 
 
 def test_conditions_are_told_apart_by_what_they_do_not_share() -> None:

@@ -64,7 +64,11 @@ def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation:
 
 def test_further_pulses_stand_behind_the_first_row(explanation: RatingExplanation) -> None:
     """Over the rated window, named last."""
-    further = {"T03 · 26.0 mph": Prediction(Condition(11.0, 900.0, 700.0), np.linspace(0.0, -20.0 * G, GRID_S.size))}
+    further = {
+        "T03 · 26.0 mph": Prediction(
+            Condition.of_vector([11.0, 900.0, 700.0]), np.linspace(0.0, -20.0 * G, GRID_S.size)
+        )
+    }
     plain, figure = rated_curves(explanation, "fused"), rated_curves(explanation, "fused", further=further)
     assert len(figure.data) == len(plain.data) + 1
     names = [trace.name for trace in figure.data]

@@ -23,7 +23,7 @@ def _sweep(approach: str, *, band: bool) -> Sweep:
     none = (None,) * len(VALUES)
     ends = zip(VALUES, LOWER if band else none, UPPER if band else none, strict=True)
     metrics = tuple((Metric("olc", value, lower, upper, "g"),) for value, lower, upper in ends)
-    return Sweep(approach, Condition(1.0, 2050 * LB, 1500 * LB), SPEEDS_MPH * MPH, metrics)
+    return Sweep(approach, Condition.of_vector([1.0, 2050 * LB, 1500 * LB]), SPEEDS_MPH * MPH, metrics)
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ def trial(
     said: tuple[float, float, float] = (450.0, 420.0, 490.0),
 ) -> Trial:
     """A left-out test that got a verdict."""
-    verdict = Verdict(Condition(speed_mps, 1000.0, 700.0), criterion, *said, probability, word, "")
+    verdict = Verdict(Condition.of_vector([speed_mps, 1000.0, 700.0]), criterion, *said, probability, word, "")
     return Trial(held_out, left_out, verdict, measured, None)
 
 
