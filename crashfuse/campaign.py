@@ -11,7 +11,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest, at_the_speed_of, evenly_over_speed
 from crashfuse.errors import UsageError
 from crashfuse.run_quality import QualityLimits
-from crashfuse.signals.metrics import Metric, metric_bases, metric_headings, pulse_metrics
+from crashfuse.signals.metrics import Metric, checked_metrics, metric_bases, metric_headings
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.signals.rating import filter_class_text, rating_basis
@@ -253,7 +253,7 @@ class Campaign:
 
     def metrics_of(self, test: CrashTest) -> tuple[Metric, ...]:
         """Metrics of a test's measured pulse."""
-        return pulse_metrics(
+        return checked_metrics(
             test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s, occupant=self.occupant
         )
 

@@ -14,7 +14,7 @@ from scipy.special import ndtri, stdtr, stdtrit
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
-from crashfuse.signals.metrics import METRIC_LABELS, Metric, metric_values, pulse_metrics
+from crashfuse.signals.metrics import METRIC_LABELS, Metric, checked_metrics, metric_values
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray
 
@@ -181,7 +181,7 @@ def calibrated_metrics(
     prediction: Prediction, errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
 ) -> tuple[Metric, ...]:
     """Metrics of a predicted pulse, with the calibrated 95 % interval for a single test if it has draws."""
-    metrics = pulse_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
+    metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
     found = metric_distributions(prediction, errors, occupant)

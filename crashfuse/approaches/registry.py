@@ -79,6 +79,13 @@ def by_preference(names: Iterable[str]) -> list[str]:
     return sorted(names, key=lambda name: CLASSES[name].preference if name in CLASSES else inf)
 
 
+def require_approach(name: str) -> type[Approach]:
+    """The class of an approach; raises as :func:`create`."""
+    if name in _BROKEN:
+        raise UsageError(_BROKEN[name])
+    return one_of("approach", name, CLASSES)
+
+
 def create(name: str, settings: Settings) -> Approach:
     """Create an unfitted approach.
 
@@ -92,9 +99,7 @@ def create(name: str, settings: Settings) -> Approach:
     UsageError
         If there is no approach with that name, or another package's cannot be used.
     """
-    if name in _BROKEN:
-        raise UsageError(_BROKEN[name])
-    known = one_of("approach", name, CLASSES)
+    known = require_approach(name)
     if isabstract(known):
         known = next((each for each in _with_networks() if issubclass(each, known)), known)
     return known.create(settings)

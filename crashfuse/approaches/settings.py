@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from crashfuse.errors import UsageError
+from crashfuse.errors import one_of
 from crashfuse.execution.cache import Cache
 
 Preset = Literal["fast", "paper"]
@@ -38,7 +38,5 @@ class Settings:
     cache: Cache | None = None
 
     def __post_init__(self) -> None:
-        if self.preset not in PRESETS:
-            raise UsageError(f"There is no preset {self.preset!r}; choose from {', '.join(PRESETS)}.")
-        if self.device not in DEVICES:
-            raise UsageError(f"There is no device {self.device!r}; choose from {', '.join(DEVICES)}.")
+        one_of("preset", self.preset, dict.fromkeys(PRESETS))
+        one_of("device", self.device, dict.fromkeys(DEVICES))

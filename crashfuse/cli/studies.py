@@ -54,7 +54,7 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
         for name, value in (
             ("approaches", arguments.approach and tuple(arguments.approach)),
             ("windows_ms", arguments.windows_ms and tuple(arguments.windows_ms)),
-            ("leave_out", arguments.leave_out and arguments.leave_out.replace("-", " ")),
+            ("leave_out", arguments.leave_out),
             ("device", arguments.device),
         )
         if value is not None
@@ -97,7 +97,8 @@ def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str
         whole = not held_out and given.get("preset") != "paper"  # a paper-preset fit takes minutes, or a GPU
         return StudyPlan(campaign, StudyConfig(**{"leave_out": "both" if whole else "test", **given}), tuple(held_out))
     record = read_record(resumed)
-    differing = [name for name, value in given.items() if getattr(record.config, name) != value]
+    asked = StudyConfig(**given)
+    differing = [name for name in given if getattr(record.config, name) != getattr(asked, name)]
     if held_out and tuple(held_out) != record.held_out:
         differing.append("held_out")
     if record.fingerprint != campaign.fingerprint:

@@ -3,12 +3,13 @@
 import numpy as np
 
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.detection import delta_v
 from crashfuse.importing.sampling import even, on_one_clock
 from crashfuse.readers.quantities import speed
-from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel, quoted
+from crashfuse.readers.record import Record, RecordedChannel, quoted
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, joined, number
 
@@ -70,8 +71,6 @@ def averaged(
     record: Record, channels: tuple[RecordedChannel, ...], choices: Choices, steps: list[str]
 ) -> tuple[FloatArray, FloatArray]:
     """The time and the mean of the channels, in the unit of the first."""
-    if choices.unit is not None and choices.unit not in ACCELERATION_UNITS:
-        raise UsageError(f"There is no unit {choices.unit!r} of acceleration; take {', '.join(ACCELERATION_UNITS)}.")
     if choices.unit is None and len({channel.unit for channel in channels}) > 1:
         found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
         raise DataError(Problem(record.source, "channels of one unit to average", found, "choose some of them"))

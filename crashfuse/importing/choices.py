@@ -3,8 +3,10 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from crashfuse.errors import one_of, several
 from crashfuse.readers.axle_weights import AxleWeights
 from crashfuse.readers.record import PartialCondition
+from crashfuse.readers.unit_spelling import acceleration_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,13 +18,18 @@ class Choices:
     channels : tuple of str
         Names of the channels to average.
     unit : str, optional
-        Unit of the acceleration, a key of :data:`crashfuse.readers.record.ACCELERATION_UNITS`.
+        Unit of the acceleration, as :func:`crashfuse.readers.unit_spelling.acceleration_unit` takes it.
     deceleration_sign : {"negative", "positive"}, optional
         Whether the file writes deceleration as negative or as positive numbers.
     time_zero_s : float, optional
         Time of first contact in the file's own time.
     front_share : float, optional
         Share of the mass on the front axle, for files that state only the total mass.
+
+    Raises
+    ------
+    UsageError
+        If there is no such unit, sign or filter class.
     """
 
     channels: tuple[str, ...] = ()
@@ -32,6 +39,15 @@ class Choices:
     channel_filter_class: float | Literal["none"] | None = None
     condition: PartialCondition = field(default_factory=PartialCondition)
     front_share: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", several(self.channels))
+        if self.unit is not None:
+            object.__setattr__(self, "unit", acceleration_unit(self.unit))
+        if self.deceleration_sign is not None:
+            one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
+        if isinstance(self.channel_filter_class, str):
+            one_of("channel filter class", self.channel_filter_class, {"none": None})
 
     @property
     def weights(self) -> AxleWeights:

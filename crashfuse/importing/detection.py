@@ -9,7 +9,8 @@ from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing.choices import Choices
 from crashfuse.readers.quantities import speed
-from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
+from crashfuse.readers.record import Record, RecordedChannel
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G

@@ -9,7 +9,8 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.detection import delta_v, own_zero, step_of
 from crashfuse.readers.quantities import speed
-from crashfuse.readers.record import ACCELERATION_UNITS, Record
+from crashfuse.readers.record import Record
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.signals.pulse import GRID_S, FloatArray, Kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, time_text

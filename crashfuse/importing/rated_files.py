@@ -26,7 +26,8 @@ from crashfuse.importing.sampling import even
 from crashfuse.importing.settle import settled_at
 from crashfuse.importing.sources import Reading, format_of, read_records
 from crashfuse.readers.formats import FORMATS
-from crashfuse.readers.record import ACCELERATION_UNITS, Record
+from crashfuse.readers.record import Record
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import WEIGHTS, filter_class_text, rate_windows, rating_basis

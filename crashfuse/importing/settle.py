@@ -29,7 +29,8 @@ from crashfuse.importing.detection import (
 )
 from crashfuse.importing.duration import end_told, refuse_short, refuse_slow
 from crashfuse.readers.quantities import speed
-from crashfuse.readers.record import ACCELERATION_UNITS, Record
+from crashfuse.readers.record import Record
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, FloatArray, Pulse, kinematics

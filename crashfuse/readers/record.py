@@ -11,13 +11,9 @@ from dataclasses import dataclass, field, fields, replace
 
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.readers.axle_weights import AxleWeights
+from crashfuse.readers.unit_spelling import acceleration_unit
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import G
-
-ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
-"""Factors to m/s² of the units that occur in records; the last two are LS-DYNA's."""
-
 
 _LISTED = 260  # characters of a list of channels in a message
 
@@ -71,7 +67,7 @@ class RecordedChannel:
     values : ndarray, shape (n,)
         As found: not filtered or cropped by the reader, sign and unit as in the file.
     unit : str or None
-        A key of :data:`ACCELERATION_UNITS`; None if the file does not state it.
+        As :func:`crashfuse.readers.unit_spelling.acceleration_unit` takes it; None if the file does not state it.
     cutoff_hz : float, optional
         −3 dB frequency of the low pass already applied, according to the file; None if it does not say.
     unit_from : str
@@ -85,6 +81,10 @@ class RecordedChannel:
     unit: str | None
     cutoff_hz: float | None = None
     unit_from: str = "the file"
+
+    def __post_init__(self) -> None:
+        if self.unit is not None:
+            object.__setattr__(self, "unit", acceleration_unit(self.unit))
 
     def __repr__(self) -> str:
         return f"<RecordedChannel {self.shown}: {self.values.size:,} samples in {self.unit or 'an unknown unit'}>"

@@ -3,8 +3,11 @@
 import re
 from collections.abc import Mapping
 
-from crashfuse.readers.record import ACCELERATION_UNITS
-from crashfuse.units import KPH, LB, MPH, MS
+from crashfuse.errors import UsageError, printable
+from crashfuse.units import KPH, LB, MPH, MS, G
+
+ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
+"""Factors to m/s² of the units that occur in records; the last two are LS-DYNA's."""
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": MS, "µs": 1e-6},
@@ -41,6 +44,20 @@ def unit_named(text: str, quantity: str | None = None) -> str | None:
     name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
     known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]
     return name if name in known else None
+
+
+def acceleration_unit(text: str) -> str:
+    """Our name of a unit of acceleration, however it is spelt (``mps2``).
+
+    Raises
+    ------
+    UsageError
+        If it is none.
+    """
+    if (name := unit_named(text, "acceleration")) is None:
+        units = ", ".join(ACCELERATION_UNITS)
+        raise UsageError(f"There is no unit {printable(repr(text), 40)} of acceleration; take {units}.")
+    return name
 
 
 def number_and_unit(text: str) -> tuple[float, str] | None:

@@ -7,6 +7,7 @@ each of their points is an extreme of its own, so together they are a pulse that
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral
 from typing import Literal, get_args
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, one_of, several
 from crashfuse.reporting.isomme_prediction import isomme_pulse
 from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve, solver_include
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
@@ -66,8 +67,9 @@ class PulseExport:
     curve: SolverCurve | None = None
 
     def __post_init__(self) -> None:
-        if unknown := [name for name in self.formats if name not in PULSE_FORMATS]:
-            raise UsageError(f"A pulse is exported as {', '.join(PULSE_FORMATS)}, not as {unknown[0]}.")
+        object.__setattr__(self, "formats", several(self.formats))
+        for name in self.formats:
+            one_of("format of pulses", name, dict.fromkeys(PULSE_FORMATS))
         if self.curve is None and set(self.formats) & set(SOLVERS):
             raise UsageError("A curve for a solver needs the unit system of its model.")
         if not _LOCATION.fullmatch(self.location):
@@ -75,7 +77,7 @@ class PulseExport:
                 "An ISO-MME location has 12 digits and capitals (test object, position, main location, three fine "
                 f"locations), such as {LOCATION} or 10BPILLERE00, not {self.location!r}."
             )
-        if self.draws < 0:
+        if not (isinstance(self.draws, Integral) and self.draws >= 0):
             raise UsageError(f"The number of draws is 0 or more, not {self.draws}.")
 
     def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:

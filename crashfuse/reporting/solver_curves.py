@@ -20,12 +20,13 @@ Sources: LS-DYNA Keyword User's Manual, Vol. I, ``*DEFINE_CURVE``; OpenRadioss, 
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from textwrap import wrap
 from typing import Literal
 
 import numpy as np
 
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, one_of
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.units import MS
 
@@ -72,7 +73,7 @@ class SolverCurve:
     Raises
     ------
     UsageError
-        If there is no such unit system, or a number makes no sense.
+        If there is no such unit system or sign, or a number makes no sense.
     """
 
     unit_system: str
@@ -82,13 +83,13 @@ class SolverCurve:
     number: int = 1
 
     def __post_init__(self) -> None:
-        if self.unit_system not in UNIT_SYSTEMS:
-            raise UsageError(f"The unit system is one of {', '.join(UNIT_SYSTEMS)}, not {self.unit_system!r}.")
+        one_of("unit system", self.unit_system, UNIT_SYSTEMS)
+        one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
         if not 0 <= self.start_s <= LATEST_S:
             raise UsageError(f"A curve starts between 0 and {LATEST_S / MS:g} ms, not at {self.start_s / MS:g} ms.")
         if not 0 < self.scale < np.inf:
             raise UsageError(f"A curve is scaled by a number above 0, not by {self.scale:g}; the sign is set apart.")
-        if not 1 <= self.number <= MOST_ID:
+        if not (isinstance(self.number, Integral) and 1 <= self.number <= MOST_ID):
             raise UsageError(f"The id of a curve is between 1 and {MOST_ID}, not {self.number}.")
 
     def points(self, accel_mps2: FloatArray) -> FloatArray:

@@ -11,13 +11,17 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from crashfuse.errors import DataError, Problem
 from crashfuse.signals import pulse_shape
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel, occupant_load_criterion, vehicle_pulse_index
-from crashfuse.signals.pulse import DT_S, FloatArray, Kinematics, kinematics, with_late_stops
-from crashfuse.units import KPH, MS, G
+from crashfuse.signals.pulse import DT_S, FloatArray, Kinematics, kinematics, require_step, with_late_stops
+from crashfuse.units import KPH, MPH, MS, G
 
 TAIL = 0.025  # share on either side of the central 95 %
 _WINDOW_S = 0.025  # of SM25
+_FASTEST_MPS = 100.0
+_OVER = 0.02  # share of the peak that is left in the last tenth of a record when the crash is over
+_REBOUND = (0.98, 1.3)  # change of velocity over impact speed, rebound included
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +245,22 @@ def metric_values(
     return {name: reading.of(motion, occupant) for name, reading in _READINGS.items()}
 
 
+def _require_mps(speed_mps: float, motion: Kinematics) -> None:
+    """Raise a DataError if an impact speed is none, or is in mph or km/h as the whole change of velocity tells."""
+    expected, stated = "the impact speed in m/s", f"{speed_mps:g}"
+    if not 0 < speed_mps < math.inf:
+        raise DataError(Problem("speed_mps", expected, stated, "state a number above 0"))
+    likely = {"km/h": KPH} if speed_mps > _FASTEST_MPS else {}
+    accel, last = np.abs(motion.accel_mps2), max(motion.accel_mps2.size // 10, 1)
+    if motion.velocity_mps[-1] > 0 and accel[-last:].mean() < _OVER * accel.max():
+        change, (least, most) = float(speed_mps - motion.velocity_mps.min()) / speed_mps, _REBOUND
+        likely |= {unit: size for unit, size in (("mph", MPH), ("km/h", KPH)) if least < change / size < most}
+        stated += f", of which the pulse takes away {100 * change:.0f} %"
+    for unit, size in likely.items():
+        advice = f"convert it: {speed_mps:g} {unit} are {speed_mps * size:.4g} m/s"
+        raise DataError(Problem("speed_mps", expected, stated, advice))
+
+
 def pulse_metrics(
     accel_mps2: FloatArray,
     speed_mps: float,
@@ -263,6 +283,11 @@ def pulse_metrics(
         Equally likely whole pulses.
     occupant : OccupantModel
         Distances of the OLC, slack and spring of the VPI.
+
+    Raises
+    ------
+    DataError
+        If the step or the speed is none, or can only be in another unit: a step in ms, a speed in mph or km/h.
 
     Returns
     -------
@@ -291,6 +316,21 @@ def pulse_metrics(
     One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
     more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
+    accel_mps2 = np.asarray(accel_mps2, dtype=np.float64)
+    require_step(dt_s, accel_mps2.size)
+    _require_mps(speed_mps, kinematics(accel_mps2, speed_mps, dt_s))
+    return checked_metrics(accel_mps2, speed_mps, dt_s=dt_s, draws_mps2=draws_mps2, occupant=occupant)
+
+
+def checked_metrics(
+    accel_mps2: FloatArray,
+    speed_mps: float,
+    *,
+    dt_s: float = DT_S,
+    draws_mps2: FloatArray | None = None,
+    occupant: OccupantModel = USUAL_OCCUPANT,
+) -> tuple[Metric, ...]:
+    """The same of a pulse whose units were checked as it was read."""
     values = metric_values(accel_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
     drawn = (
         None

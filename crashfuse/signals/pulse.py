@@ -20,6 +20,7 @@ GRID_S: FloatArray = np.arange(N_SAMPLES) * DT_S
 """The time grid of every pulse in a campaign and every prediction: 12.5 kHz over 0–100 ms, shape (1250,), in s."""
 GRID_S.flags.writeable = False
 
+_LONGEST_STEP_S, _LONGEST_S = 0.02, 10.0  # beyond any record of a crash: what is meant is in ms
 _NEARLY_STOPPED = 0.25  # share of the impact speed
 _LEAST_BRAKING = 0.5  # share of the mean deceleration so far: cut anywhere, no crash of 70 random vehicles braked less
 
@@ -70,6 +71,16 @@ class Pulse:
     def kinematics(self, speed_mps: float) -> "Kinematics":
         """Velocity, displacement and time of zero velocity; the pulse's first sample is taken as contact."""
         return kinematics(self.accel_mps2, speed_mps, self.dt_s)
+
+
+def require_step(dt_s: float, n: int) -> None:
+    """Raise a DataError if a time step in s of a record of n samples is none, or is in ms rather."""
+    if not 0 < dt_s < np.inf:
+        raise DataError(Problem("dt_s", "a time step above 0, in s", f"{dt_s:g}", "state the step of the record"))
+    if dt_s > _LONGEST_STEP_S or n * dt_s > _LONGEST_S:
+        found = f"{dt_s:g}, a record of {n * dt_s:g} s"
+        advice = f"state it in s: if {dt_s:g} ms is meant, dt_s={dt_s * 1e-3:g}"
+        raise DataError(Problem("dt_s", "the time step of a crash, in s", found, advice))
 
 
 def _trouble(time: FloatArray, accel: FloatArray) -> str | None:

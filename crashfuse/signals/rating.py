@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.signals.pulse import FloatArray, Pulse
+from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.signals.pulse import FloatArray, Pulse, require_step
 from crashfuse.signals.rating_scores import (
     MAX_SHIFT,
     WARP_BAND,
@@ -37,6 +37,7 @@ STANDARD = "ISO/TS 18571:2024"
 """The edition: weights, corridors and grades as in 2014, and the window of the warping fixed at 10 %."""
 RATING_DT_S = 1e-4
 SHORTEST_WINDOW_S = 0.01
+USUAL_WINDOW_MS = 60.0
 GRADES = ((0.94, "Excellent"), (0.80, "Good"), (0.58, "Fair"))
 """Grades with the overall rating that each must exceed; anything lower is Poor."""
 WEIGHTS = {"corridor": 0.4, "phase": 0.2, "magnitude": 0.2, "slope": 0.2}
@@ -83,20 +84,31 @@ def graded(overall: float) -> str:
     return f"{overall:.{digits}f} {grade(overall)}"
 
 
-def rate_iso18571(reference: FloatArray, comparison: FloatArray, *, dt_s: float) -> Rating:
+def rate_iso18571(
+    reference: FloatArray | Pulse,
+    comparison: FloatArray | Pulse,
+    *,
+    dt_s: float | None = None,
+    window_ms: float | None = None,
+) -> Rating:
     """Rate a comparison curve against a reference curve.
 
     Parameters
     ----------
-    reference, comparison : ndarray, shape (n,)
-        The two curves in the same unit, already cut to the rated window [0, n dt_s).
-    dt_s : float
-        Time step in s. Curves with a step other than 0.1 ms are interpolated linearly to 0.1 ms.
+    reference, comparison : Pulse, or ndarray, shape (n,)
+        Two pulses on any time grids, or two curves in the same unit, sampled at the same times from contact on.
+    dt_s : float, optional
+        Time step of arrays in s. Steps other than 0.1 ms are interpolated linearly to 0.1 ms.
+    window_ms : float, optional
+        The rating is over [0, window_ms); by default 60 ms of pulses, and the whole of arrays.
 
     Raises
     ------
     DataError
-        If the reference is flat, a value is NaN or beyond 1e100, the lengths differ or the window is under 10 ms.
+        If the reference is flat, a value is NaN or beyond 1e100, the lengths differ, the window is under 10 ms or
+        reaches beyond a record, or the step can only be in ms.
+    UsageError
+        If a pulse is to be rated against an array, or arrays have no step.
 
     Notes
     -----
@@ -104,7 +116,26 @@ def rate_iso18571(reference: FloatArray, comparison: FloatArray, *, dt_s: float)
     mismatch. If several shifts correlate equally well the smallest wins, left before right; "equally" means to
     the last bit of NumPy's ``corrcoef``, as in other public implementations.
     """
-    return rate_many(reference, np.asarray(comparison)[None], dt_s=dt_s)[0]
+    t, c = curves_at_10_khz(reference, comparison, dt_s, window_ms)
+    return rate_many(t, c[None], dt_s=RATING_DT_S)[0]
+
+
+def curves_at_10_khz(
+    reference: FloatArray | Pulse, comparison: FloatArray | Pulse, dt_s: float | None, window_ms: float | None
+) -> tuple[FloatArray, FloatArray]:
+    """The two curves as :func:`rate_iso18571` rates them, which says what they may be."""
+    if isinstance(reference, Pulse) and isinstance(comparison, Pulse):
+        return rated_curves(reference, comparison, USUAL_WINDOW_MS if window_ms is None else window_ms)
+    if isinstance(reference, Pulse) or isinstance(comparison, Pulse):
+        raise UsageError("A pulse is rated against a pulse, and an array against an array with its step, dt_s.")
+    if dt_s is None:
+        raise UsageError("Arrays are rated with their time step in s, such as dt_s=8e-5.")
+    reference, comparison = (np.asarray(curve, dtype=np.float64) for curve in (reference, comparison))
+    _check(reference, comparison[None], dt_s)
+    if window_ms is None:
+        return _at_10_khz(reference, dt_s), _at_10_khz(comparison, dt_s)
+    time_s = np.arange(reference.size) * dt_s
+    return rated_curves(Pulse(time_s, reference), Pulse(time_s, comparison), window_ms)
 
 
 def rate_many(reference: FloatArray, comparisons: FloatArray, *, dt_s: float) -> list[Rating]:
@@ -118,20 +149,26 @@ def rate_many(reference: FloatArray, comparisons: FloatArray, *, dt_s: float) ->
     return _rate(reference, comparisons)
 
 
-def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float]) -> dict[float, Rating]:
-    """Rate two pulses, on any time grids, over the windows [0, w).
+class Ratings(dict[float, Rating]):
+    """Ratings of two pulses by the end of their window in ms, in the order in which they were asked for."""
 
-    Returns the ratings by w in ms, in the order of the windows.
+    def __missing__(self, window_ms: object) -> Rating:
+        """Raise a UsageError that says which windows were rated, in ms."""
+        rated, asked = ", ".join(f"{window:g}" for window in self), printable(repr(window_ms), 20)
+        raise UsageError(f"Ratings are by the end of their window in ms: {rated}, not {asked}.")
+
+
+def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float]) -> Ratings:
+    """Rate two pulses, on any time grids, over the windows [0, w).
 
     Raises
     ------
     DataError
         As :func:`rate_iso18571`, or if a window reaches beyond a record.
     """
-    return {
-        float(window_ms): rate_iso18571(*rated_curves(reference, comparison, window_ms), dt_s=RATING_DT_S)
-        for window_ms in windows_ms
-    }
+    return Ratings(
+        {float(window_ms): rate_iso18571(reference, comparison, window_ms=window_ms) for window_ms in windows_ms}
+    )
 
 
 def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple[FloatArray, FloatArray]:
@@ -157,7 +194,8 @@ def _check(reference: FloatArray, comparisons: FloatArray, dt_s: float) -> None:
         if unfit.size:
             found = f"{values[tuple(unfit[0])]:g} at sample {unfit[0, -1]}"
             raise DataError(Problem(name, "finite numbers", found, "mend the record"))
-    if not (dt_s > 0 and reference.size * dt_s > SHORTEST_WINDOW_S - 1e-9):
+    require_step(dt_s, reference.size)
+    if not reference.size * dt_s > SHORTEST_WINDOW_S - 1e-9:
         found = f"{reference.size * dt_s * 1e3:g} ms"
         raise DataError(Problem("window", "at least 10 ms", found, "rate a longer window"))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from crashfuse.signals.humps import counterparts, humps
 from crashfuse.signals.pulse import FloatArray, Pulse
-from crashfuse.signals.rating import RATING_DT_S, WEIGHTS, Rating, rate_iso18571, rated_curves
+from crashfuse.signals.rating import RATING_DT_S, WEIGHTS, Rating, curves_at_10_khz, rate_iso18571
 from crashfuse.signals.rating_scores import (
     INNER_CORRIDOR,
     MAX_SHIFT,
@@ -154,20 +154,19 @@ class RatingExplanation:
         return max(losses, key=lambda part: losses[part])
 
 
-def explain_rating(reference: Pulse, comparison: Pulse, window_ms: float = 60.0) -> RatingExplanation:
-    """Rate two pulses over [0, window_ms) and keep what the rating is made of.
+def explain_rating(
+    reference: FloatArray | Pulse,
+    comparison: FloatArray | Pulse,
+    window_ms: float | None = None,
+    *,
+    dt_s: float | None = None,
+) -> RatingExplanation:
+    """Rate two curves and keep what the rating is made of.
 
-    Parameters
-    ----------
-    reference, comparison : Pulse
-        The test and what is compared with it, on any time grids.
-
-    Raises
-    ------
-    DataError
-        As :func:`crashfuse.signals.rating.rate_windows`.
+    Parameters and errors are those of :func:`crashfuse.signals.rating.rate_iso18571`. The sizes of an explanation are
+    in the curves' unit.
     """
-    t, c = rated_curves(reference, comparison, window_ms)
+    t, c = curves_at_10_khz(reference, comparison, dt_s, window_ms)
     rating = rate_iso18571(t, c, dt_s=RATING_DT_S)
     time_s = np.arange(t.size) * RATING_DT_S
     shift = int(best_shifts(t, c[None])[0])
@@ -179,7 +178,7 @@ def explain_rating(reference: Pulse, comparison: Pulse, window_ms: float = 60.0)
     norm = float(np.abs(t).max())
     return RatingExplanation(
         rating,
-        float(window_ms),
+        round(t.size * RATING_DT_S * 1e3, 6) if window_ms is None else float(window_ms),
         Compared(time_s, t, c),
         INNER_CORRIDOR * norm,
         OUTER_CORRIDOR * norm,

@@ -1,15 +1,16 @@
 """Configuration of a study: approaches, preset, seed, windows, and which tests are left out together."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import Any, Literal, Self, cast, get_args
 
 from crashfuse.approaches.base import Approach
-from crashfuse.approaches.registry import APPROACHES, create
+from crashfuse.approaches.registry import APPROACHES, create, require_approach
 from crashfuse.approaches.settings import DEVICES, PRESETS, Device, Preset, Settings
 from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError, one_of
+from crashfuse.errors import UsageError, one_of, several
 from crashfuse.execution.cache import Cache
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
@@ -27,9 +28,14 @@ class StudyConfig:
         Ratings are computed over [0, w) for each w, in ms.
     leave_out : {"test", "speed group", "both"}
         Leave each test out alone, or with all tests at about its speed: then no similar test remains, and the rating
-        measures extrapolation to a new speed. "both" runs both studies.
+        measures extrapolation to a new speed. "both" runs both studies. Hyphens count as spaces.
     device : {"auto", "cpu", "cuda"}
         Device for training networks; results of different devices differ in their last digits.
+
+    Raises
+    ------
+    UsageError
+        If there is no such approach, preset, device or way to leave tests out, or a seed or window is impossible.
     """
 
     approaches: tuple[str, ...] = APPROACHES
@@ -38,6 +44,26 @@ class StudyConfig:
     windows_ms: tuple[float, ...] = WINDOWS_MS
     leave_out: LeaveOut = "test"
     device: Device = "auto"
+
+    def __post_init__(self) -> None:
+        approaches, way = several(self.approaches), self.leave_out
+        object.__setattr__(self, "approaches", approaches)
+        object.__setattr__(self, "leave_out", re.sub("[-_]", " ", way) if isinstance(way, str) else way)
+        if not approaches:
+            raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
+        for name in approaches:
+            require_approach(name)
+        one_of("preset", self.preset, dict.fromkeys(PRESETS))
+        one_of("way to leave tests out", self.leave_out, dict.fromkeys(get_args(LeaveOut)))
+        one_of("device", self.device, dict.fromkeys(DEVICES))
+        if not (isinstance(self.seed, Integral) and 0 <= self.seed < 2**32):
+            raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {self.seed}.")
+        if isinstance(self.windows_ms, str) or not (isinstance(self.windows_ms, Sequence) and self.windows_ms):
+            raise UsageError(f"Name at least one rating window, such as (60.0,), not {self.windows_ms!r}.")
+        for window in self.windows_ms:
+            if not (isinstance(window, Real) and 10 <= window <= 100):
+                asked = str(window).removesuffix(".0")
+                raise UsageError(f"A rating window of {asked} ms is not possible; choose 10 to 100 ms.")
 
     @classmethod
     def parse(cls, values: Mapping[str, Any]) -> Self:
@@ -49,15 +75,10 @@ class StudyConfig:
             If they are none.
         """
         given: dict[str, Any] = {name: tuple(own) if isinstance(own, list) else own for name, own in values.items()}
-        config = cls(**given)
-        words = (config.preset, PRESETS), (config.leave_out, get_args(LeaveOut)), (config.device, DEVICES)
-        if (
-            any(word not in known for word, known in words)
-            or not all(isinstance(name, str) for name in config.approaches)
-            or not all(isinstance(number, int | float) for number in (config.seed, *config.windows_ms))
-        ):
-            raise ValueError("no configuration of a study")
-        return config
+        try:
+            return cls(**given)
+        except UsageError as error:
+            raise ValueError(f"no configuration of a study: {error}") from error
 
     def left_out(self, campaign: Campaign, test_id: str) -> tuple[str, ...]:
         """The tests that may not be learned from to predict this one, itself among them."""
@@ -74,20 +95,9 @@ class StudyConfig:
         return tuple(replace(self, leave_out=way) for way in ways)
 
     def check(self) -> None:
-        """Raise a UsageError if a setting is impossible, before anything is computed."""
-        if not self.approaches:
-            raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
+        """Raise a UsageError if an approach cannot be made here, for want of a GPU say, before anything is computed."""
         for name in self.approaches:
             _ = self.create(name).device
-        one_of("way to leave tests out", self.leave_out, dict.fromkeys(get_args(LeaveOut)))
-        if not (isinstance(self.seed, Integral) and 0 <= self.seed < 2**32):
-            raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {self.seed}.")
-        if not (isinstance(self.windows_ms, Sequence) and self.windows_ms):
-            raise UsageError(f"Name at least one rating window, such as (60.0,), not {self.windows_ms!r}.")
-        for window in self.windows_ms:
-            if not (isinstance(window, Real) and 10 <= window <= 100):
-                asked = str(window).removesuffix(".0")
-                raise UsageError(f"A rating window of {asked} ms is not possible; choose 10 to 100 ms.")
 
     @property
     def on_this_device(self) -> "StudyConfig":

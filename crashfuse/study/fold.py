@@ -9,7 +9,7 @@ import numpy as np
 from crashfuse.approaches.calibration import Coverage
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of
-from crashfuse.signals.metrics import pulse_metrics
+from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import Rating, rate_many, rate_windows
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
@@ -69,7 +69,7 @@ class Fold:
         if draws is None:
             return None
         band, intervals = Coverage.of(self.test, draws), {own.name: own for own in estimate.metrics}
-        measured = {own.name: own.value for own in pulse_metrics(self.test.pulse.accel_mps2, speed_mps)}
+        measured = {own.name: own.value for own in checked_metrics(self.test.pulse.accel_mps2, speed_mps)}
         crush, peak = (intervals[name].holds(measured[name]) for name in ("max_crush", "peak"))
         return replace(band, crush=band.crush if crush is None else crush, peak=band.peak if peak is None else peak)
 

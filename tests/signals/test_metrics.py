@@ -5,11 +5,12 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
+from crashfuse.errors import DataError
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, metric_values, pulse_metrics
 from crashfuse.signals.missing_metrics import missing_metrics, missing_sentences
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
-from crashfuse.units import KPH, G
+from crashfuse.units import KPH, MPH, G
 from tests.conftest import SHARED, needs_shared
 
 CAMRY = SHARED / "real" / "nhtsa_10146_camry2018" / "tidy_10kHz_raw_and_cfc60.csv"
@@ -81,11 +82,29 @@ def test_step_of_time_does_not_matter() -> None:
 
 
 def test_vehicle_that_does_not_stop_has_no_t0_and_no_crush() -> None:
-    """Half the braking needed: peak and ΔV are there; t0, maximum crush and mean are None, and nothing is NaN."""
-    found = by_name(pulse_metrics(HALF_SINE, 2 * DELTA_V_MPS))
+    """Too little braking: peak and ΔV are there; t0, maximum crush and mean are None, and nothing is NaN."""
+    found = by_name(pulse_metrics(HALF_SINE, 1.5 * DELTA_V_MPS))
     missing = [name for name in METRIC_LABELS if found[name].value is None]
     assert missing == ["t0", "max_crush", "mean", *SHAPE, *REBOUND]
     assert found["delta_v"].value == pytest.approx(DELTA_V_MPS / KPH, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("speed", "dt_s", "meant"),
+    [
+        (0.95 * DELTA_V_MPS / MPH, DT_S, "mph are"),
+        (0.95 * DELTA_V_MPS / KPH, DT_S, "km/h are"),
+        (130.0, DT_S, "130 km/h are 36.11 m/s"),
+        (15.0, 0.08, "if 0.08 ms is meant, dt_s=8e-05"),
+        (-15.0, DT_S, "a number above 0"),
+        (np.nan, DT_S, "a number above 0"),
+        (15.0, 0.0, "a time step above 0"),
+    ],
+)
+def test_a_speed_or_step_in_another_unit_is_refused_with_the_likely_one(speed: float, dt_s: float, meant: str) -> None:
+    """A vehicle that goes on at half its speed once the crash is over was not in a barrier test."""
+    with pytest.raises(DataError, match=meant):
+        pulse_metrics(HALF_SINE, speed, dt_s=dt_s)
 
 
 def scaled_draws(low: float, high: float, n: int = 1001) -> FloatArray:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crashfuse.errors import DataError
+from crashfuse.errors import DataError, UsageError
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import Rating, grade, graded, rate_iso18571, rate_many, rate_windows
 from tests.conftest import DATA, SHARED, needs_shared
@@ -294,6 +294,29 @@ def test_windows_cut_both_pulses_on_a_common_grid() -> None:
         assert rating == rate_iso18571(*curves, dt_s=DT_S)
 
 
+def test_arrays_and_pulses_rate_alike_over_a_window() -> None:
+    """A window cuts arrays as it cuts pulses, which are rated over 60 ms unless another is asked for."""
+    reference, comparison = bell(250, 700), bell(262, 700)
+    pulses = [Pulse(np.arange(700) * DT_S, curve) for curve in (reference, comparison)]
+    for window_ms, n in ((None, 600), (60.0, 600), (40.0, 400)):
+        rating = rate_iso18571(reference[:n], comparison[:n], dt_s=DT_S)
+        assert rate_iso18571(*pulses, window_ms=window_ms) == rating
+        assert rate_iso18571(reference, comparison, dt_s=DT_S, window_ms=n / 10) == rating
+    for wrong in (
+        lambda: rate_iso18571(pulses[0], comparison, dt_s=DT_S),
+        lambda: rate_iso18571(reference, comparison),
+    ):
+        with pytest.raises(UsageError, match="dt_s"):
+            wrong()
+
+
+def test_ratings_are_by_windows_in_ms() -> None:
+    """A window in s is no key: the sentence says which are."""
+    ratings = rate_windows(Pulse(GRID_S, np.sin(60 * GRID_S)), Pulse(GRID_S, np.sin(61 * GRID_S)), [20, 60])
+    with pytest.raises(UsageError, match=r"in ms: 20, 60, not 0\.06"):
+        ratings[0.06]
+
+
 def test_a_whole_record_of_the_study_grid_can_be_rated() -> None:
     """The study grid ends a step before 100 ms, and that is a window of 100 ms."""
     pulse = Pulse(GRID_S, np.sin(60 * GRID_S))
@@ -359,7 +382,9 @@ def nan_at(index: int) -> FloatArray:
         (lambda: rate_many(bell(250), np.array([bell(9), nan_at(1)]), dt_s=DT_S), "comparison: .* nan at sample 1"),
         (lambda: rate_iso18571(bell(250), 1e200 * bell(250), dt_s=DT_S), "expected finite numbers, found -"),
         (lambda: rate_iso18571(bell(20, 99), bell(20, 99), dt_s=DT_S), "window: expected at least 10 ms, found 9.9 ms"),
-        (lambda: rate_iso18571(bell(250), bell(250), dt_s=0.0), "window: expected at least 10 ms, found 0 ms"),
+        (lambda: rate_iso18571(bell(250), bell(250), dt_s=0.0), "dt_s: expected a time step above 0, in s, found 0"),
+        (lambda: rate_iso18571(bell(250), bell(250), dt_s=0.08), "dt_s: .* found 0.08, .* dt_s=8e-05"),
+        (lambda: rate_iso18571(bell(250), bell(250), dt_s=DT_S, window_ms=80), "reference: .* 0–80 ms, found 0–60 ms"),
         (lambda: rate_iso18571(bell(250), bell(250, 599), dt_s=DT_S), "comparison: .* 600 samples, found 599"),
         (lambda: rate_iso18571(bell(250), np.ones((2, 600)), dt_s=DT_S), "comparison: .* found 2 × 600"),
         (lambda: rate_iso18571(np.array(1.0), np.array(1.0), dt_s=DT_S), "comparison: .* found a single number"),

@@ -21,8 +21,9 @@ from crashfuse.readers.lsdyna.run_files import RunFiles, belongs, runs_of
 from crashfuse.readers.lsdyna.unit_system import mass_kg, units_of
 from crashfuse.readers.members import opened_members
 from crashfuse.readers.quantities import speed, weight
-from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
+from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.travel import axis_of_travel, checked_travel
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.wording import Sentence
 
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)

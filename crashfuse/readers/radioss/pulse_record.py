@@ -12,8 +12,9 @@ from crashfuse.readers.lsdyna.histories import History, channel_of, integral, is
 from crashfuse.readers.lsdyna.unit_system import FASTEST_MPS, LONGEST_S, of_a_vehicle, units_of
 from crashfuse.readers.quantities import speed, weight
 from crashfuse.readers.radioss.time_history import ACCELEROMETER, LEAST_CHANGE, MOST_CHANGE, TimeHistory, Watched
-from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
+from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.travel import axis_of_travel, checked_travel
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 from crashfuse.wording import Sentence

@@ -3,12 +3,13 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any, Self, TypedDict, TypeVar, Unpack, cast
 
 import numpy as np
 
 from crashfuse.condition import Condition
-from crashfuse.errors import one_of
+from crashfuse.errors import UsageError, one_of, printable
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import WINDOWS_MS
@@ -48,14 +49,26 @@ class Display:
         Unit of accelerations.
     deceleration : bool
         Show braking as positive; the data stay signed.
-    system : UnitSystem
+    system : UnitSystem, or {"mph-lb", "kph-kg"}
         Units of speeds and weights, such as :data:`crashfuse.wording.KPH_KG`.
+
+    Raises
+    ------
+    UsageError
+        If there is no such unit or system, or the window is no time above 0.
     """
 
     window_ms: float = WINDOWS_MS[-1]
     unit: AccelerationUnit = "g"
     deceleration: bool = False
     system: UnitSystem = MPH_LB
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "unit", one_of("unit of accelerations", self.unit, _UNITS))
+        if not isinstance(self.system, UnitSystem):
+            object.__setattr__(self, "system", one_of("system of units", self.system, SYSTEMS))
+        if not (isinstance(self.window_ms, Real) and self.window_ms > 0):
+            raise UsageError(f"The rated window is a time above 0, in ms, not {printable(repr(self.window_ms), 20)}.")
 
     @classmethod
     def of(
@@ -71,11 +84,7 @@ class Display:
         given = cast(dict[str, Any], options)
         for name in given:
             one_of("option of a figure", name, DisplayOptions.__annotations__)
-        changed: dict[str, Any] = {name: given[name] for name in ("window_ms", "deceleration") if name in given}
-        if "unit" in given:
-            changed["unit"] = one_of("unit of accelerations", given["unit"], _UNITS)
-        if "units" in given:
-            changed["system"] = one_of("system of units", given["units"], SYSTEMS)
+        changed = {{"units": "system"}.get(name, name): value for name, value in given.items() if name != "display"}
         shown: Self = given.get("display", replace(DEFAULT, window_ms=usual_ms, system=system))
         return replace(shown, **changed)
 

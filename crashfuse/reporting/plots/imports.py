@@ -6,7 +6,8 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.importing.settle import Settled
-from crashfuse.readers.record import ACCELERATION_UNITS, RecordedChannel
+from crashfuse.readers.record import RecordedChannel
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.reporting.plots.canvas import add_line, new_figure
 from crashfuse.reporting.plots.curves import TEST, curve_line
 from crashfuse.reporting.plots.display import DEFAULT, Display

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.errors import UsageError
+from crashfuse.errors import one_of, several
 
 ReportForm = Literal["short", "whole"]
 REPORT_FORMS: tuple[ReportForm, ...] = get_args(ReportForm)
@@ -34,5 +34,5 @@ class ReportOptions:
     notes: tuple[Note, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.form not in REPORT_FORMS:
-            raise UsageError(f"A report is {' or '.join(REPORT_FORMS)}, not {self.form!r}.")
+        one_of("form of a report", self.form, dict.fromkeys(REPORT_FORMS))
+        object.__setattr__(self, "tests", several(self.tests))

@@ -13,9 +13,9 @@ from crashfuse.importing.sources import tables_of
 from crashfuse.importing.table_forms import TableForm
 from crashfuse.readers.axes import TRAVELS, Travel
 from crashfuse.readers.formats import FORMATS, TABLES
-from crashfuse.readers.record import ACCELERATION_UNITS, Record
+from crashfuse.readers.record import Record
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole
-from crashfuse.readers.unit_spelling import UNITS
+from crashfuse.readers.unit_spelling import ACCELERATION_UNITS, UNITS
 from crashfuse.ui.importing.condition import Units, condition_of, units_of
 from crashfuse.ui.importing.session import Source, forms_of
 from crashfuse.ui.text import plain
