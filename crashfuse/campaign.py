@@ -76,6 +76,8 @@ class Campaign:
         *,
         name: str,
         notice: str = "",
+        channel_filter_class: float | None = None,
+        filtered_with: float | None = None,
     ) -> "Campaign":
         """A campaign from tables in memory, with the checks of a campaign folder.
 
@@ -88,6 +90,9 @@ class Campaign:
             ``acceleration_mps2``).
         notice : str
             A sentence shown wherever the campaign is shown; empty for none.
+        channel_filter_class, filtered_with : float, optional
+            The CFC that pulses are to be filtered with on reading, or were filtered with before, as in
+            ``campaign.toml``.
 
         Raises
         ------
@@ -96,7 +101,10 @@ class Campaign:
         """
         from crashfuse.campaign_folder.frames import campaign_of_frames
 
-        return campaign_of_frames(tests, test_pulses, cae, cae_pulses, name=name, notice=notice)
+        settings = {
+            "name": name, "notice": notice, "channel_filter_class": channel_filter_class, "filtered_with": filtered_with
+        }  # fmt: skip
+        return campaign_of_frames(tests, test_pulses, cae, cae_pulses, settings)
 
     @property
     def tests_frame(self) -> "pd.DataFrame":
@@ -114,14 +122,14 @@ class Campaign:
 
     @property
     def test_pulses_frame(self) -> "pd.DataFrame":
-        """All pulses of the tests, tidy: ``id``, ``time_s``, ``acceleration_mps2``, at full precision."""
+        """All pulses of the tests, tidy: ``id``, ``time_ms``, ``acceleration_g``, at full precision."""
         from crashfuse.campaign_folder.frames import pulses_frame
 
         return pulses_frame(self, "tests")
 
     @property
     def cae_pulses_frame(self) -> "pd.DataFrame":
-        """All pulses of the CAE runs, tidy: ``id``, ``time_s``, ``acceleration_mps2``, at full precision."""
+        """All pulses of the CAE runs, tidy: ``id``, ``time_ms``, ``acceleration_g``, at full precision."""
         from crashfuse.campaign_folder.frames import pulses_frame
 
         return pulses_frame(self, "cae")

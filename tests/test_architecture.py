@@ -41,7 +41,14 @@ ROOMS = (
 )
 """Rooms and modules of the package from the top down: each may use what stands below it."""
 
-DOORS = ("campaign.py", "study/study.py", "study/learning_curve.py")
+DOORS = (
+    "campaign.py",
+    "study/study.py",
+    "study/learning_curve.py",
+    "reporting/predicted.py",
+    "reporting/planning.py",
+    "reporting/verdicts.py",
+)
 """Modules whose objects show themselves: their methods, and nothing else, may reach into the rooms above."""
 
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path.name not in ("__init__.py", "__main__.py"))

@@ -2,7 +2,7 @@
 
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
+from crashfuse.units import MS, G
 
 _IN_MEMORY = {
     r"^(tests|cae): pulses without a row in \1\.csv": r"\1_pulses: pulses without a row in \1",
@@ -36,11 +37,9 @@ def campaign_of_frames(
     test_pulses: pd.DataFrame,
     cae: pd.DataFrame,
     cae_pulses: pd.DataFrame,
-    *,
-    name: str,
-    notice: str = "",
+    settings: Mapping[str, str | float | None],
 ) -> Campaign:
-    """The campaign of these tables, checked as its folder would be, see :meth:`Campaign.from_frames`."""
+    """The campaign of these tables and what ``campaign.toml`` would say, see :meth:`Campaign.from_frames`."""
     given = {"tests": tests, "test_pulses": test_pulses, "cae": cae, "cae_pulses": cae_pulses}
     for argument, table in given.items():
         if not isinstance(table, pd.DataFrame):
@@ -49,8 +48,9 @@ def campaign_of_frames(
         if twice := [str(column) for column in table.columns[table.columns.duplicated()]]:
             raise DataError(Problem(argument, "each column once", f"{twice[0]} twice", "rename or remove one"))
     with in_memory() as folder:
-        settings = f"name = {toml_text(name)}\n" + (f"notice = {toml_text(notice)}\n" if notice else "")
-        (folder / "campaign.toml").write_text(settings, encoding="utf-8")
+        stated = {name: value for name, value in settings.items() if value not in ("", None)}
+        lines = (f"{k} = {toml_text(v) if isinstance(v, str) else repr(v)}\n" for k, v in stated.items())
+        (folder / "campaign.toml").write_text("".join(lines), encoding="utf-8")
         for role, table, pulses in (("tests", tests, test_pulses), ("cae", cae, cae_pulses)):
             (folder / f"{role}.csv").write_bytes(csv_bytes(table, float_format=None))
             _write(pulses, folder / f"{role}_pulses.parquet")
@@ -80,8 +80,8 @@ def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "id": pd.Categorical.from_codes(np.repeat(np.arange(len(ids)), N_SAMPLES), list(ids)),
-            "time_s": np.tile(GRID_S, len(ids)),
-            "acceleration_mps2": accel.ravel(),
+            "time_ms": np.tile(GRID_S / MS, len(ids)),
+            "acceleration_g": accel.ravel() / np.float64(G),
         }
     )
 

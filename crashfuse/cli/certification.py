@@ -3,6 +3,7 @@
 import argparse
 import hashlib
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from crashfuse.cli.conditions import factor
@@ -29,7 +30,6 @@ def certify(arguments: argparse.Namespace) -> None:
     from crashfuse.reporting.certification_changes import change_sentences
     from crashfuse.reporting.certification_sentences import summary
     from crashfuse.reporting.certification_tables import counts_table
-    from crashfuse.reporting.results import write_certification
     from crashfuse.reporting.watched import watching
 
     require_output(arguments.out, arguments.campaign, "certification")
@@ -52,7 +52,7 @@ def certify(arguments: argparse.Namespace) -> None:
     if earlier is not None:
         certification = certification.beside(earlier)
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
-        write_certification(certification, folder, display, notes=notes)
+        replace(judged, certification=certification).write(folder, notes=notes, display=display)
     alone = "" if earlier is not None else kept_files.beside_none(campaign)  # before this one is kept
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it

@@ -13,7 +13,6 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     from crashfuse.certification.criteria_file import read_criteria
     from crashfuse.certification.decided import with_decided
     from crashfuse.reporting.result_tables import gains_table
-    from crashfuse.reporting.results import write_learning_curve
     from crashfuse.reporting.watched import watching
     from crashfuse.study import learning_curve as curves
     from crashfuse.study.cost import Cost
@@ -33,7 +32,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     if criteria is not None:
         curve = with_decided(curve, criteria)
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
-        write_learning_curve(curve, folder, cost, display_of(arguments, campaign))
+        curve.write(folder, cost=arguments.cost_per_test, display=display_of(arguments, campaign))
     if not (table := gains_table(curve, cost)).empty:
         print(table.to_string(index=False))
     print(*sentences(curve, cost), sep="\n")

@@ -36,12 +36,9 @@ def train(arguments: argparse.Namespace) -> None:
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.reporting.results import write_prediction
+    from crashfuse.reporting import predicted
     from crashfuse.signals.metrics import MAIN_METRICS
-    from crashfuse.study.estimate import estimates_at
     from crashfuse.study.history import PastResult, keep
-    from crashfuse.study.nearest import nearest_sentences
-    from crashfuse.study.recommendation import recommend_for
 
     require_positive(arguments)
     export = pulse_export(arguments)
@@ -49,20 +46,14 @@ def predict(arguments: argparse.Namespace) -> None:
     campaign = load_campaign(arguments.campaign)
     display = display_of(arguments, campaign)
     condition = condition_of(arguments, campaign, arguments.speed_mps)
-    fits = _fits(arguments, campaign)
-    estimates = estimates_at(fits, condition)
+    prediction = predicted.predict(campaign, condition, _fits(arguments, campaign))
     with replacing(arguments.out, "prediction"):
-        metrics = write_prediction(
-            campaign, estimates, fits[0].config, arguments.out, export, display, arguments.report
-        )
-    keep(PastResult.of_prediction(campaign, estimates, fits[0].config))
+        prediction.write(arguments.out, export=export, report=arguments.report, display=display)
+    keep(PastResult.of_prediction(campaign, prediction.estimates, prediction.config))
+    metrics = prediction.metrics
     shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
     print(shown.to_string(index=False, na_rep="", float_format="{:.4g}".format))
-    advice = recommend_for(estimates, campaign, condition).sentences
-    notes = (note for estimate in estimates for note in estimate.prediction.notes)
-    for sentence in dict.fromkeys((*advice, *nearest_sentences(campaign, condition), *notes, campaign.notice)):
-        if sentence:
-            print(display.words(sentence))
+    print(*map(display.words, prediction.sentences), sep="\n")
     say_written(arguments.out, "prediction")
 
 
@@ -70,7 +61,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.reporting.planning import SpeedSweep
-    from crashfuse.reporting.results import write_pulses, write_sweep
+    from crashfuse.reporting.results import write_pulses
     from crashfuse.reporting.watched import watching
     from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
     from crashfuse.wording import speed
@@ -93,7 +84,7 @@ def sweep(arguments: argparse.Namespace) -> None:
             sweeps = sweep_speed(
                 fits, condition, speeds, watch, each=lambda found: write_pulses(campaign, found, folder, export)
             )
-        write_sweep(SpeedSweep(campaign, sweeps), fits[0].config, folder, display)
+        SpeedSweep(campaign, sweeps, fits[0].config).write(folder, display=display)
     print(f"{len(speeds)} speeds from {display.words(speed(speeds[0], speeds[-1], between=' to '))}.")
     print(display.words(weights_sentence(condition, campaign.tests)))
     say_written(arguments.out, "sweep")
@@ -105,7 +96,6 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.reporting.planning import next_test
     from crashfuse.reporting.plots.next_test import BEST
-    from crashfuse.reporting.results import write_next_tests
     from crashfuse.reporting.watched import watching
     from crashfuse.study.next_test import ConditionRange, next_tests_table
 
@@ -123,7 +113,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     config, display = settings(arguments), display_of(arguments, campaign)
     with watching() as watch:
         ranking = next_test(campaign, over.low, over.high, candidates=candidates, config=config, watch=watch)
-    write_next_tests(ranking, config, arguments.out, display)
+    ranking.write(arguments.out, display=display)
     low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")
     print(next_tests_table(ranking.ranked[:BEST], display.units).to_string(index=False))

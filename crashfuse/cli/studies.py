@@ -126,7 +126,7 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     """Compute a study, write it and print its results; returns its means."""
     from crashfuse.reporting.result_tables import studies_table
-    from crashfuse.reporting.results import begin_study, write_study
+    from crashfuse.reporting.results import begin_study
     from crashfuse.reporting.watched import watching
     from crashfuse.study.account import worst_test
     from crashfuse.study.history import PastResult, keep
@@ -140,7 +140,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
         study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
     display = display_of(arguments, plan.campaign)
     with replacing(run.out, "study"), writing(run.out) as folder:
-        write_study(study, folder, display, run.report)
+        study.write(folder, report=run.report, display=display)
     keep(PastResult.of_study(study))
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
     _print_means(study.scores)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Unpack
 
 import pandas as pd
@@ -10,14 +11,14 @@ import plotly.graph_objects as go
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, one_of
+from crashfuse.errors import UsageError, one_of, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.next_test import BEST, next_tests
 from crashfuse.reporting.plots.sweep import sweep_figure
-from crashfuse.reporting.predicted import asked, check_factors
+from crashfuse.reporting.predicted import check_factors, fits_of
 from crashfuse.reporting.result_tables import sweep_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
@@ -34,6 +35,7 @@ class SpeedSweep:
 
     campaign: Campaign
     sweeps: tuple[Sweep, ...]
+    config: StudyConfig = StudyConfig()
 
     @property
     def table(self) -> pd.DataFrame:
@@ -50,6 +52,18 @@ class SpeedSweep:
         """
         one_of("metric", metric, METRIC_LABELS)
         return sweep_figure(self.sweeps, metric, self.campaign, Display.of(self.campaign.units, **display))
+
+    def write(self, folder: str | Path, **display: Unpack[DisplayOptions]) -> None:
+        """Write what ``crashfuse sweep`` writes: ``sweep.csv`` and ``report.html``.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written.
+        """
+        from crashfuse.reporting.results import write_sweep
+
+        write_sweep(self, folder, Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         first, speeds = self.sweeps[0], self.sweeps[0].speeds_mps
@@ -74,6 +88,7 @@ class NextTests:
     campaign: Campaign
     over: ConditionRange
     ranked: tuple[NextTest, ...]
+    config: StudyConfig = StudyConfig()
 
     @property
     def table(self) -> pd.DataFrame:
@@ -83,6 +98,18 @@ class NextTests:
     def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
         """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
         return next_tests(self.ranked, self.campaign.tests, Display.of(self.campaign.units, **display))
+
+    def write(self, folder: str | Path, **display: Unpack[DisplayOptions]) -> None:
+        """Write what ``crashfuse next-test`` writes: ``next_tests.csv`` and ``report.html``.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written.
+        """
+        from crashfuse.reporting.results import write_next_tests
+
+        write_next_tests(self, folder, Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         best = self.ranked[0]
@@ -100,7 +127,7 @@ def sweep(
     campaign: Campaign,
     condition: Condition,
     speeds_mph: tuple[float, float] | None = None,
-    approach: str | Sequence[str] = "fused",
+    approach: str | Fit | Sequence[str | Fit] = "fused",
     config: StudyConfig = StudyConfig(),
     *,
     cache: Cache | None = None,
@@ -129,8 +156,8 @@ def sweep(
         if not 0 < low < high:
             raise UsageError(f"A sweep takes a speed above 0 and a higher one, not {low:g} and {high:g} mph.")
         speeds = speeds_between(low * MPH, high * MPH)
-    fits = [Fit.of(campaign, name, config, cache=cache, watch=watch) for name in asked(approach, config)]
-    return SpeedSweep(campaign, sweep_speed(fits, condition, speeds, watch))
+    fits = fits_of(campaign, (approach,) if isinstance(approach, Fit) else several(approach), config, cache, watch)
+    return SpeedSweep(campaign, sweep_speed(fits, condition, speeds, watch), fits[0].config)
 
 
 def next_test(
@@ -150,8 +177,10 @@ def next_test(
     ----------
     low, high : Condition, optional
         The range of speeds and weights of interest, by default that of the tests.
-    candidates, planned : sequence of Condition, optional
-        As in :func:`crashfuse.study.next_test.rank_next_tests`.
+    candidates : sequence of Condition, optional
+        The tests that could be run; by default speeds over the range, at the middle weights.
+    planned : sequence of Condition
+        Tests that are going to be run anyway.
 
     Raises
     ------
@@ -165,4 +194,4 @@ def next_test(
     over = ConditionRange(low, high)
     fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
-    return NextTests(campaign, over, rank_next_tests(fit.approach, over, candidates, planned))
+    return NextTests(campaign, over, rank_next_tests(fit.approach, over, candidates, planned), config)

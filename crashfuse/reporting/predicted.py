@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Unpack
+from pathlib import Path
+from typing import TYPE_CHECKING, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -22,9 +23,16 @@ from crashfuse.reporting.result_tables import metrics_table, pulses_table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
+from crashfuse.study.estimate import Estimate, Fit, estimates_at
 from crashfuse.study.estimate_cache import estimate_at
+from crashfuse.study.expected_rating import ExpectedRating, expected_rating
+from crashfuse.study.nearest import Neighbour, nearest_sentences, nearest_tests
+from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.units import KPH
+
+if TYPE_CHECKING:
+    from crashfuse.reporting.outgoing_pulses import PulseExport
+    from crashfuse.reporting.report.options import ReportForm
 
 _MM = 1e-3
 
@@ -68,12 +76,32 @@ class PredictedPulse:
     @property
     def pulses(self) -> pd.DataFrame:
         """The pulse of every approach with its band, as ``pulses.csv``."""
-        return pulses_table(("", estimate) for estimate in self.estimates)
+        return pulses_table(self.estimates)
 
     @cached_property
     def metrics(self) -> pd.DataFrame:
         """Pulse metrics of every approach with their 95 % intervals, as ``metrics.csv``."""
         return metrics_table((("", each.approach, each.metrics) for each in self.estimates), self.campaign)
+
+    @property
+    def recommendation(self) -> Recommendation:
+        """Which of its approaches to use here, and why, from how each predicted left-out tests near the condition."""
+        return recommend_for(self.estimates, self.campaign, self.condition)
+
+    def expected_rating(self, window_ms: float = 60.0) -> ExpectedRating | None:
+        """The rating over [0, window_ms) to expect of the preferred approach against a test here; None if unknown."""
+        return expected_rating(self.estimate, self.campaign, window_ms)
+
+    @property
+    def nearest_tests(self) -> tuple[Neighbour, ...]:
+        """The tests nearest to the condition, nearest first."""
+        return nearest_tests(self.campaign, self.condition)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What ``crashfuse predict`` prints: recommendation, expected rating, nearest tests and run, remarks."""
+        advice, near = self.recommendation.sentences, nearest_sentences(self.campaign, self.condition)
+        return tuple(filter(None, dict.fromkeys((*advice, *near, *self.notes, self.campaign.notice))))
 
     def to_frame(self) -> pd.DataFrame:
         """Pulse, band and motion by the preferred approach, one row a sample.
@@ -85,7 +113,7 @@ class PredictedPulse:
             ``pulses.csv``; ``velocity_kph``, ``displacement_mm``; 1,250 rows.
         """
         velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
-        pulse = pulses_table([("", self.estimate)]).drop(columns=["held_out", "approach"])
+        pulse = pulses_table([self.estimate]).drop(columns=["held_out", "approach"])
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
 
     def plot(
@@ -117,6 +145,29 @@ class PredictedPulse:
         others = [each.beside(self) if isinstance(each, PredictedPulse) else each for each in several(also)]
         return Curves(None, own | beside(self.campaign, others, shown), self.condition, band).draw(figure, shown)
 
+    def write(
+        self,
+        folder: str | Path,
+        *,
+        export: "PulseExport | None" = None,
+        report: "ReportForm" = "whole",
+        **display: Unpack[DisplayOptions],
+    ) -> None:
+        """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written.
+        UsageError
+            If there is no such form or option, or there are fewer draws than are to be exported.
+        """
+        from crashfuse.reporting.outgoing_pulses import PulseExport
+        from crashfuse.reporting.results import write_prediction
+
+        shown = Display.of(self.campaign.units, **display)
+        write_prediction(self, folder, shown, PulseExport() if export is None else export, report)
+
     def beside(self, other: "PredictedPulse") -> OtherPrediction:
         """Itself in a figure of another one: at the same condition it is named by its settings."""
         if self.condition == other.condition and otherwise(self.config, other.config):
@@ -145,14 +196,14 @@ class PredictedPulse:
         return card(
             f"The pulse at {display.condition(self.condition)}",
             pd.DataFrame(rows),
-            (note, *map(display.words, self.notes)),
+            (note, *map(display.words, self.sentences)),
         )
 
 
 def predict(
     campaign: Campaign,
     condition: Condition,
-    approach: str | Sequence[str] = "fused",
+    approach: str | Fit | Sequence[str | Fit] = "fused",
     config: StudyConfig = StudyConfig(),
     *,
     cache: Cache | None = None,
@@ -162,30 +213,48 @@ def predict(
 
     Parameters
     ----------
-    approach : str or sequence of str
-        One approach, or several to be compared.
+    approach : str or Fit, or a sequence of these
+        One approach, or several to be compared. Fits answer at once, at one condition after another.
     config : StudyConfig
-        Preset, seed and device; its approaches do not matter.
+        Preset, seed and device of approaches that are named; its approaches do not matter.
 
     Raises
     ------
     UsageError
-        If there is no such approach, the campaign lacks a factor of the condition or its value, or speed or a weight
-        is beyond any barrier test.
+        If there is no such approach, a fit is of another campaign, the campaign lacks a factor of the condition or its
+        value, or speed or a weight is beyond any barrier test.
     """
     check_factors(campaign, condition)
-    names = asked(approach, config)
-    estimates = (estimate_at(campaign, condition, name, config, cache=cache, watch=watch) for name in names)
+    asked = (approach,) if isinstance(approach, Fit) else several(approach)
+    names = tuple(dict.fromkeys(name for name in asked if not isinstance(name, Fit)))
+    if names and len(names) == len(set(asked)):  # what is predicted is cached, too
+        replace(config, approaches=names).check()
+        estimates = [estimate_at(campaign, condition, name, config, cache=cache, watch=watch) for name in names]
+    else:
+        fits = fits_of(campaign, asked, config, cache, watch)
+        estimates, config = estimates_at(fits, condition), fits[0].config
     return PredictedPulse(campaign, tuple(estimates), config)
 
 
-def asked(approach: str | Sequence[str], config: StudyConfig) -> tuple[str, ...]:
-    """Names of approaches, each once; a UsageError if there is none, or no such approach, before anything is fitted."""
-    names = tuple(dict.fromkeys(several(approach)))
-    if not names:
+def fits_of(
+    campaign: Campaign,
+    approaches: Sequence[str | Fit],
+    config: StudyConfig,
+    cache: Cache | None,
+    watch: Watch,
+) -> list[Fit]:
+    """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
+    asked = dict.fromkeys(approaches)
+    if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")
-    replace(config, approaches=names).check()
-    return names
+    for each in asked:
+        if not isinstance(each, Fit):
+            replace(config, approaches=(each,)).check()
+        elif each.fingerprint != campaign.fingerprint:
+            raise UsageError(f"The fit of {each.approach.name} learned from other data than {campaign.name} holds.")
+    return [
+        each if isinstance(each, Fit) else Fit.of(campaign, each, config, cache=cache, watch=watch) for each in asked
+    ]
 
 
 def check_factors(campaign: Campaign, condition: Condition) -> None:

@@ -50,20 +50,20 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
-    """Predicted pulses in ms and g with the central 95 % band, empty where an approach has none.
-
-    Each estimate comes with the id of the held-out test, or an empty string for a new condition.
-    """
-    return pd.concat(
-        [_pulse_rows(held_out, estimate.approach, estimate.prediction) for held_out, estimate in estimates],
-        ignore_index=True,
-    )
+def pulses_table(estimates: Iterable[Estimate]) -> pd.DataFrame:
+    """Predicted pulses at a new condition in ms and g with the central 95 % band, empty where an approach has none."""
+    rows = [_pulse_rows("", estimate.approach, estimate.prediction) for estimate in estimates]
+    return pd.concat(rows, ignore_index=True)
 
 
 def study_pulses(study: Study) -> pd.DataFrame:
-    """Every prediction of every held-out test, see :func:`pulses_table`."""
-    return pulses_table((fold.held_out, estimate) for fold in study.folds for estimate in fold.estimates)
+    """The pulse of every held-out test as measured (``test``) and as predicted, as :func:`pulses_table` has them."""
+    rows = []
+    for fold in study.folds:
+        measured = Prediction(fold.test.condition, fold.test.pulse.accel_mps2)
+        rows.append(_pulse_rows(fold.held_out, "test", measured))
+        rows += [_pulse_rows(fold.held_out, each.approach, each.prediction) for each in fold.estimates]
+    return pd.concat(rows, ignore_index=True)
 
 
 def metrics_table(

@@ -5,8 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
-
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
@@ -92,15 +90,13 @@ def write_study(
 
 
 def write_prediction(
-    campaign: Campaign,
-    estimates: Sequence[Estimate],
-    config: StudyConfig,
+    prediction: PredictedPulse,
     folder: str | Path,
-    export: PulseExport = PulseExport(),
     display: Display = DEFAULT,
+    export: PulseExport = PulseExport(),
     report: ReportForm = "whole",
-) -> pd.DataFrame:
-    """Write the prediction at one new condition; returns the metrics.
+) -> None:
+    """Write the prediction at one new condition.
 
     ``pulses.csv`` and ``.parquet``, ``metrics.csv``, ``report.html``; the pulses for an occupant model in ``isomme/``,
     ``lsdyna/`` and ``radioss/``, whichever are asked for; and ``prediction.json`` with the condition, whether it lies
@@ -113,14 +109,12 @@ def write_prediction(
     UsageError
         If there are fewer draws than are to be exported.
     """
-    prediction = PredictedPulse(campaign, tuple(estimates), config)
-    _write(_PREDICTION, folder, prediction, config, export.files(campaign, estimates), display, report)
-    return prediction.metrics
+    _write(_PREDICTION, folder, prediction, export.files(prediction.campaign, prediction.estimates), display, report)
 
 
-def write_sweep(sweep: SpeedSweep, config: StudyConfig, folder: Path, display: Display = DEFAULT) -> None:
+def write_sweep(sweep: SpeedSweep, folder: str | Path, display: Display = DEFAULT) -> None:
     """Write ``sweep.csv``, with the tests' own metrics, and ``report.html``."""
-    _write(_SWEEP, folder, sweep, config, display)
+    _write(_SWEEP, folder, sweep, display)
 
 
 def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:
@@ -139,9 +133,9 @@ def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path
             write_atomically(folder / name / speed / path, content)
 
 
-def write_next_tests(ranking: NextTests, config: StudyConfig, folder: Path, display: Display = DEFAULT) -> None:
+def write_next_tests(ranking: NextTests, folder: str | Path, display: Display = DEFAULT) -> None:
     """Write ``next_tests.csv``, the best first, and ``report.html``."""
-    _write(_NEXT_TESTS, folder, ranking, config, display)
+    _write(_NEXT_TESTS, folder, ranking, display)
 
 
 def write_certification(
@@ -168,7 +162,7 @@ def write_certification(
 
 
 def write_learning_curve(
-    curve: LearningCurve, folder: str | Path, cost: Cost | None = None, display: Display = DEFAULT
+    curve: LearningCurve, folder: str | Path, display: Display = DEFAULT, cost: Cost | None = None
 ) -> None:
     """Write ``learning_curve.csv``, ``report.html`` and, last, ``learning_curve.json``; cost is that of one test.
 
@@ -200,24 +194,24 @@ _STUDY: Mapping[str, Callable[[Study, Display, ReportOptions], Content]] = {
     "report.html": lambda *result: study_report(*result).encode(),
     "study.json": lambda study, *_: _json(study_record(study)),
 }
-_PREDICTION: Mapping[str, Callable[[PredictedPulse, StudyConfig, PulseFiles, Display, ReportForm], Content]] = {
+_PREDICTION: Mapping[str, Callable[[PredictedPulse, PulseFiles, Display, ReportForm], Content]] = {
     "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
     "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
     "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
-    "report.html": lambda prediction, config, _, display, form: prediction_report(
-        prediction.campaign, prediction.estimates, config, display, form=form
+    "report.html": lambda prediction, _, display, form: prediction_report(
+        prediction.campaign, prediction.estimates, prediction.config, display, form=form
     ).encode(),
-    **{f"{name}/": (lambda *result, name=name: result[2].get(name)) for name in PULSE_FORMATS},
-    "prediction.json": lambda prediction, config, *_: _json(
-        prediction_record(prediction.campaign, prediction.estimates, config)
+    **{f"{name}/": (lambda *result, name=name: result[1].get(name)) for name in PULSE_FORMATS},
+    "prediction.json": lambda prediction, *_: _json(
+        prediction_record(prediction.campaign, prediction.estimates, prediction.config)
     ),
 }
-_SWEEP: Mapping[str, Callable[[SpeedSweep, StudyConfig, Display], Content]] = {
-    "report.html": lambda *result: sweep_report(*result).encode(),
+_SWEEP: Mapping[str, Callable[[SpeedSweep, Display], Content]] = {
+    "report.html": lambda sweep, display: sweep_report(sweep, display).encode(),
     "sweep.csv": lambda sweep, *_: csv_bytes(sweep.table),
 }
-_NEXT_TESTS: Mapping[str, Callable[[NextTests, StudyConfig, Display], Content]] = {
-    "report.html": lambda *result: next_test_report(*result).encode(),
+_NEXT_TESTS: Mapping[str, Callable[[NextTests, Display], Content]] = {
+    "report.html": lambda ranking, display: next_test_report(ranking, display).encode(),
     "next_tests.csv": lambda ranking, *_: csv_bytes(ranking.table),
 }
 _CERTIFICATION: Mapping[str, Callable[[Certification, Display, Sequence[Note]], Content]] = {

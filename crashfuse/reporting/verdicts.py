@@ -9,6 +9,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import CONFIDENCE, Criteria
@@ -70,6 +71,35 @@ class Verdicts:
         """What became of an earlier certification, as ``changes.csv``; raises as :meth:`beside`."""
         return changes_table(Changes.of(self.beside(earlier).certification))
 
+    def write(
+        self,
+        folder: str | Path,
+        *,
+        since: str | Path | None = None,
+        notes: Sequence[Note] = (),
+        **display: Unpack[DisplayOptions],
+    ) -> None:
+        """Write what ``crashfuse certify`` writes: tables, ``certification.json``, ``report.html``.
+
+        Parameters
+        ----------
+        since : str or Path, optional
+            An earlier certification: ``changes.csv`` and the report then tell what became of it, see :meth:`beside`.
+        notes : sequence of Note
+            On the campaign's tests, for the report.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written.
+        DataError
+            If there is no such earlier certification, or it is of another vehicle.
+        """
+        from crashfuse.reporting.results import write_certification
+
+        shown = Display.of(self.certification.campaign.units, **display)
+        write_certification(self.certification, folder, shown, since, notes)
+
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
         """A figure of the page Certify.
 
@@ -121,7 +151,7 @@ FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {
 
 def certify(
     campaign: Campaign,
-    criteria: str | Path | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria,
+    criteria: str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria,
     matrix: str | Path | pd.DataFrame | Matrix,
     *,
     confidence: float = CONFIDENCE,
@@ -136,12 +166,12 @@ def certify(
 
     Parameters
     ----------
-    criteria : path, mapping or sequence of mappings, or Criteria
-        ``criteria.toml``, or its tables: name, metric, window_ms, at_least, at_most.
+    criteria : path, DataFrame, mapping or sequence of mappings, or Criteria
+        ``criteria.toml``, or its tables, one row each in a frame: name, metric, window_ms, at_least, at_most.
     matrix : path, DataFrame or Matrix
         ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
     confidence : float
-        Of criteria given as mappings.
+        Of criteria given as mappings or rows.
     approach : str
         Whose predictions are judged.
     config : StudyConfig
@@ -162,6 +192,8 @@ def certify(
     if isinstance(criteria, str | Path):
         criteria = read_criteria(Path(criteria))
     elif not isinstance(criteria, Criteria):
+        if isinstance(criteria, pd.DataFrame):
+            criteria = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in criteria.to_dict("records")]
         criteria = criteria_of([criteria] if isinstance(criteria, Mapping) else criteria, confidence)
     config = replace(config, approaches=(approach,))
     return Verdicts(

@@ -77,7 +77,7 @@ class Fit:
     """An approach fitted to a campaign, with the duration of the fit; it predicts at any condition.
 
     ``left_out`` are its predictions for the tests that it learned from, as if each had not been run; ``metric_errors``
-    and ``occupant`` are as in :class:`Estimate`.
+    and ``occupant`` are as in :class:`Estimate`; ``fingerprint`` is that of the campaign.
     """
 
     approach: Approach
@@ -86,6 +86,7 @@ class Fit:
     left_out: Mapping[str, Prediction]
     metric_errors: Errors
     occupant: OccupantModel = USUAL_OCCUPANT
+    fingerprint: str = ""
 
     @classmethod
     def of(
@@ -121,7 +122,7 @@ class Fit:
             return {name: numbers(entry, name, len(left_out)) for name in METRIC_LABELS}
 
         errors = cache.get_or_compute(_JUDGED, key, judge, restore, watch)
-        return cls(learned, config, seconds, left_out, errors, campaign.occupant)
+        return cls(learned, config, seconds, left_out, errors, campaign.occupant, campaign.fingerprint)
 
     def __repr__(self) -> str:
         return f"<Fit of {self.approach.name}, which took {self.seconds:.1f} s>"

@@ -11,7 +11,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
-from crashfuse.signals.rating import Rating, rate_many, rate_windows
+from crashfuse.signals.rating import Ratings, rate_many, rate_windows
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.study.estimate import Estimate
 
@@ -24,13 +24,13 @@ class Fold:
 
     Attributes
     ----------
-    ratings : dict of str to dict of float to Rating
+    ratings : dict of str to Ratings
         By approach, then by window in ms.
     """
 
     test: CrashTest
     estimates: tuple[Estimate, ...]
-    ratings: dict[str, dict[float, Rating]]
+    ratings: dict[str, Ratings]
     _drawn: dict[tuple[str, float], FloatArray] = field(default_factory=dict, repr=False)
     _explained: dict[tuple[str, float], RatingExplanation] = field(default_factory=dict, repr=False)
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -29,6 +30,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig, require_rated
+from crashfuse.study.cost import Cost
 from crashfuse.study.duration import shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
 from crashfuse.study.estimate_cache import find_estimate, store_estimate
@@ -117,6 +119,27 @@ class LearningCurve:
 
         shown = Display.of(self.campaign.units, self.window_ms, **display)
         return over_number_of_tests(self.over(shown.window_ms), shown)
+
+    def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[DisplayOptions]") -> None:
+        """Write what ``crashfuse learning-curve`` writes: its tables and ``report.html``.
+
+        Parameters
+        ----------
+        cost : str, optional
+            Of one test, such as ``60,000 EUR``.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written.
+        UsageError
+            If the cost is none.
+        """
+        from crashfuse.reporting.plots.display import Display
+        from crashfuse.reporting.results import write_learning_curve
+
+        shown = Display.of(self.campaign.units, **display)
+        write_learning_curve(self, folder, shown, None if cost is None else Cost.of(cost))
 
     def __repr__(self) -> str:
         sizes = self.table["n_tests"].unique()

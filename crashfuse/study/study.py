@@ -4,13 +4,14 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crashfuse.approaches.calibration import Calibration, shares_inside
 from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, one_of
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.fold import Fold
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from crashfuse.campaign_folder.notes import Note
     from crashfuse.reporting.figures import Further
     from crashfuse.reporting.plots.display import DisplayOptions
+    from crashfuse.reporting.report import ReportOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,7 @@ class Study:
 
     @property
     def pulses(self) -> "pd.DataFrame":
-        """Predicted pulses with their bands, as ``pulses.csv``."""
+        """Pulses of the tests and their predictions with their bands, as ``pulses.csv``."""
         from crashfuse.reporting.result_tables import study_pulses
 
         return study_pulses(self)
@@ -144,6 +146,23 @@ class Study:
             also=also, band=band, measured=measured, corridors=corridors, notes=notes, **display,
         )  # fmt: skip
 
+    def write(
+        self, folder: str | Path, *, report: "ReportOptions | None" = None, **display: "Unpack[DisplayOptions]"
+    ) -> None:
+        """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written.
+        """
+        from crashfuse.reporting.plots.display import Display
+        from crashfuse.reporting.report import ReportOptions
+        from crashfuse.reporting.results import write_study
+
+        shown = Display.of(self.campaign.units, **display)
+        write_study(self, folder, shown, ReportOptions() if report is None else report)
+
     def __repr__(self) -> str:
         window = self.config.windows_ms[-1]
         means = ", ".join(f"{name} {self.mean_rating(name, window):.3f}" for name in self.config.approaches)
@@ -155,8 +174,10 @@ class Study:
 
         return study_html(self)
 
-    def mean_rating(self, approach: str, window_ms: float) -> float:
-        """Overall rating of an approach over one window, averaged over the held-out tests."""
+    def mean_rating(self, approach: str, window_ms: float | None = None) -> float:
+        """Overall rating of an approach over one window, by default the longest, averaged over the held-out tests."""
+        window_ms = max(self.config.windows_ms) if window_ms is None else window_ms
+        one_of("approach of this study", approach, dict.fromkeys(self.config.approaches))
         return float(np.mean([fold.ratings[approach][window_ms].overall for fold in self.folds]))
 
     def mean_repeat(self, window_ms: float) -> float | None:

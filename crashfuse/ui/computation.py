@@ -276,4 +276,5 @@ class SweepRequest(Request[SpeedSweep]):
 
     def work(self, watch: Watch) -> SpeedSweep:  # noqa: D102
         campaign = self.request.campaign
-        return SpeedSweep(campaign, sweep_speed(self.fitted.fits, self.condition, usual_speeds(campaign), watch))
+        sweeps = sweep_speed(self.fitted.fits, self.condition, usual_speeds(campaign), watch)
+        return SpeedSweep(campaign, sweeps, self.fitted.fits[0].config)

@@ -50,9 +50,9 @@ def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(camp
     draws = centre + sd * norm.ppf(np.linspace(0, 1, 41).clip(1e-3, 1 - 1e-3))[:, None]  # every 2.5 % a draw
     shown = centre + 1.0  # the expected pulse need not be in the middle
     estimate = Estimate("fused", Prediction(campaign.tests[0].condition, shown, draws), {}, 0.0)
-    table = pulses_table([("T1", estimate)])
+    table = pulses_table([estimate])
     assert table.columns.tolist() == ["held_out", "approach", "time_ms", "acceleration_g", "lower_g", "upper_g"]
-    assert table[["held_out", "approach"]].drop_duplicates().to_numpy().tolist() == [["T1", "fused"]]
+    assert table[["held_out", "approach"]].drop_duplicates().to_numpy().tolist() == [["", "fused"]]
     np.testing.assert_allclose(table["time_ms"], np.arange(1250) * 0.08, atol=1e-9)
     np.testing.assert_allclose(table["acceleration_g"], shown / 9.80665)
     np.testing.assert_allclose(table["lower_g"], (centre - 1.959964 * sd) / 9.80665, atol=1e-6)
@@ -64,7 +64,7 @@ def test_a_pulse_without_draws_has_empty_ends(campaign: Campaign) -> None:
     test = campaign.tests[0]
     bare = Estimate("cae", Prediction(test.condition, test.pulse.accel_mps2), {}, 0.0)
     banded = replace(bare, approach="fused", prediction=replace(bare.prediction, draws_mps2=np.zeros((2, 1250))))
-    table = pulses_table([("", bare), ("", banded)])
+    table = pulses_table([bare, banded])
     assert table["approach"].tolist() == ["cae"] * 1250 + ["fused"] * 1250
     assert table.groupby("approach")[["lower_g", "upper_g"]].count().to_numpy().tolist() == [[0, 0], [1250, 1250]]
 

@@ -109,9 +109,9 @@ def certification(campaign: Campaign) -> Certification:
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
     "prediction": lambda campaign, display: prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG, display),
     "study": lambda campaign, display: study_report(study(campaign), display),
-    "sweep": lambda campaign, display: sweep_report(SpeedSweep(campaign, tuple(sweeps(campaign))), CONFIG, display),
+    "sweep": lambda campaign, display: sweep_report(SpeedSweep(campaign, tuple(sweeps(campaign)), CONFIG), display),
     "next test": lambda campaign, display: next_test_report(
-        NextTests(campaign, ConditionRange.of(campaign.tests), tuple(ranked(campaign))), CONFIG, display
+        NextTests(campaign, ConditionRange.of(campaign.tests), tuple(ranked(campaign)), CONFIG), display
     ),
     "certification": lambda campaign, display: certification_report(certification(campaign), display),
 }

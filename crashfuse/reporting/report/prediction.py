@@ -86,9 +86,9 @@ def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Displ
     }
 
 
-def sweep_report(sweep: SpeedSweep, config: StudyConfig, display: Display = DEFAULT) -> str:
+def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> str:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
-    campaign, sweeps = sweep.campaign, sweep.sweeps
+    campaign, sweeps, config = sweep.campaign, sweep.sweeps, sweep.config
     condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
     return render(
         "sweep",
@@ -105,9 +105,9 @@ def sweep_report(sweep: SpeedSweep, config: StudyConfig, display: Display = DEFA
     )
 
 
-def next_test_report(ranking: NextTests, config: StudyConfig, display: Display = DEFAULT) -> str:
+def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
     """HTML report of a ranking of next tests."""
-    over, ranked = ranking.over, ranking.ranked
+    over, ranked, config = ranking.over, ranking.ranked, ranking.config
     return render(
         "next_test",
         "which test next",

@@ -47,9 +47,10 @@ def show(comparison: Comparison) -> None:
     if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
         beside.append(repeat.sentence(rated, LABELS[advice.approach]))
     told, *reasons = advice.after(rated)
-    raw = comparison.fold.ratings.get(BASELINE, {}).get(comparison.window_ms)
-    if raw is not None and raw.overall - rated >= _NO_CHANGE:
-        told = joined([told, f"The raw CAE model rates {raw.overall:.3f}, higher."])
+    if BASELINE in comparison.fold.ratings:
+        raw = comparison.fold.ratings[BASELINE][comparison.window_ms].overall
+        if raw - rated >= _NO_CHANGE:
+            told = joined([told, f"The raw CAE model rates {raw:.3f}, higher."])
     explanations.show_recommendation([told, *reasons], beside, "warning" if missed else "lightbulb")
 
 

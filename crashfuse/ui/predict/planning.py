@@ -77,7 +77,7 @@ def show_over_speed(answer: Answer) -> None:
         st.caption(plain(sentence))
     with st.container(horizontal=True):
         download_table("sweep.csv", lambda: found.table, view.campaign.name)
-        download_report(lambda: sweep_report(found, request.config, view.display), view.campaign.name, "sweep.html")
+        download_report(lambda: sweep_report(found, view.display), view.campaign.name, "sweep.html")
 
 
 def show_next_test(answer: Answer) -> None:
@@ -96,7 +96,7 @@ def show_next_test(answer: Answer) -> None:
     low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        found = NextTests(campaign, over, _ranked(request.key, over, domains[0]))
+        found = NextTests(campaign, over, _ranked(request.key, over, domains[0]), request.config)
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
@@ -111,7 +111,7 @@ def show_next_test(answer: Answer) -> None:
     show_table(page_tables.next_tests(found.ranked[:BEST], display), "next tests")
     with st.container(horizontal=True):
         download_table("next_tests.csv", lambda: found.table, campaign.name)
-        download_report(lambda: next_test_report(found, request.config, display), campaign.name, "next_test.html")
+        download_report(lambda: next_test_report(found, display), campaign.name, "next_test.html")
 
 
 @st.cache_data(show_spinner="Ranking candidates …", max_entries=32)
