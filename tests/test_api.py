@@ -1,5 +1,8 @@
 """What the package promises to its users by name."""
 
+import inspect
+import re
+
 import crashfuse
 from crashfuse import errors
 
@@ -7,23 +10,41 @@ from crashfuse import errors
 def test_the_public_names_are_these() -> None:
     """A name that comes or goes is a decision, not an accident."""
     assert crashfuse.__all__ == [
+        "Cache",
         "Campaign",
+        "Choices",
+        "ColumnChoice",
         "Condition",
-        "ConditionRange",
+        "CrashTest",
         "CrashfuseError",
+        "Criteria",
         "DataError",
         "Display",
+        "EarlierPrediction",
+        "Estimate",
+        "ExpectedRating",
         "Fit",
+        "Fold",
+        "Kinematics",
         "LearningCurve",
+        "Matrix",
+        "Metric",
+        "Neighbour",
         "NextTests",
         "Note",
+        "OccupantModel",
+        "PartialCondition",
         "PredictedPulse",
+        "Prediction",
         "Preview",
+        "Problem",
         "Pulse",
         "PulseExport",
+        "QualityLimits",
         "Rating",
         "RatingChoices",
         "RatingExplanation",
+        "Recommendation",
         "ReportOptions",
         "SolverCurve",
         "SpeedSweep",
@@ -31,14 +52,12 @@ def test_the_public_names_are_these() -> None:
         "StudyConfig",
         "UsageError",
         "Verdicts",
+        "Watch",
         "__version__",
         "certify",
         "darkened",
         "energy_crush",
-        "estimate_at",
-        "estimates_at",
         "excursions_table",
-        "expected_rating",
         "explain_files",
         "explain_rating",
         "figure_table",
@@ -52,7 +71,6 @@ def test_the_public_names_are_these() -> None:
         "prediction_report",
         "preview_source",
         "pulse_metrics",
-        "rank_next_tests",
         "rate_channels",
         "rate_files",
         "rate_iso18571",
@@ -60,21 +78,15 @@ def test_the_public_names_are_these() -> None:
         "rating_sentences",
         "read_notes",
         "recommend",
-        "recommend_for",
         "run_study",
         "sample_folder",
         "save_model",
         "study_report",
         "sweep",
-        "sweep_speed",
         "watching",
         "worst_test",
         "write_campaign",
-        "write_certification",
-        "write_learning_curve",
         "write_notes",
-        "write_prediction",
-        "write_study",
     ]
 
 
@@ -93,3 +105,24 @@ def test_all_errors_are_one_tree() -> None:
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, Exception)]
     assert len(kinds) == 5
     assert all(issubclass(kind, crashfuse.CrashfuseError) for kind in kinds)
+
+
+def test_types_that_public_calls_ask_for_are_public() -> None:
+    """Whatever has to be made to call a function can be made from the public names."""
+    public = {name: getattr(crashfuse, name) for name in crashfuse.__all__}
+    called = [(name, call) for name, call in public.items() if inspect.isfunction(call)]
+    settings = [crashfuse.Choices, crashfuse.RatingChoices, crashfuse.ReportOptions, crashfuse.PulseExport]
+    called += [(kind.__name__, kind.__init__) for kind in settings]
+    called += [
+        (f"{kind.__name__}.{name}", call)
+        for kind in (crashfuse.Study, crashfuse.PredictedPulse, crashfuse.Verdicts, crashfuse.LearningCurve)
+        for name, call in inspect.getmembers(kind, inspect.isfunction)
+        if not name.startswith("_") and name != "beside"
+    ]
+    for name, call in called:
+        scope = vars(inspect.getmodule(call))
+        for parameter in inspect.signature(call).parameters.values():
+            for word in re.findall(r"[A-Z]\w+", str(parameter.annotation)):
+                kind = scope.get(word)
+                made = inspect.isclass(kind) and not issubclass(kind, dict) and not getattr(kind, "_is_protocol", False)
+                assert not made or not kind.__module__.startswith("crashfuse") or word in public, f"{name}: {word}"

@@ -29,7 +29,30 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / name, copy)
     for path, table, code in BLOCKS:
         apply(copy / path, table, code)
+    (copy / "tests" / "readers" / "test_json.py").write_text(JSON_CONTRACT, encoding="utf-8")
     return copy
+
+
+JSON_CONTRACT = '''
+import json
+from typing import ClassVar
+
+import numpy as np
+
+from crashfuse.testing import ReaderContract
+
+TIME_S = np.arange(1200) * 1e-4
+ACCEL_G = -36 * np.sin(np.pi * TIME_S / 0.07) * (TIME_S < 0.07)
+SOUND = json.dumps({"speed_kph": 56, "step_s": 1e-4, "acceleration_g": ACCEL_G.tolist()})
+
+
+class TestJson(ReaderContract):
+    """The recipe's reader keeps the contract of all."""
+
+    format: ClassVar[str] = "json"
+    files: ClassVar[dict[str, bytes]] = {"V7.pulse.json": SOUND.encode()}
+'''
+"""The contract test that whoever follows the recipe for a format writes."""
 
 
 def apply(path: Path, table: str, code: str) -> None:
@@ -78,6 +101,8 @@ import contextlib, io, json, os, sys
 import pytest  # which wants to be there before what it looks into
 with contextlib.redirect_stdout(io.StringIO()) as said:
     contract = pytest.main(["-q", "-p", "no:cacheprovider", "tests/approaches/test_contract.py", "-k", "scaled_cae"])
+with contextlib.redirect_stdout(io.StringIO()) as of_reader:
+    read = pytest.main(["-q", "-p", "no:cacheprovider", "tests/readers/test_json.py"])
 import numpy as np
 from crashfuse import cli, load_campaign
 from crashfuse.approaches.registry import CLASSES, LABELS
@@ -93,6 +118,7 @@ from streamlit.testing.v1 import AppTest
 
 folder, place = sys.argv[1:]
 shown, campaign = {"contract": [contract, said.getvalue()]}, load_campaign(folder)
+shown["contract of readers"] = [read, of_reader.getvalue()]
 
 
 def printed(*arguments):
@@ -162,7 +188,9 @@ def test_a_new_approach_is_studied(shown: dict[str, Any]) -> None:
 
 @pytest.mark.slow
 def test_a_new_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
-    """By its name; the rest is detected as in any format."""
+    """By its name; the rest is detected as in any format. The reader keeps the contract."""
+    ended, said = shown["contract of readers"]
+    assert ended == 0, said
     assert shown["imported"].startswith("V7: 34.8 mph (56.0 km/h)")
 
 

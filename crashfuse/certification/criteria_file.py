@@ -14,6 +14,8 @@ from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 
 LEAST_SURE, MOST_SURE = 0.5, 0.999999
 _MOST_CRITERIA = 100
+_LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
+"""Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
 
@@ -133,6 +135,10 @@ class _Check:
             scale = f", in {unit}" if unit else ", up to 1" * (metric == RATING)
             self.wrong(f"a number of 0 or more for {key}{scale}", shown(limit), "correct the limit")
             return None
+        least, larger = _LEAST_LIMITS.get(METRIC_UNITS.get(metric, ""), (0.0, ""))
+        if 0 < limit < least and "unit" not in item:
+            advice = f"if {limit:g} {larger} is meant, write {1e3 * limit:g}; else state the unit"
+            self.wrong(f"{key} of {metric} in {METRIC_UNITS[metric]}", f"{limit:g}", advice)
         return float(limit)
 
     def _window(self, item: dict[str, Any], metric: str) -> float | None:

@@ -140,9 +140,9 @@ def test_what_tables_lack_or_have_twice_is_one_sentence(frames: Frames) -> None:
     assert refusal(frames, test_pulses=pulses.drop(columns="time_ms")) == (
         "test_pulses: expected one column time_ms or time_s, found the columns id, acceleration_g; add the column."
     )
-    assert refusal(frames, test_pulses=pulses.assign(acceleration_g=1.0)) == (
-        "test_pulses: expected one column acceleration_g or acceleration_mps2, found acceleration_mps2, "
-        "acceleration_g; keep one of them."
+    assert refusal(frames, test_pulses=pulses.assign(acceleration_mps2=1.0)) == (
+        "test_pulses: expected one column acceleration_g or acceleration_mps2, found acceleration_g, "
+        "acceleration_mps2; keep one of them."
     )
     assert refusal(frames, test_pulses=pulses.iloc[:0]) == (
         "test_pulses: expected at least one row, found an empty table; add the rows."
@@ -151,8 +151,8 @@ def test_what_tables_lack_or_have_twice_is_one_sentence(frames: Frames) -> None:
     assert refusal(frames, test_pulses=twice) == (
         "test_pulses: expected each column once, found time_ms twice; rename or remove one."
     )
-    mixed = pulses.astype({"acceleration_mps2": object})
-    mixed.loc[5, "acceleration_mps2"] = "high"
+    mixed = pulses.astype({"acceleration_g": object})
+    mixed.loc[5, "acceleration_g"] = "high"
     said = refusal(frames, test_pulses=mixed)
     assert said.startswith("test_pulses: expected columns that are numbers or text, found")
     assert said.endswith("; give each column one type.")

@@ -77,6 +77,10 @@ CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
             f'{CRUSH}unit = "m"\nat_most = 0.65',
             "expected limits of max_crush in mm, found m; convert the limits to mm.",
         ),
+        (
+            f"{CRUSH}at_most = 0.45",
+            "at_most of max_crush in mm, found 0.45; if 0.45 m is meant, write 450; else state the",
+        ),
         (f"{CRUSH}at_most_m = 0.65", "found at_most_m; write at_most, with the limit in the metric's own unit."),
         (f'{CRUSH}at_most = "650 mm"', "expected a number of 0 or more for at_most, in mm, found '650 mm'; correct"),
         (f"{CRUSH}at_most = true", "expected a number of 0 or more for at_most, in mm, found True; correct the limit."),
@@ -90,7 +94,10 @@ CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
             "expected the keys name, metric, window_ms, at_least, at_most, unit, found",
         ),
         (f'{CRUSH}at_most = 650\nname = " "', "expected a name of at most 100 characters in one line"),
-        (f"{CRUSH}at_most = 1\n{CRUSH}at_most = 2", "criterion 2: expected each name once, found 'max_crush' a second"),
+        (
+            f"{CRUSH}at_most = 100\n{CRUSH}at_most = 200",
+            "criterion 2: expected each name once, found 'max_crush' a second",
+        ),
         (
             f'{CRUSH}at_most = 600\n{CRUSH}name = "deep"\nat_least = 700',
             "that one value can meet, found 'max_crush' with at most 600 mm, 'deep' with at least 700",

@@ -23,6 +23,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import load as campaign_folder_module
 from crashfuse.cli.output import display_of
 from crashfuse.reporting.results import RESULT_FILES
+from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.plan import StudyPlan
 from crashfuse.testing import small_campaign
@@ -31,11 +32,7 @@ from crashfuse.version import __version__
 from crashfuse.wording import KPH_KG, MPH_LB
 from tests.conftest import write_campaign
 
-METRICS = [
-    *("peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"),
-    *("esw", "g1", "g2", "step_time", "centroid_time", "loading_ratio"),
-    *("static_crush", "rebound_velocity", "restitution"),
-]
+CONTRACT = ["peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"]
 
 
 def at_condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float) -> list[str]:
@@ -90,11 +87,12 @@ def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folde
     """12.5 kHz over 0–100 ms; the raw CAE and the LF TCN have no band, the displacement domain has."""
     pulses = pd.read_csv(study_folder / "pulses.csv", dtype={"held_out": str})
     assert list(pulses) == ["held_out", "approach", "time_ms", "acceleration_g", "lower_g", "upper_g"]
+    assert set(pulses["approach"]) == {"test", *APPROACHES}
     for _, rows in pulses.groupby(["held_out", "approach"]):
         np.testing.assert_allclose(rows["time_ms"], GRID_S / MS, atol=1e-6)
     banded = pulses.groupby("approach")["lower_g"].apply(lambda column: column.notna().all())
     assert banded["displacement_domain"]
-    assert pulses[pulses["approach"].isin(["cae", "lf_tcn"])][["lower_g", "upper_g"]].isna().all(axis=None)
+    assert pulses[pulses["approach"].isin(["test", "cae", "lf_tcn"])][["lower_g", "upper_g"]].isna().all(axis=None)
 
 
 @pytest.mark.slow
@@ -104,7 +102,8 @@ def test_metrics_hold_the_measured_test_beside_the_predictions(study_folder: Pat
     assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
     assert set(metrics["basis"]) == {"filtered as supplied"}
     assert set(metrics["approach"]) == {"test", *APPROACHES}
-    assert list(metrics["metric"].unique()) == METRICS
+    assert list(metrics["metric"].unique()) == list(METRIC_LABELS)
+    assert list(METRIC_LABELS)[: len(CONTRACT)] == CONTRACT
     measured = metrics.query("held_out == 'T2' and approach == 'test' and metric == 'delta_v'").iloc[0]
     assert measured["unit"] == "km/h"
     assert measured["value"] == pytest.approx(1.1 * 25 * 1.609344, rel=1e-3)
