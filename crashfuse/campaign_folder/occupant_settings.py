@@ -4,32 +4,27 @@ from typing import Any
 
 from crashfuse.errors import Problem, printable
 from crashfuse.files.toml_text import shown
-from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
+from crashfuse.signals.occupant import OCCUPANT_RANGES, USUAL_OCCUPANT, OccupantModel
 
 _WHERE, _TABLE = "campaign.toml", "[occupant]"
-# a slack or free flight of nothing is a choice; without a restraint or a spring there is no metric
-_RANGES = {
-    "olc_free_flight_mm": (0, 1000),
-    "olc_restraint_mm": (1, 1000),
-    "vpi_slack_mm": (0, 1000),
-    "vpi_stiffness_npm": (1, 1_000_000),
-}
 
 
 def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> OccupantModel:
     """Pop ``[occupant]`` from the settings of a campaign; append its problems to ``problems``."""
     given = values.pop("occupant", {})
     if not isinstance(given, dict):
-        expected = f"a table {_TABLE} with {', '.join(_RANGES)}"
+        expected = f"a table {_TABLE} with {', '.join(OCCUPANT_RANGES)}"
         problems.append(Problem(_WHERE, expected, "another value", "correct it", "occupant"))
         return USUAL_OCCUPANT
     own: dict[str, float] = {}
     for name, value in given.items():
-        if name not in _RANGES:
+        if name not in OCCUPANT_RANGES:
             found = printable(str(name), 60)
-            problems.append(Problem(_WHERE, f"{', '.join(_RANGES)} in {_TABLE}", found, "correct or remove it", name))
+            problems.append(
+                Problem(_WHERE, f"{', '.join(OCCUPANT_RANGES)} in {_TABLE}", found, "correct or remove it", name)
+            )
             continue
-        low, high = _RANGES[name]
+        low, high = OCCUPANT_RANGES[name]
         if isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high:
             own[name] = float(value)
         else:
@@ -40,5 +35,5 @@ def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> Occupa
 
 def occupant_lines(occupant: OccupantModel) -> list[str]:
     """What differs from the usual model, as lines of ``campaign.toml``."""
-    own = [name for name in _RANGES if getattr(occupant, name) != getattr(USUAL_OCCUPANT, name)]
+    own = [name for name in OCCUPANT_RANGES if getattr(occupant, name) != getattr(USUAL_OCCUPANT, name)]
     return [_TABLE, *(f"{name} = {getattr(occupant, name)!r}" for name in own)] if own else []

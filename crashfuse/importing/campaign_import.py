@@ -5,12 +5,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 from crashfuse.campaign_folder.added import Added
 from crashfuse.campaign_folder.additions import Addition, add_each
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.settings import own_filter_class
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, one_of
 from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import Lacking, missing_values, told_of_several
@@ -83,6 +84,7 @@ def import_source(
     own = own_filter_class(out)
     if own is not None and choices.channel_filter_class not in (None, own):
         raise UsageError(f"The campaign filters every record with CFC {own:g}; remove --channel-filter-class.")
+    one_of("kind of record", role or "tests", dict.fromkeys(get_args(Role)))
     together = record_id is not None or bool(choices.channels)
     problems: list[Problem] = []
     sources: list[str] = []

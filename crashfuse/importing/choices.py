@@ -1,12 +1,19 @@
 """User choices for an import."""
 
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Literal
 
-from crashfuse.errors import one_of, several
+from crashfuse.errors import UsageError, one_of, printable, several
 from crashfuse.readers.axle_weights import AxleWeights
 from crashfuse.readers.record import PartialCondition
 from crashfuse.readers.unit_spelling import acceleration_unit
+
+
+def require_filter_class(cfc: object) -> None:
+    """Raise a UsageError if this is no channel filter class, "none" or None."""
+    if cfc not in (None, "none") and not (isinstance(cfc, Real) and 1 <= cfc <= 1000):
+        raise UsageError(f'A channel filter class is 60, 180, 600, 1000 or "none", not {printable(repr(cfc), 20)}.')
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +53,7 @@ class Choices:
             object.__setattr__(self, "unit", acceleration_unit(self.unit))
         if self.deceleration_sign is not None:
             one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
-        if isinstance(self.channel_filter_class, str):
-            one_of("channel filter class", self.channel_filter_class, {"none": None})
+        require_filter_class(self.channel_filter_class)
 
     @property
     def weights(self) -> AxleWeights:

@@ -16,7 +16,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.sample_tables import read_pulse
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem
+from crashfuse.errors import CrashfuseError, DataError, Problem, several
 from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.importing.channels import missing_choices
@@ -61,12 +61,22 @@ class RatingChoices:
         Filter both with this class, or neither; by default as the import does, and tables in our own form not at all.
     unit : str, optional
         Unit of the acceleration in files of other formats; by default detected.
+
+    Raises
+    ------
+    UsageError
+        If there is no such unit or filter class.
     """
 
     channels: tuple[str, ...] = ()
     comparison_channels: tuple[str, ...] = ()
     channel_filter_class: float | Literal["none"] | None = None
     unit: str | None = None
+
+    def __post_init__(self) -> None:
+        Choices(unit=self.unit, channel_filter_class=self.channel_filter_class)  # refuses what there is not
+        for name in ("channels", "comparison_channels"):
+            object.__setattr__(self, name, several(getattr(self, name)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

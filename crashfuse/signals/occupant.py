@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import FloatArray
 
 
@@ -22,12 +23,22 @@ class OccupantModel:
         How far the occupant moves within the vehicle before the restraint takes hold, and while it slows him down.
     vpi_slack_mm, vpi_stiffness_npm : float
         Slack of the spring, and its stiffness in N/m for a mass of 1 kg.
+
+    Raises
+    ------
+    UsageError
+        If one is outside of :data:`OCCUPANT_RANGES`.
     """
 
     olc_free_flight_mm: float = 65.0
     olc_restraint_mm: float = 235.0
     vpi_slack_mm: float = 30.0
     vpi_stiffness_npm: float = 2500.0
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in OCCUPANT_RANGES.items():
+            if not low <= getattr(self, name) <= high:
+                raise UsageError(f"{name} is between {low} and {high}, not {getattr(self, name)!r}.")
 
     @property
     def olc_words(self) -> str:
@@ -49,6 +60,13 @@ class OccupantModel:
         return "" if own == words.format(USUAL_OCCUPANT) else own
 
 
+# a slack or free flight of nothing is a choice; without a restraint or a spring there is no metric
+OCCUPANT_RANGES = {
+    "olc_free_flight_mm": (0, 1000),
+    "olc_restraint_mm": (1, 1000),
+    "vpi_slack_mm": (0, 1000),
+    "vpi_stiffness_npm": (1, 1_000_000),
+}
 USUAL_OCCUPANT = OccupantModel()
 _FEW = 10  # pulses, up to which Python's own numbers are faster than arrays
 _MM_PER_M = 1e3

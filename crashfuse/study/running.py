@@ -8,9 +8,10 @@ prediction is cached.
 from collections.abc import Hashable, Mapping, MutableMapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from numbers import Integral
 
 from crashfuse.campaign import Campaign
-from crashfuse.errors import several
+from crashfuse.errors import UsageError, printable, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.workers import Local, Workers
@@ -143,6 +144,8 @@ def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
 
 def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:
     """Workers of a Dask cluster if a scheduler is given, else processes on this machine."""
+    if processes is not None and not (isinstance(processes, Integral) and processes >= 1):
+        raise UsageError(f"The number of workers is 1 or more, not {printable(repr(processes), 20)}.")
     if scheduler is None:
         return nullcontext(Local(processes))
     from crashfuse.execution.cluster import connected  # import takes 1 s and needs an optional extra
