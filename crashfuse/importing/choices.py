@@ -1,7 +1,6 @@
 """User choices for an import."""
 
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from typing import Literal
 
 from crashfuse.errors import UsageError, one_of, printable, several
@@ -12,7 +11,7 @@ from crashfuse.readers.unit_spelling import acceleration_unit
 
 def require_filter_class(cfc: object) -> None:
     """Raise a UsageError if this is no channel filter class, "none" or None."""
-    if cfc not in (None, "none") and not (isinstance(cfc, Real) and 1 <= cfc <= 1000):
+    if cfc not in (None, "none") and not (isinstance(cfc, int | float) and 1 <= cfc <= 1000):
         raise UsageError(f'A channel filter class is 60, 180, 600, 1000 or "none", not {printable(repr(cfc), 20)}.')
 
 
