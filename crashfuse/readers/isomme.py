@@ -101,6 +101,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
         start_s=_seconds_in(header, "Time of first sample", where),
         comments=tuple(value for name, value in header if name.lower() == "comments"),
         source=first_of(header, "Data source") or "",
+        status=first_of(header, "Data status") or "",
     )
     implicit = (first_of(header, "Reference channel") or "").lower() == "implicit"
     return channel, None if implicit else first_of(header, "Reference channel name")
