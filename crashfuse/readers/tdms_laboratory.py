@@ -3,7 +3,7 @@
 Names and units are read as those of a table's columns (:mod:`crashfuse.readers.tables.headers`). The IIHS names
 channels by codes of ISO-MME (``11VEHC0000__ACX_``, and ``11VEHC0000__ACXD`` for the filtered signal), or in words with
 the unit (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time (sec)``); the property ``Impact_velocity`` of the file
-is the speed, a text in km/h.
+is the speed, a text in km/h. Channels whose recording began at different times (``wf_start_time``) are aligned by them.
 """
 
 import re
@@ -32,6 +32,7 @@ from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile
 from crashfuse.readers.tdms_waveform import MOST_CHANNELS, Told, number_of, text_of, waveform
 from crashfuse.readers.unit_spelling import UNITS, number_and_unit, unit_named
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.wording import time_text
 
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
@@ -67,10 +68,12 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: likelihood(one.channel.name))
-    channels, unread = _read(file, found[:MOST_CHANNELS], every, where)
+    channels, unread, late_s = _read(file, found[:MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
     condition, steps = _condition(found[0].said)
+    if late := [f"{printable(name)} by {time_text(delay, 6)}" for name, delay in late_s.items() if delay]:
+        steps.append(f"Aligned by the times at which recording began (wf_start_time): {', '.join(late)} later.")
     others = sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every)
     if others:
         steps.append(f"Left out: accelerations of dummies or in other directions ({others}).")
@@ -95,19 +98,22 @@ def _may_be_one(one: _Candidate) -> bool:
 
 def _read(
     file: TdmsFile, found: Sequence[_Candidate], every: Sequence[_Candidate], where: str
-) -> tuple[dict[str, RecordedChannel], dict[str, Problem]]:
-    """The channels by name, and the problems of those that have no samples or no time."""
+) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, float]]:
+    """The channels by name, the problems of those that have no samples or no time, and how late each began, in s."""
     repeated = Counter(one.channel.name for one in found)
     clocks = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS]
     times: dict[str, FloatArray] = {}
     channels: dict[str, RecordedChannel] = {}
     unread: dict[str, Problem] = {}
+    began = [start for one in found if isinstance(start := one.said.get("wf_start_time"), float)]
+    late_s: dict[str, float] = {}
     for one in found:
-        channel = one.channel
+        channel, start = one.channel, one.said.get("wf_start_time")
         name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
         try:
             clock = None if number_of(one.said, "wf_increment") else _clock_of(one, clocks, file, times)
-            read = waveform(file, channel, one.said, name, channel.name, where, clock)
+            late_s[name] = round(start - min(began), 6) if clock is None and isinstance(start, float) else 0.0
+            read = waveform(file, channel, one.said, name, channel.name, where, clock, late_s[name])
         except DataError as error:
             unread[name] = error.problems[0]
             continue
@@ -116,7 +122,7 @@ def _read(
         if sum(each.values.size for each in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
             raise DataError(Problem(where, expected, "more", "choose the file of one test"))
-    return channels, unread
+    return channels, unread, {name: late_s[name] for name in channels}
 
 
 def _clock_of(
