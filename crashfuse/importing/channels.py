@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
+from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing.choices import Choices
@@ -23,7 +24,7 @@ _LAG_S = 2e-3
 _SHAPE = 0.4  # sine of the angle between two signals: RMS of what one lacks of the other, over its RMS
 _CARE = 0.5  # of these limits
 _STEP_S = 1e-4
-_ONSET = 0.01  # of ΔV
+_ONSET = 0.05  # of the peak
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:
@@ -55,11 +56,12 @@ def unmeasured(record: Record, choices: Choices) -> list[Problem]:
 
 
 def agreeing_channels(
-    record: Record, choices: Choices, speed_mps: float, steps: list[str]
+    record: Record, choices: Choices, speed_mps: float, role: Role, steps: list[str]
 ) -> tuple[RecordedChannel, ...]:
     """The channels to average: those chosen, else the largest group of proposed channels that agree.
 
-    They agree in their change of velocity, in time and in shape; where they do so only just, that is told with care.
+    They agree in their change of velocity, those of a test in time and in shape, too: in a CAE run all nodes have one
+    clock. Where they agree only just, that is told with care.
 
     Raises
     ------
@@ -79,7 +81,8 @@ def agreeing_channels(
     signals = [_Signal.of(channel, record.source) for channel in chosen]
     agree = np.eye(len(signals), dtype=bool)
     for (i, one), (j, other) in combinations(enumerate(signals), 2):
-        agree[i, j] = agree[j, i] = not one.differences(other)
+        unlike = one.changes_unlike(other) if role == "cae" else bool(one.differences(other))
+        agree[i, j] = agree[j, i] = not unlike
     most = int(agree.sum(axis=1).argmax())
     near = agree[most]
     majority, on_time = near.sum() * 2 > len(chosen), bool(own_zero(record, even(chosen[0], record.source)[0]))
@@ -145,16 +148,19 @@ class _Signal:
 
     @property
     def onset_s(self) -> float:
-        """When the first hundredth of the velocity has changed."""
-        velocity = np.abs(np.cumsum(self.values))
-        return float(self.time_s[int(np.argmax(velocity >= _ONSET * velocity.max()))])
+        """When a twentieth of the peak is first reached."""
+        size = np.abs(self.values)
+        return float(self.time_s[int(np.argmax(size >= _ONSET * size.max()))])
+
+    def changes_unlike(self, other: "_Signal", share: float = 1.0) -> bool:
+        """Whether their changes of velocity differ by more than this share of the limit."""
+        return abs(self.gain - other.gain) > share * _DISSENT * max(abs(self.gain), abs(other.gain))
 
     def differences(self, other: "_Signal", share: float = 1.0) -> list[str]:
         """In what it differs from another by more than this share of the limits; in words, but for ΔV."""
-        ratio = self.gain / other.gain if other.gain else 0.0
-        if ratio <= 0:
-            return ["of the other sign"]
-        differ = [""] if min(ratio, 1 / ratio) < 1 - share * _DISSENT else []
+        if self.gain * other.gain <= 0:
+            return ["of the other sign" if self.gain * other.gain else ""]
+        differ = [""] if self.changes_unlike(other, share) else []
         n = self.values.size + other.values.size
         spectrum = np.fft.rfft(self.values, n) * np.conj(np.fft.rfft(other.values, n))
         alike = np.fft.irfft(spectrum, n) / np.sqrt((self.values**2).sum() * (other.values**2).sum())

@@ -139,7 +139,7 @@ def settled_at(
 
     Without its speed (NaN), a pulse is checked as far as that is possible.
     """
-    channels = agreeing_channels(record, choices, condition.speed_mps, steps)
+    channels = agreeing_channels(record, choices, condition.speed_mps, role, steps)
     time_s, values = averaged(record, channels, choices, steps)
     refuse_slow(record, time_s)
     refuse_short(record, time_s, values, choices, channels[0].unit, condition.speed_mps, role)

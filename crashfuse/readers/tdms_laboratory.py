@@ -18,7 +18,7 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.channel_codes import ChannelCode, proposed
 from crashfuse.readers.crash_setup import other_setup
 from crashfuse.readers.nhtsa_sensors import number_in
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.tables.headers import (
     OF_A_DUMMY,
     OTHER_DIRECTION,
@@ -83,7 +83,7 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     told = [value for name, value in file.properties.items() if isinstance(value, str) and _ABOUT_THE_TEST.search(name)]
     recorded = tuple(channels.values())
     other = other_setup(told)
-    return Record(record_id, where, condition, recorded, chosen, (*steps, why), unread=unread, other_setup=other)
+    return Record(record_id, where, condition, recorded, chosen, (*steps, *why), unread=unread, other_setup=other)
 
 
 def _candidate(channel: TdmsChannel, said: Told) -> _Candidate:
@@ -148,17 +148,22 @@ def _clock_of(
     return times[key]
 
 
-def _proposed(channels: Mapping[str, RecordedChannel], found: int, what: str) -> tuple[tuple[str, ...], str]:
-    """The channels to average, and the reason."""
-    codes = {name: code for name, one in channels.items() if (code := ChannelCode.parsed(one.label)) is not None}
-    chosen, why = proposed(codes)
-    if chosen:
-        return chosen, why
+def _proposed(
+    channels: Mapping[str, RecordedChannel], found: int, what: str
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The channels to average, and sentences on why."""
     unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
-    if found == 1 and what == "acceleration":
-        (name,) = channels
-        return (name,), f"The only {what}{unit}: {printable(name)}."
-    return (), f"Choose one of {len(channels)} {what}s{unit}."
+
+    def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
+        codes = {name: code for name in names if (code := ChannelCode.parsed(channels[name].label)) is not None}
+        chosen, why = proposed(codes)
+        if chosen:
+            return chosen, why
+        if len(names) == 1 and len(channels) == found and what == "acceleration":
+            return tuple(names), f"The only {what}{unit}: {printable(names[0])}."
+        return (), f"Choose one of {len(channels)} {what}s{unit}."
+
+    return proposal(channels, at_best_place)
 
 
 def _condition(said: Told) -> tuple[PartialCondition, list[str]]:
