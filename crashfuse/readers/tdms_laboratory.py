@@ -68,12 +68,12 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: likelihood(one.channel.name))
-    channels, unread, late_s = _read(file, found[:MOST_CHANNELS], every, where)
+    channels, unread, began_s = _read(file, found[:MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
     condition, steps = _condition(found[0].said)
-    if late := [f"{printable(name)} by {time_text(delay, 6)}" for name, delay in late_s.items() if delay]:
-        steps.append(f"Aligned by the times at which recording began (wf_start_time): {', '.join(late)} later.")
+    if len(set(began_s.values())) > 1:
+        channels = _aligned(channels, began_s, steps)
     others = sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every)
     if others:
         steps.append(f"Left out: accelerations of dummies or in other directions ({others}).")
@@ -99,30 +99,43 @@ def _may_be_one(one: _Candidate) -> bool:
 def _read(
     file: TdmsFile, found: Sequence[_Candidate], every: Sequence[_Candidate], where: str
 ) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, float]]:
-    """The channels by name, the problems of those that have no samples or no time, and how late each began, in s."""
+    """The channels by name, the problems of those that have no samples or no time, and when recording began, in s."""
     repeated = Counter(one.channel.name for one in found)
     clocks = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS]
     times: dict[str, FloatArray] = {}
     channels: dict[str, RecordedChannel] = {}
     unread: dict[str, Problem] = {}
-    began = [start for one in found if isinstance(start := one.said.get("wf_start_time"), float)]
-    late_s: dict[str, float] = {}
+    began_s: dict[str, float] = {}
     for one in found:
         channel, start = one.channel, one.said.get("wf_start_time")
         name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
         try:
             clock = None if number_of(one.said, "wf_increment") else _clock_of(one, clocks, file, times)
-            late_s[name] = round(start - min(began), 6) if clock is None and isinstance(start, float) else 0.0
-            read = waveform(file, channel, one.said, name, channel.name, where, clock, late_s[name])
+            read = waveform(file, channel, one.said, name, channel.name, where, clock)
         except DataError as error:
             unread[name] = error.problems[0]
             continue
+        if clock is None and isinstance(start, float) and start > 0:  # 0 is not set
+            began_s[name] = start
         unit = read.unit or unit_named(one.use.unit or "", "acceleration")
         channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or cutoff_of(channel.name))
         if sum(each.values.size for each in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
             raise DataError(Problem(where, expected, "more", "choose the file of one test"))
-    return channels, unread, {name: late_s[name] for name in channels}
+    return channels, unread, began_s
+
+
+def _aligned(
+    channels: Mapping[str, RecordedChannel], began_s: Mapping[str, float], steps: list[str]
+) -> dict[str, RecordedChannel]:
+    """The channels in one time, from the first sample on: zeros of their own are those of several triggers."""
+    late_s = {name: round(start_s - min(began_s.values()), 6) for name, start_s in began_s.items()}
+    times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
+    first_s = min(float(time_s[0]) for time_s in times.values())
+    late = ", ".join(f"{printable(name)} by {time_text(delay_s, 6)}" for name, delay_s in late_s.items() if delay_s)
+    told = f"Aligned by the times at which recording began (wf_start_time): {late} later"
+    steps.append(f"{told}; time counts from the first sample.")
+    return {name: replace(channel, time_s=times[name] - first_s) for name, channel in channels.items()}
 
 
 def _clock_of(

@@ -37,9 +37,8 @@ def waveform(
     label: str,
     where: str,
     clock: FloatArray | None = None,
-    late_s: float = 0.0,
 ) -> RecordedChannel:
-    """A channel with the even time of its own properties, begun so much later than others, else with this clock.
+    """A channel with the even time of its own properties, else with this clock.
 
     Raises
     ------
@@ -50,7 +49,7 @@ def waveform(
     values = file.values(channel)
     if increment > 0 and isinstance(start, float) and values.size >= 2:
         unit_s = UNITS["time"][unit_named(text_of(said, "wf_xunit_string"), "time") or "s"]
-        clock = late_s + unit_s * (start + increment * np.arange(values.size))
+        clock = unit_s * (start + increment * np.arange(values.size))
     if clock is None or clock.size != values.size:
         expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples without it"
         advice = "export it as a waveform, or with a channel of time beside it"
