@@ -161,6 +161,8 @@ class _Signal:
         if self.gain * other.gain <= 0:
             return ["of the other sign" if self.gain * other.gain else ""]
         differ = [""] if self.changes_unlike(other, share) else []
+        if self.changes_unlike(other):
+            return differ  # of another crash, or of none
         n = self.values.size + other.values.size
         spectrum = np.fft.rfft(self.values, n) * np.conj(np.fft.rfft(other.values, n))
         alike = np.fft.irfft(spectrum, n) / np.sqrt((self.values**2).sum() * (other.values**2).sum())
