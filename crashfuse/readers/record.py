@@ -149,7 +149,7 @@ def proposal(
     chosen, why = propose([name for name in candidates if not channels[name].doubt])
     if not chosen:
         chosen, why = propose([name for name in candidates if channels[name].doubt < Doubt.FAILED])
-    remarks = {name: f"{name} ({one.remark})" for name, one in channels.items() if one.remark}
+    remarks = {name: f"{printable(name)} ({one.remark})" for name, one in channels.items() if one.remark}
     steps = [why]
     if passed := [text for name, text in remarks.items() if name not in chosen]:
         steps.append(f"Left out by the file's own account: {', '.join(passed)}.")

@@ -152,6 +152,21 @@ def test_where_all_have_failed_it_is_refused_and_one_may_be_chosen() -> None:
     assert f"{LEFT} (channel failed)" in careful(settle(failed, Choices(channels=(LEFT,))))
 
 
+@pytest.mark.parametrize("samples", [b"", b"NOVALUE\r\n" * 3501, b"0.5\r\n" * 7, b"no signal\r\n"])
+def test_a_failed_channel_may_hold_anything(tmp_path: Path, samples: bytes) -> None:
+    """Nothing, no value, too few, no numbers: the sound one beside it is the pulse."""
+    files = isomme_files(isomme((LEFT, "", "ok"), (RIGHT, "", "channel failed")))
+    name = "T1/Channel/T1.002"
+    header = files[name].partition(b"Number of samples")
+    files[name] = b"".join(
+        [header[0], header[1], *header[2].partition(b"\r\nTime of first sample")[:2], b" :-0.05\r\n"]
+    )
+    (found,) = read_records(Reading(write(tmp_path, files | {name: files[name] + samples}) / "T1"))
+    settled = settle(found)
+    assert settled.channels == (LEFT,)
+    assert any("Left out" in step and RIGHT in step for step in settled.steps)
+
+
 @pytest.mark.parametrize(
     ("source", "descriptors"),
     [("simulation", {}), ("Parameter", {}), ("", {"Subtype_of_the_test": "Prediction, no vehicle was crashed"})],
