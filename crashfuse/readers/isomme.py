@@ -41,9 +41,9 @@ ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
     """Read one ISO-MME test: its descriptors and all its channels.
 
-    The path is its folder, its ``.mme`` file or a zip; films and pictures are skipped. A channel that is marked as failed
-    and cannot be read has no samples. A DataError says that it is not an ISO-MME test, or which other channels contradict
-    their headers.
+    The path is its folder, its ``.mme`` file or a zip; films and pictures are skipped. A channel that is marked as
+    failed and cannot be read has no samples. A DataError says that it is not an ISO-MME test, or which other channels
+    contradict their headers.
     """
     with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():
