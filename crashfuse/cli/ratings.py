@@ -36,7 +36,7 @@ def rate(arguments: argparse.Namespace) -> None:
         _print(table)
         for own in explained:
             print("", *own["sentences"].values(), sep="\n")
-    if lacking := int((table["note"] != "").sum()):
+    if lacking := int(table["overall"].isna().sum()):
         found = f"{len(table) - lacking} rated, {lacking} not; each says why."
         if arguments.pairs or lacking == len(table):
             raise CrashfuseError(found)
@@ -111,8 +111,8 @@ def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
 
 
 def _print(table: "pd.DataFrame") -> None:
-    """Print the ratings as a table, what is the same for all above it; below it, what could not be rated, and why."""
-    rated, others = table[table["note"] == ""], table[table["note"] != ""]
+    """Print the ratings as a table, what is the same for all above it; below it the notes."""
+    rated = table[table["overall"].notna()]
     varying = [name for name in ("reference", "comparison", "channel") if table[name].nunique() > 1]
     bases = rated["basis"].unique().tolist()
     shown = rated[varying].assign(window=rated["window_ms"].map("0–{:g} ms".format))
@@ -123,8 +123,9 @@ def _print(table: "pd.DataFrame") -> None:
         shown["basis"] = rated["basis"]
     if len(shown):
         print(shown.to_string(index=False))
-    for row in others.to_dict("records"):
-        print(": ".join(["Not rated", *filter(None, (row[name] for name in varying)), row["note"]]))
+    for row in table[table["note"] != ""].drop_duplicates([*varying, "note"]).to_dict("records"):
+        what = "Not rated" if row["overall"] != row["overall"] else "Careful"
+        print(": ".join([what, *filter(None, (row[name] for name in varying)), row["note"]]))
 
 
 def _plain(value: object) -> object:

@@ -140,10 +140,9 @@ def _onset(time_s: FloatArray, accel: FloatArray) -> float | None:
 
     A bumper is soft: in a barrier test at 57 km/h this is 2 ms after the bumper contact switch closes.
     """
-    step = step_of(time_s)
-    smooth = cfc_filter(accel, cfc=60, dt_s=step) if step <= 1 / 600 and time_s[-1] - time_s[0] > 0.02 else accel
+    smooth = smoothed(time_s, accel)
     above = -smooth > _ONSET_MPS2
-    run = max(round(_ONSET_S / step), 1)
+    run = max(round(_ONSET_S / step_of(time_s)), 1)
     stays = np.convolve(above, np.ones(run), "valid") > run - 0.5
     if not stays.any():
         return None
@@ -196,9 +195,20 @@ def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: l
 
 def delta_v(time_s: FloatArray, values: FloatArray) -> float:
     """The largest change of velocity around the peak, signed, in the unit of the values times seconds."""
-    near = np.abs(time_s - time_s[np.abs(values).argmax()]) <= _AROUND_PEAK_S
-    velocity = kinematics(values[near], 0.0, step_of(time_s)).velocity_mps
+    velocity = kinematics(around_peak(time_s, values)[1], 0.0, step_of(time_s)).velocity_mps
     return float(velocity[np.abs(velocity).argmax()])
+
+
+def around_peak(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The part of a record within 150 ms of its largest value."""
+    near = np.abs(time_s - time_s[np.abs(values).argmax()]) <= _AROUND_PEAK_S
+    return time_s[near], values[near]
+
+
+def smoothed(time_s: FloatArray, accel: FloatArray) -> FloatArray:
+    """A record at CFC 60, if it is long and dense enough for the filter."""
+    step = step_of(time_s)
+    return cfc_filter(accel, cfc=60, dt_s=step) if step <= 1 / 600 and time_s[-1] - time_s[0] > 0.02 else accel
 
 
 def step_of(time_s: FloatArray) -> float:

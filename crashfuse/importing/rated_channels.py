@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.importing.rated_files import WINDOWS_MS, Curve, rated, ratings_table, reason
+from crashfuse.readers.credibility import Doubt, doubt_of
 from crashfuse.readers.isomme import read_isomme
 from crashfuse.readers.isomme_channels import Channel
 from crashfuse.signals.pulse import Pulse
@@ -34,7 +35,7 @@ def rate_channels(
     -------
     DataFrame
         Columns :data:`~crashfuse.importing.rated_files.COLUMNS`, one row for each channel and window; a channel that
-        cannot be rated has one row, with a note.
+        cannot be rated, or is marked as failed, has one row, with a note; one of questionable quality is noted.
 
     Raises
     ------
@@ -66,7 +67,15 @@ def _rows(one: Channel, other: Channel | None, windows_ms: Sequence[float]) -> I
         raise DataError(
             Problem(one.code, f"the reference's unit, {one.unit or 'none'}", other.unit or "none", "convert")
         )
-    yield from rated(_signal(one), _signal(other), windows_ms)
+    doubts = [
+        (doubt_of(channel.status), side, channel.status)
+        for side, channel in (("reference", one), ("comparison", other))
+    ]
+    note = "; ".join(f"the {side} marks it {printable(status)!r}" for doubt, side, status in doubts if doubt)
+    if max(doubts)[0] == Doubt.FAILED:
+        yield {"note": note}
+        return
+    yield from ({**row, "note": note} for row in rated(_signal(one), _signal(other), windows_ms))
 
 
 def _channels(path: Path) -> dict[tuple[str, int], Channel]:

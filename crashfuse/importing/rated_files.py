@@ -39,7 +39,7 @@ COLUMNS = (
     *("reference", "comparison", "channel", "window_ms"),
     *("overall", *WEIGHTS, "grade", "basis", "note"),
 )
-"""Of a table of ratings; a note says why there is no rating, and is empty if there is one."""
+"""Of a table of ratings; a note says why there is no rating, or what speaks against a channel that was rated."""
 
 _PAIR_COLUMNS = ("reference", "comparison", "reference_channel", "comparison_channel")
 _MOST_PAIRS = 10_000

@@ -27,10 +27,17 @@ def role_of(source: str, role: Role, cae: Sequence[str]) -> Role:
     return "cae" if file_of(source) in cae else role
 
 
-def look_like_cae(sources: Iterable[str]) -> tuple[str, ...]:
-    """Files that look like CAE runs, by name or number of records; ``sources`` has that of each record."""
-    files = Counter(map(file_of, sources))
-    return tuple(name for name, n in files.items() if not _TEST.search(name) and (_CAE.search(name) or n >= _MANY))
+def look_like_cae(sources: Iterable[str], simulated: Iterable[str] = ()) -> tuple[str, ...]:
+    """Files that look like CAE runs, by name or number of records; ``sources`` has that of each record.
+
+    Those in ``simulated`` say so themselves, whatever their name.
+    """
+    files, certain = Counter(map(file_of, sources)), set(map(file_of, simulated))
+    return tuple(
+        name
+        for name, n in files.items()
+        if name in certain or (not _TEST.search(name) and (_CAE.search(name) or n >= _MANY))
+    )
 
 
 def which_are_tests(source: str, records: Sequence[str], usual: Role) -> list[Problem]:

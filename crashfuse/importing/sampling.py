@@ -68,18 +68,36 @@ def _backwards(place: str, time: FloatArray, steps: FloatArray) -> Problem:
 
 
 def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Return the common time of the channels, as long as the shortest, and their values, shape (n_channels, n).
+    """Return the time that the channels have in common, and their values then, shape (n_channels, n).
 
-    A DataError names a channel that is unusable or not sampled like the others.
+    Channels whose samples lie between those of the first are interpolated. A DataError names a channel that is
+    unusable, or of another rate or time than the first.
     """
     evens = [even(channel, where) for channel in channels]
     steps.extend(told for *_, told in evens if told)
-    first = evens[0][0]
-    tolerance = UNEVEN * (first[1] - first[0])
-    size = min(time.size for time, *_ in evens)
-    for channel, (time, *_) in zip(channels, evens, strict=True):
-        if abs(time[0] - first[0]) > tolerance or abs(time[size - 1] - first[size - 1]) > tolerance:
-            found = f"{channel.name} on a clock of its own"
+    times = [time for time, *_ in evens]
+    first, step = times[0], times[0][1] - times[0][0]
+    tolerance = UNEVEN * step
+    begin, end = max(time[0] for time in times) - tolerance, min(time[-1] for time in times) + tolerance
+    clock = first[(first >= begin) & (first <= end)]
+    for channel, time in zip(channels, times, strict=True):
+        if abs(time[1] - time[0] - step) > tolerance or clock.size < _FEWEST:
+            found = f"{channel.name} at {1 / (time[1] - time[0]):.6g} Hz from {time_text(time[0], 6)}"
+            found += f", {channels[0].name} at {1 / step:.6g} Hz from {time_text(first[0], 6)}"
             raise DataError(Problem(where, "channels sampled alike to average", found, "choose some of them"))
-    steps.append(f"Recorded at {(first.size - 1) / (first[-1] - first[0]):.6g} Hz from {time_text(first[0], 6)}.")
-    return first[:size], np.array([values[:size] for _, values, _ in evens])
+    if any(abs(time[0] - first[0]) > tolerance for time in times):
+        starts = ", ".join(
+            f"{one.name} from {time_text(time[0], 6)}" for one, time in zip(channels, times, strict=True)
+        )
+        steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
+    steps.append(f"Recorded at {(clock.size - 1) / (clock[-1] - clock[0]):.6g} Hz from {time_text(clock[0], 6)}.")
+    return clock, np.array([_at(clock, time, values, tolerance) for time, values, _ in evens])
+
+
+def _at(clock: FloatArray, time: FloatArray, values: FloatArray, tolerance: float) -> FloatArray:
+    """Values at the times of a clock: as they are if they were sampled then, else interpolated."""
+    start = int(np.searchsorted(time, clock[0] - tolerance))
+    same = time[start : start + clock.size]
+    if same.size == clock.size and np.abs(same - clock).max() <= tolerance:
+        return values[start : start + clock.size]
+    return np.interp(clock, time, values)

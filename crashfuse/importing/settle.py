@@ -13,7 +13,7 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, collecting
-from crashfuse.importing.channels import agreeing_channels, averaged, missing_choices
+from crashfuse.importing.channels import agreeing_channels, averaged, missing_choices, unmeasured
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import complete_condition, speed_trouble
 from crashfuse.importing.detection import (
@@ -102,6 +102,8 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     if record.other_setup and role == "tests":
         steps.append(f"Careful: not a full-frontal barrier crash, by its own account: {record.other_setup}.")
     missing = missing_choices(record, choices)
+    if role == "tests":
+        missing += unmeasured(record, choices)
     try:
         condition = complete_condition(
             record,
@@ -137,7 +139,7 @@ def settled_at(
 
     Without its speed (NaN), a pulse is checked as far as that is possible.
     """
-    channels = agreeing_channels(record, choices, condition.speed_mps, steps)
+    channels = agreeing_channels(record, choices, condition.speed_mps, role, steps)
     time_s, values = averaged(record, channels, choices, steps)
     refuse_slow(record, time_s)
     refuse_short(record, time_s, values, choices, channels[0].unit, condition.speed_mps, role)

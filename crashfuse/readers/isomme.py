@@ -16,6 +16,7 @@ the public packages pyisomme and sdata, which also show that laboratories write 
 """
 
 from collections.abc import Iterable
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path, PurePath, PurePosixPath
 
@@ -23,6 +24,7 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.readers.credibility import Doubt, doubt_of
 from crashfuse.readers.isomme_channels import NO_VALUE, Channel, IsommeTest, Pairs, first_of
 from crashfuse.readers.members import as_text, is_numbered, opened_members
 from crashfuse.readers.unit_spelling import UNITS, unit_named
@@ -39,8 +41,9 @@ ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
     """Read one ISO-MME test: its descriptors and all its channels.
 
-    The path is its folder, its ``.mme`` file or a zip; films and pictures are skipped. A DataError says that it is not
-    an ISO-MME test, or which channels contradict their headers.
+    The path is its folder, its ``.mme`` file or a zip; films and pictures are skipped. A channel that is marked as
+    failed and cannot be read has no samples. A DataError says that it is not an ISO-MME test, or which other channels
+    contradict their headers.
     """
     with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():
@@ -83,11 +86,11 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     """One channel, and the code of its time channel, if any."""
     lines, where = _lines_in(member, budget), member.where
     end = next((row for row, line in enumerate(lines) if line.strip() and ":" not in line), len(lines))
-    header, values = _descriptors(lines[:end], where), _numbers(lines[end:], where)
-    count = _number_in(header, "Number of samples", where)
-    if count is not None and count != values.size:
-        expected = f"{count:g} samples, as its header says"
-        raise DataError(Problem(where, expected, f"{values.size}", "export the channel again"))
+    header = _descriptors(lines[:end], where)
+    status = first_of(header, "Data status") or ""
+    values: FloatArray = np.empty(0)
+    with suppress(DataError) if doubt_of(status) == Doubt.FAILED else nullcontext():
+        values = _samples(lines[end:], header, where)
     interval = _seconds_in(header, "Sampling interval", where)
     if interval is not None and interval <= 0:
         raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))
@@ -101,9 +104,19 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
         start_s=_seconds_in(header, "Time of first sample", where),
         comments=tuple(value for name, value in header if name.lower() == "comments"),
         source=first_of(header, "Data source") or "",
+        status=status,
     )
     implicit = (first_of(header, "Reference channel") or "").lower() == "implicit"
     return channel, None if implicit else first_of(header, "Reference channel name")
+
+
+def _samples(lines: list[str], header: Pairs, where: str) -> FloatArray:
+    """The samples, as many as the header says."""
+    values, count = _numbers(lines, where), _number_in(header, "Number of samples", where)
+    if count is not None and count != values.size:
+        expected = f"{count:g} samples, as its header says"
+        raise DataError(Problem(where, expected, f"{values.size}", "export the channel again"))
+    return values
 
 
 def _timed(channel: Channel, clock: Channel | None) -> Channel:

@@ -30,6 +30,8 @@ class Channel:
         Time of the first sample; None if the file does not give it.
     source : str
         Origin of the signal: ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
+    status : str
+        Quality of the signal: ``ok``, ``channel failed``, ``questionable data`` …; empty if unknown.
     filter_class : str
         The channel filter class as a number (``60``); empty if unknown.
     """
@@ -43,6 +45,7 @@ class Channel:
     comments: tuple[str, ...] = ()
     source: str = ""
     filter_class: str = ""
+    status: str = ""
 
 
 @dataclass(frozen=True, eq=False)

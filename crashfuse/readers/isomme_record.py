@@ -10,10 +10,11 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Limits
 from crashfuse.readers.channel_codes import UNPLACED, ChannelCode, proposed
 from crashfuse.readers.crash_setup import other_setup
+from crashfuse.readers.credibility import is_simulated
 from crashfuse.readers.isomme import ISOMME_LIMITS, read_isomme
 from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.readers.quantities import speed, weight
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.unit_spelling import UNITS, number_and_unit, unit_named
 from crashfuse.wording import Sentence
 
@@ -23,7 +24,8 @@ _OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
 def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
     """Read one ISO-MME test as a record: its folder, its ``.mme`` file, or a zip.
 
-    The X accelerations at the rear seat are proposed, else the vehicle's own, else those of tunnel, sills or B-pillars.
+    The X accelerations at the rear seat are proposed, else the vehicle's own, else those of tunnel, sills or B-pillars:
+    of what is measured and sound, by ``Data source`` and ``Data status``.
     """
     return (record_of(read_isomme(path, limits), path.name),)
 
@@ -43,7 +45,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
     untimed = {name: Problem(f"{source}, {name}", expected, "none such", advice) for name in named if name not in timed}
     if not timed:
         raise DataError(list(untimed.values()))
-    chosen, why = proposed({name: code for name, (code, _) in timed.items()})
+    origin = _origin(test)
+    recorded = {name: _recorded(name, code, channel, origin) for name, (code, channel) in timed.items()}
+    chosen, why = proposal(recorded, lambda names: proposed({name: timed[name][0] for name in names}))
     condition, notes = _condition(test, vehicle)
     if objects != {"1"}:
         others = " and ".join(sorted(objects - {vehicle}))
@@ -55,10 +59,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
     if any(timed[name][1].start_s is None for name in chosen or timed):
         notes = (*notes, "No time of the first sample is in the file, so that time zero has to be found.")
         zero = ""
-    recorded = tuple(_recorded(name, code, channel) for name, (code, channel) in timed.items())
-    steps = (*notes, why)
-    other = _other_setup(test, vehicle)
-    return Record(test.name, source, condition, recorded, chosen, steps, zero, unread=untimed, other_setup=other)
+    steps = (*notes, *why)
+    channels, other = tuple(recorded.values()), _other_setup(test, vehicle)
+    return Record(test.name, source, condition, channels, chosen, steps, zero, unread=untimed, other_setup=other)
 
 
 def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
@@ -80,11 +83,18 @@ def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[C
     return named
 
 
-def _recorded(name: str, code: ChannelCode, channel: Channel) -> RecordedChannel:
+def _origin(test: IsommeTest) -> str:
+    """What the test says of the source of channels that do not say it, if nothing was measured at all."""
+    texts = (test.descriptor(name) or "" for name in ("Type of the test", "Subtype of the test"))
+    return next(filter(is_simulated, texts), "")
+
+
+def _recorded(name: str, code: ChannelCode, channel: Channel, origin: str) -> RecordedChannel:
     assert channel.interval_s is not None  # noqa: S101 - channels without it were left out
     time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
     label, unit = printable(channel.name or name), unit_named(channel.unit, "acceleration")
-    return RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz)
+    origin, status = channel.source or origin, channel.status
+    return RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, origin=origin, status=status)
 
 
 def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[str, ...]]:

@@ -2,17 +2,18 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import refuse
+from crashfuse.readers.credibility import doubt_of
 from crashfuse.readers.quantities import speed, weight
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.units import KPH, MS
 from crashfuse.wording import Sentence
 
 _LONGEST_S = 100 * MS
-_SOUND = ("AM", "")  # as measured
+_STATUS = {"AM": "as measured", "CF": "channel failed", "CM": "computed", "QD": "questionable data"}
 _CENTRE = "VECG"
 _SETUPS = {"VTV": "vehicle into vehicle (VTV)", "ITV": "impactor into vehicle (ITV)", "VTP": "vehicle into pole (VTP)"}
 _REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
@@ -40,6 +41,11 @@ class Sensor:
         """Whether it could measure the pulse: an X accelerometer on the vehicle, not on a dummy or the barrier."""
         on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
         return self.sensor == "AC" and self.axis.startswith("X") and on_it
+
+    @property
+    def quality(self) -> str:
+        """The data status in words, or its code where the words are not ours."""
+        return _STATUS.get(self.status, self.status)
 
     @property
     def at_the_rear(self) -> bool:
@@ -99,10 +105,10 @@ def nhtsa_record(
     damaged: dict[Sensor, Problem] = {}
     for sensor, read in sensors.items():
         try:
-            channels[sensor] = read()
+            channels[sensor] = replace(read(), status=sensor.quality)
         except DataError as error:
             damaged[sensor] = error.problems[0]
-    wanted, _ = _at_best_place([entry for entry in sensors if entry.status in _SOUND])
+    wanted, _ = _at_best_place([entry for entry in sensors if not doubt_of(entry.quality)])
     if set(wanted) & set(damaged) or not channels:
         refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
     names = ", ".join(f"{entry.number} ({printable(entry.comment)})" for entry in damaged)
@@ -110,7 +116,7 @@ def nhtsa_record(
     proposed, why = _proposed(channels)
     condition, found = told
     zero = "0 is first contact, by the format's definition"
-    steps = (*found, *left_out, why)
+    steps = (*found, *left_out, *why)
     best_first = tuple(channels[sensor] for sensor in sorted(channels, key=_likelihood))
     unread = {str(entry.number): problem for entry, problem in damaged.items()}
     return Record(
@@ -134,22 +140,27 @@ def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
 
 def _likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
     """Sort key: sound ones first, those at the rear, those at the centre of gravity."""
-    return sensor.status not in _SOUND, not sensor.at_the_rear, sensor.attachment != _CENTRE
+    return bool(doubt_of(sensor.quality)), not sensor.at_the_rear, sensor.attachment != _CENTRE
 
 
-def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], str]:
-    """The channels to average, and the reason."""
-    sound = [
-        entry
-        for entry, channel in channels.items()
-        if entry.status in _SOUND and channel.time_s[-1] >= _LONGEST_S - 2 * (channel.time_s[1] - channel.time_s[0])
-    ]
-    chosen, what = _at_best_place(sound)
-    if not chosen:
-        return (), "No channel lies on the rear floor or at the centre of gravity; choose one."
-    names = ", ".join(f"{entry.number} ({printable(entry.comment)})" for entry in chosen)
-    average = "their average is the pulse" if len(chosen) > 1 else "it is the pulse"
-    return tuple(str(entry.number) for entry in chosen), f"Channels {what}: {names}; {average}."
+def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The channels to average, and sentences on why."""
+    named = {str(entry.number): (entry, channel) for entry, channel in channels.items()}
+
+    def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
+        long = (
+            entry
+            for entry, channel in map(named.__getitem__, names)
+            if channel.time_s[-1] >= _LONGEST_S - 2 * (channel.time_s[1] - channel.time_s[0])
+        )
+        chosen, what = _at_best_place(list(long))
+        if not chosen:
+            return (), "No channel lies on the rear floor or at the centre of gravity; choose one."
+        told = ", ".join(f"{entry.number} ({printable(entry.comment)})" for entry in chosen)
+        average = "their average is the pulse" if len(chosen) > 1 else "it is the pulse"
+        return tuple(str(entry.number) for entry in chosen), f"Channels {what}: {told}; {average}."
+
+    return proposal({name: channel for name, (_, channel) in named.items()}, at_best_place)
 
 
 def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:

@@ -6,11 +6,12 @@ fact. Their interpretation (time zero, sign and unit) is settled in one place, :
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.readers.axle_weights import AxleWeights
+from crashfuse.readers.credibility import Doubt, doubt_of, is_computed, is_simulated
 from crashfuse.readers.unit_spelling import acceleration_unit
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
@@ -72,6 +73,10 @@ class RecordedChannel:
         −3 dB frequency of the low pass already applied, according to the file; None if it does not say.
     unit_from : str
         What states the unit, in words.
+    origin : str
+        What the file says of its source ("transducer", "simulation", "parameter"); empty if nothing.
+    status : str
+        What the file says of its quality ("ok", "channel failed", "questionable data"); empty if nothing.
     """
 
     name: str
@@ -81,6 +86,8 @@ class RecordedChannel:
     unit: str | None
     cutoff_hz: float | None = None
     unit_from: str = "the file"
+    origin: str = ""
+    status: str = ""
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -91,14 +98,64 @@ class RecordedChannel:
 
     @property
     def shown(self) -> str:
-        """The name, and the label where it says more, as messages print it."""
+        """The name, the label where it says more, and what speaks against it, as messages print it."""
         name, label = printable(self.name), printable(self.label)
-        return name if label in name else f"{name} ({label})"
+        more = ", ".join(filter(None, ("" if label in name else label, self.remark)))
+        return f"{name} ({more})" if more else name
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the file says that nobody measured it."""
+        return is_simulated(self.origin)
+
+    @property
+    def doubt(self) -> Doubt:
+        """What speaks against it, by the file."""
+        return max(doubt_of(self.status), Doubt.SOME if is_computed(self.origin) else Doubt.NONE)
+
+    @property
+    def remark(self) -> str:
+        """The file's words that speak against it; empty if it is measured and sound."""
+        status = self.status if doubt_of(self.status) else ""
+        origin = self.origin if self.is_simulated or is_computed(self.origin) else ""
+        return ", ".join(printable(text, 60) for text in (status, origin) if text)
 
 
 def quoted(name: str) -> str:
     """A name as a command line takes it."""
     return name if re.fullmatch(r"[\w#.:+-]+", name) else '"{}"'.format(re.sub(r'(["\\$`])', r"\\\1", printable(name)))
+
+
+def proposal(
+    channels: Mapping[str, RecordedChannel], propose: Callable[[Sequence[str]], tuple[tuple[str, ...], str]]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Propose channels to average, of the most credible ones, by what the file says of their source and quality.
+
+    What is simulated is proposed only where nothing is measured, what is doubtful only where nothing sound is proposed,
+    what has failed never.
+
+    Parameters
+    ----------
+    propose : callable
+        The choice among the channels with these names, by where they sit, and the reason for it.
+
+    Returns
+    -------
+    tuple of (names, sentences)
+        The names proposed, and sentences on the choice and on what was passed over.
+    """
+    measured = [name for name, one in channels.items() if not one.is_simulated]
+    candidates = measured or list(channels)
+    chosen, why = propose([name for name in candidates if not channels[name].doubt])
+    if not chosen:
+        chosen, why = propose([name for name in candidates if channels[name].doubt < Doubt.FAILED])
+    remarks = {name: f"{printable(name)} ({one.remark})" for name, one in channels.items() if one.remark}
+    steps = [why]
+    if passed := [text for name, text in remarks.items() if name not in chosen]:
+        steps.append(f"Left out by the file's own account: {', '.join(passed)}.")
+    if doubtful := [text for name, text in remarks.items() if name in chosen]:
+        steps.append(f"Careful: taken for want of better, by the file's own account: {', '.join(doubtful)}.")
+    return chosen, tuple(steps)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -144,6 +201,11 @@ class Record:
 
     def __repr__(self) -> str:
         return f"<Record {self.id!r} of {printable(self.source)}: channels {self.listed}>"
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether it says of itself that nothing in it, or nothing that is proposed, was measured."""
+        return all(channel.is_simulated for channel in self.chosen() or self.channels)
 
     @property
     def listed(self) -> str:

@@ -1,8 +1,8 @@
 """Reader of TDMS, National Instruments' container of measured channels; files are treated as untrusted.
 
 A file is a sequence of segments: a lead-in, objects (file, groups, channels) with properties, and raw data in repeated
-chunks, channel after channel or interleaved. As in "TDMS File Format Internal Structure" (NI). Not supported are DAQmx
-raw data and scales: measured values stored as they came from the converter.
+chunks, channel after channel or interleaved. As in "TDMS File Format Internal Structure" (NI); scales as in
+:mod:`crashfuse.readers.tdms_scales`. Not supported are DAQmx raw data.
 """
 
 import re
@@ -14,12 +14,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
+from crashfuse.readers.tdms_scales import UnusableScale, scaled
 from crashfuse.signals.pulse import FloatArray
 
 _LEAD_IN = struct.Struct("<4sI")
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 3, 5, 6, 7))
 _NUMBERS = dict(enumerate("bhiqBHIQfd", start=1)) | {0x19: "f", 0x1A: "d", 0x21: "B"}
-_OTHERS = {0: 1, 0x44: 16, 0x0B: 16, 0x1B: 16, 0x08000C: 8, 0x10000D: 16}  # bytes of types that are skipped
+_TIMESTAMP = 0x44
+_OTHERS = {0: 1, _TIMESTAMP: 16, 0x0B: 16, 0x1B: 16, 0x08000C: 8, 0x10000D: 16}  # bytes of types that are skipped
 _TEXT, _NO_DATA, _AS_BEFORE, _WITHOUT_END = 0x20, 0xFFFFFFFF, 0, 0xFFFFFFFFFFFFFFFF
 _PATH = re.compile(r"/'((?:[^']|'')*)'")
 _MOST_METADATA = 8 << 20  # bytes, all segments together
@@ -72,26 +74,32 @@ class TdmsFile:
 
     def told(self, channel: TdmsChannel) -> Mapping[str, str | float]:
         """All properties of a channel: its own, else its group's, else the file's."""
+        return ChainMap(*self._levels(channel))
+
+    def _levels(self, channel: TdmsChannel) -> tuple[Properties, Properties, Properties]:
         group = self._groups.get(channel.group)
-        return ChainMap(channel.properties, group.properties if group else {}, self.properties)
+        return channel.properties, group.properties if group else {}, self.properties
 
     def size(self, channel: TdmsChannel) -> int:
         """How many numbers a channel holds."""
         return sum(extent.chunks * extent.count for extent in channel._extents)
 
     def values(self, channel: TdmsChannel) -> FloatArray:
-        """Return the numbers of a channel; a DataError if there are too many or they are not plain numbers."""
+        """Return the numbers of a channel, scaled; a DataError if there are too many or their scales are unusable."""
         place = f"{self._where}: {printable(channel.name)}"
         if self.size(channel) > _MOST_VALUES:
             raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", "choose the file of one test"))
-        if channel.properties.get("ni_number_of_scales", 0):
-            raise DataError(Problem(place, "plain numbers", "a scale to apply", "export the channel as float"))
         parts = [
             np.ndarray((e.chunks, e.count), e.code, self._content, e.offset, e.strides).ravel()
             for e in channel._extents
         ]
-        with np.errstate(invalid="ignore"):  # damaged data may hold any number
-            return np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
+        with np.errstate(all="ignore"):  # damaged data may hold any number
+            values = np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
+            try:
+                return scaled(values, self._levels(channel))
+            except UnusableScale as error:
+                expected, advice = "scales that give an acceleration", "export it with values in physical units"
+                raise DataError(Problem(place, expected, printable(str(error)), advice)) from error
 
 
 def parse_tdms(content: bytes, where: str) -> TdmsFile:
@@ -193,6 +201,10 @@ class _Reader:
             return self._text()
         if kind in _NUMBERS:
             return float(self._unpack(_NUMBERS[kind])[0])
+        if kind == _TIMESTAMP:  # fractions of 2⁻⁶⁴ s, and seconds since 1904
+            parts = self._unpack("qQ" if self._order == ">" else "Qq")
+            fractions, seconds = parts[::-1] if self._order == ">" else parts
+            return seconds + fractions * 2.0**-64
         if kind not in _OTHERS:
             raise self._damaged("a property of a type that is not known")
         self._bytes(_OTHERS[kind])

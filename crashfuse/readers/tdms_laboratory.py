@@ -3,7 +3,7 @@
 Names and units are read as those of a table's columns (:mod:`crashfuse.readers.tables.headers`). The IIHS names
 channels by codes of ISO-MME (``11VEHC0000__ACX_``, and ``11VEHC0000__ACXD`` for the filtered signal), or in words with
 the unit (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time (sec)``); the property ``Impact_velocity`` of the file
-is the speed, a text in km/h.
+is the speed, a text in km/h. Channels whose recording began at different times (``wf_start_time``) are aligned by them.
 """
 
 import re
@@ -18,7 +18,7 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.channel_codes import ChannelCode, proposed
 from crashfuse.readers.crash_setup import other_setup
 from crashfuse.readers.nhtsa_sensors import number_in
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.tables.headers import (
     OF_A_DUMMY,
     OTHER_DIRECTION,
@@ -32,6 +32,7 @@ from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile
 from crashfuse.readers.tdms_waveform import MOST_CHANNELS, Told, number_of, text_of, waveform
 from crashfuse.readers.unit_spelling import UNITS, number_and_unit, unit_named
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.wording import time_text
 
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
@@ -67,10 +68,12 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: likelihood(one.channel.name))
-    channels, unread = _read(file, found[:MOST_CHANNELS], every, where)
+    channels, unread, began_s = _read(file, found[:MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
     condition, steps = _condition(found[0].said)
+    if len(set(began_s.values())) > 1:
+        channels = _aligned(channels, began_s, steps)
     others = sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every)
     if others:
         steps.append(f"Left out: accelerations of dummies or in other directions ({others}).")
@@ -80,7 +83,7 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     told = [value for name, value in file.properties.items() if isinstance(value, str) and _ABOUT_THE_TEST.search(name)]
     recorded = tuple(channels.values())
     other = other_setup(told)
-    return Record(record_id, where, condition, recorded, chosen, (*steps, why), unread=unread, other_setup=other)
+    return Record(record_id, where, condition, recorded, chosen, (*steps, *why), unread=unread, other_setup=other)
 
 
 def _candidate(channel: TdmsChannel, said: Told) -> _Candidate:
@@ -95,15 +98,16 @@ def _may_be_one(one: _Candidate) -> bool:
 
 def _read(
     file: TdmsFile, found: Sequence[_Candidate], every: Sequence[_Candidate], where: str
-) -> tuple[dict[str, RecordedChannel], dict[str, Problem]]:
-    """The channels by name, and the problems of those that have no samples or no time."""
+) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, float]]:
+    """The channels by name, the problems of those that have no samples or no time, and when recording began, in s."""
     repeated = Counter(one.channel.name for one in found)
     clocks = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS]
     times: dict[str, FloatArray] = {}
     channels: dict[str, RecordedChannel] = {}
     unread: dict[str, Problem] = {}
+    began_s: dict[str, float] = {}
     for one in found:
-        channel = one.channel
+        channel, start = one.channel, one.said.get("wf_start_time")
         name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
         try:
             clock = None if number_of(one.said, "wf_increment") else _clock_of(one, clocks, file, times)
@@ -111,12 +115,27 @@ def _read(
         except DataError as error:
             unread[name] = error.problems[0]
             continue
+        if clock is None and isinstance(start, float) and start > 0:  # 0 is not set
+            began_s[name] = start
         unit = read.unit or unit_named(one.use.unit or "", "acceleration")
         channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or cutoff_of(channel.name))
         if sum(each.values.size for each in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
             raise DataError(Problem(where, expected, "more", "choose the file of one test"))
-    return channels, unread
+    return channels, unread, began_s
+
+
+def _aligned(
+    channels: Mapping[str, RecordedChannel], began_s: Mapping[str, float], steps: list[str]
+) -> dict[str, RecordedChannel]:
+    """The channels in one time, from the first sample on: zeros of their own are those of several triggers."""
+    late_s = {name: round(start_s - min(began_s.values()), 6) for name, start_s in began_s.items()}
+    times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
+    first_s = min(float(time_s[0]) for time_s in times.values())
+    late = ", ".join(f"{printable(name)} by {time_text(delay_s, 6)}" for name, delay_s in late_s.items() if delay_s)
+    told = f"Aligned by the times at which recording began (wf_start_time): {late} later"
+    steps.append(f"{told}; time counts from the first sample.")
+    return {name: replace(channel, time_s=times[name] - first_s) for name, channel in channels.items()}
 
 
 def _clock_of(
@@ -142,17 +161,22 @@ def _clock_of(
     return times[key]
 
 
-def _proposed(channels: Mapping[str, RecordedChannel], found: int, what: str) -> tuple[tuple[str, ...], str]:
-    """The channels to average, and the reason."""
-    codes = {name: code for name, one in channels.items() if (code := ChannelCode.parsed(one.label)) is not None}
-    chosen, why = proposed(codes)
-    if chosen:
-        return chosen, why
+def _proposed(
+    channels: Mapping[str, RecordedChannel], found: int, what: str
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The channels to average, and sentences on why."""
     unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
-    if found == 1 and what == "acceleration":
-        (name,) = channels
-        return (name,), f"The only {what}{unit}: {printable(name)}."
-    return (), f"Choose one of {len(channels)} {what}s{unit}."
+
+    def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
+        codes = {name: code for name in names if (code := ChannelCode.parsed(channels[name].label)) is not None}
+        chosen, why = proposed(codes)
+        if chosen:
+            return chosen, why
+        if len(names) == 1 and len(channels) == found and what == "acceleration":
+            return tuple(names), f"The only {what}{unit}: {printable(names[0])}."
+        return (), f"Choose one of {len(channels)} {what}s{unit}."
+
+    return proposal(channels, at_best_place)
 
 
 def _condition(said: Told) -> tuple[PartialCondition, list[str]]:

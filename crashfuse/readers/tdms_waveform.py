@@ -55,4 +55,18 @@ def waveform(
         advice = "export it as a waveform, or with a channel of time beside it"
         raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, found, advice))
     unit = unit_named(text_of(said, "unit_string") or text_of(said, "inst_yunits"), "acceleration")
-    return RecordedChannel(name, printable(label), clock, values, unit, number_of(said, "inst_prefil") or None)
+    return RecordedChannel(
+        name,
+        printable(label),
+        clock,
+        values,
+        unit,
+        number_of(said, "inst_prefil") or None,
+        origin=_descriptor(said, "data source"),
+        status=_descriptor(said, "data status"),
+    )
+
+
+def _descriptor(said: Told, name: str) -> str:
+    """A descriptor of ISO-MME, which programs that convert it keep as a property, blanks or not."""
+    return text_of(said, name) or text_of(said, name.replace(" ", "_"))

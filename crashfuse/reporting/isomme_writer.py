@@ -52,7 +52,7 @@ def _channel_header(channel: Channel) -> list[tuple[str, str]]:
         ("Reference channel", "implicit" if channel.interval_s is not None else ""),
         ("Reference channel name", ""),
         ("Data source", channel.source),
-        ("Data status", "ok" if whole else "questionable data"),
+        ("Data status", channel.status or ("ok" if whole else "questionable data")),
         ("Number of samples", str(channel.values.size)),
     ]
     if channel.interval_s is not None:

@@ -75,7 +75,8 @@ def test_with_numbers() -> IsommeTest:
     values = rng.standard_normal(300) * 10.0 ** rng.integers(-300, 300, 300)
     values[7] = np.nan
     first = Channel("10VEHC000000ACXD", "Vehicle X", "m/(s*s)", values, 8e-5, -0.01, ("a", "b"), "simulation")
-    second = Channel("10VEHC000000EVXX", "Überschlag", "1", np.arange(3.0), None)
+    first = replace(first, status="channel failed")
+    second = Channel("10VEHC000000EVXX", "Überschlag", "1", np.arange(3.0), None, status="ok")
     return IsommeTest("T 1", (("Title", "A: b"), ("Comments", "one"), ("Comments", "two")), (first, second))
 
 

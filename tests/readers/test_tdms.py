@@ -240,7 +240,7 @@ def test_what_is_not_read_or_makes_no_sense_is_refused_at_once(tmp_path: Path) -
     assert "DAQmx" in problem(saved(tmp_path / "a.tdms", by_hand(0b10001110, bytes(48))))
     wave = {"unit_string": "g", "wf_increment": 1e-4, "NI_Number_Of_Scales": np.uint32(4_000_000_000)}
     scaled = written([ChannelObject("g", "a", np.zeros(9, "i2"), properties=wave)])
-    assert "a scale to apply" in problem(saved(tmp_path / "b.tdms", scaled))
+    assert "scale 3999999999 of the kind none" in problem(saved(tmp_path / "b.tdms", scaled))
     claims = by_hand(0b1110, bytes(48), count=1 << 60)
     assert parse_tdms(claims, "it").values(parse_tdms(claims, "it").channels[0]).size == 0
     many = b"TDSm" + struct.pack("<IIQQI", 0b1110, 4713, 4, 4, 0xFFFFFFFF)

@@ -1,6 +1,7 @@
 """TDMS of laboratories such as the IIHS: the vehicle's channels among a hundred dummies', units and times by name."""
 
 from collections.abc import Mapping
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -164,3 +165,49 @@ def test_a_time_beyond_all_numbers_is_refused_without_a_warning(tmp_path: Path) 
     record = read(tmp_path, VEHICLE, {**WAVE, "wf_increment": 1e305}, Impact_velocity="56")
     with pytest.raises(DataError, match="expected a number in each sample"):
         settle(record, WEIGHTS)
+
+
+@pytest.mark.parametrize(("unit", "factor", "offset_s"), [("s", 1.0, 0.0), ("ms", 1e3, 0.0), ("s", 1.0, -0.05)])
+@pytest.mark.parametrize("late_us", [4000, -12000, 2530])
+def test_sensors_are_aligned_by_the_times_at_which_recording_began(
+    tmp_path: Path, late_us: int, unit: str, factor: float, offset_s: float
+) -> None:
+    """A second logger that was triggered at another time sees the same crash, whatever its zero and unit of time."""
+    began = datetime(2026, 3, 2, 9, 15)
+    time_s = np.arange(4000) * 1e-4 - 0.08  # of the first logger, whose record begins 80 ms before contact
+    pulses = {"10SEATLERE00ACXP": (0, time_s), "10SEATRIRE00ACXP": (late_us, time_s + late_us * 1e-6)}
+    objects = [
+        ChannelObject(
+            "Vehicle",
+            name,
+            half_sine_g(since_contact_s),
+            properties={
+                "unit_string": "g",
+                "wf_increment": 1e-4 * factor,
+                "wf_start_offset": offset_s * factor,
+                "wf_xunit_string": unit,
+                "wf_start_time": began + timedelta(microseconds=late),
+            },
+        )
+        for name, (late, since_contact_s) in pulses.items()
+    ]
+    (record,) = read_tdms(saved(tmp_path / "two.tdms", written([RootObject({"Impact_velocity": "56.0"}), *objects])))
+    settled = settle(record, WEIGHTS)
+    assert settled.channels == tuple(pulses)
+    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)
+    assert settled.time_zero_s == pytest.approx(0.08 - min(late_us, 0) * 1e-6, abs=1.5e-3)
+    later, by = (tuple(pulses)[late_us > 0], abs(late_us) / 1000)
+    assert any(f"wf_start_time): {later} by {by:g} ms later;" in step for step in record.steps)
+    assert not any(step.startswith("Careful") for step in settled.steps)
+
+
+def test_what_is_kept_of_isomme_descriptors_counts(tmp_path: Path) -> None:
+    """A failed or simulated channel beside a sound one, as converters of ISO-MME write it, is not averaged."""
+    said: list[tuple[str, dict[str, Any]]] = [
+        ("10SEATLERE00ACXP", {"Data_status": "channel failed"}),
+        ("10SEATRIRE00ACXP", {"Data status": "ok"}),
+        ("10SEATMIRE00ACXP", {"Data source": "simulation"}),
+    ]
+    objects = [ChannelObject("g", name, RAW_G, properties={**WAVE, **own}) for name, own in said]
+    (record,) = read_tdms(saved(tmp_path / "converted.tdms", written(objects)))
+    assert record.proposed == ("10SEATRIRE00ACXP",)

@@ -16,6 +16,8 @@ from openpyxl import Workbook
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.files.archive import zipped
+from crashfuse.readers.isomme_channels import Channel, IsommeTest
+from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.ui import uploads, visitors
 from crashfuse.units import KPH, MPH, G
 from tests.files.test_tarball import tarred
@@ -641,3 +643,17 @@ def test_files_that_all_look_like_cae_runs_are_proposed_as_such(visit: Visit, tm
     into(session, tmp_path / "tests alone").press("Add 2 tests")
     assert added(tmp_path / "tests alone") == ["sim1", "sim2"]
     assert (tmp_path / "tests alone" / "tests" / "sim1.csv").is_file()
+
+
+@pytest.mark.slow
+def test_what_says_that_it_is_simulated_is_proposed_as_a_cae_run(visit: Visit) -> None:
+    """A prediction in ISO-MME, say; taken as a test, it cannot be added, and the page says why."""
+    channel = Channel("10VEHC000000ACXP", "X", "g", half_sine_g(clock()), 1e-4, -0.05, (), "simulation")
+    weights = [(f".{axle} weight test object 1", "850") for axle in ("Front", "Rear")]
+    test = IsommeTest("P1", [("Velocity test object 1", "15.5"), *weights], (channel,))
+    session = drop(visit(), own_zip=zipped(isomme_files(test)))
+    assert field(session, "Take it as").value == "cae"
+    assert "By what the files say of themselves own looks like CAE runs" in session.words
+    assert "Add as CAE run" in session.buttons
+    field(session, "Take it as").set_value("tests")
+    assert "by its own account 10VEHC000000ACXP (simulation)" in session.run().words

@@ -105,7 +105,8 @@ def _show_step(source: Source, view: View | None) -> None:
 def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:
     """Ask what the records are, and which files with tests are CAE runs; what looks like it is filled in, and said."""
     files = list(dict.fromkeys(file_of(record.source) for record in records))
-    found = look_like_cae(record.source for record in records)
+    simulated = [record.source for record in records if record.is_simulated]
+    found = look_like_cae((record.source for record in records), simulated)
     usual: Role = "cae" if files and len(found) == len(files) else FORMATS[source.fmt].role
     role: Role = st.segmented_control(
         "Take it as",
@@ -124,7 +125,8 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
         )  # fmt: skip
     if found and (role == "tests" or len(found) == len(files)):
         by, look = ("their names or numbers", "look") if len(found) > 1 else ("its name or number", "looks")
-        st.caption(f"By {by} of records {plain(listed(found))} {look} like CAE runs; change it if that is wrong.")
+        by = "what the files say of themselves" if simulated else f"{by} of records"
+        st.caption(f"By {by} {plain(listed(found))} {look} like CAE runs; change it if that is wrong.")
     return role, tuple(chosen)
 
 
