@@ -2,6 +2,7 @@
 
 import inspect
 import re
+from collections.abc import Callable
 
 import crashfuse
 from crashfuse import errors
@@ -110,9 +111,11 @@ def test_all_errors_are_one_tree() -> None:
 def test_types_that_public_calls_ask_for_are_public() -> None:
     """Whatever has to be made to call a function can be made from the public names."""
     public = {name: getattr(crashfuse, name) for name in crashfuse.__all__}
-    called = [(name, call) for name, call in public.items() if inspect.isfunction(call)]
-    settings = [crashfuse.Choices, crashfuse.RatingChoices, crashfuse.ReportOptions, crashfuse.PulseExport]
-    called += [(kind.__name__, kind.__init__) for kind in settings]
+    called: list[tuple[str, Callable[..., object]]] = [
+        (name, call) for name, call in public.items() if inspect.isfunction(call)
+    ]
+    settings = (crashfuse.Choices, crashfuse.RatingChoices, crashfuse.ReportOptions, crashfuse.PulseExport)
+    called += [(kind.__name__, kind) for kind in settings]
     called += [
         (f"{kind.__name__}.{name}", call)
         for kind in (crashfuse.Study, crashfuse.PredictedPulse, crashfuse.Verdicts, crashfuse.LearningCurve)
