@@ -44,9 +44,8 @@ def _checked(name: str, found: object) -> type[Approach]:
         raise ValueError(f"its name is {getattr(found, 'name', None)!r}, its entry point's {name!r}")
     if name in (approach.name for approach in _ALL):
         raise ValueError("crashfuse has an approach of this name")
-    if missing := [
-        said for said in ("label", "in_words", "description", "colour", "preference") if not hasattr(found, said)
-    ]:
+    kinds = dict.fromkeys(("label", "in_words", "description", "colour"), str) | {"preference": (int, float)}
+    if missing := [name for name, kind in kinds.items() if not isinstance(getattr(found, name, None), kind)]:
         raise ValueError(f"it does not say its {', '.join(missing)}")
     return found
 
