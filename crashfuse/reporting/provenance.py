@@ -11,20 +11,19 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.version import __version__
+from crashfuse.version import COMPUTING, __version__
 from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem
 
-_PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "pandas", "plotly")
+_PACKAGES = (*COMPUTING, "pandas", "plotly")
 
 
 def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> dict[str, object]:
     """Everything needed to reproduce a result, as plain JSON values."""
-    versions = {name: metadata.version(name) for name in _PACKAGES}
     return {
         "crashfuse": __version__,
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": versions,
+        "packages": {name: metadata.version(name) for name in _PACKAGES},
         "campaign": campaign.name,
         "notice": campaign.notice,
         "fingerprint": campaign.fingerprint,
