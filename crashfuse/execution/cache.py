@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 _PATIENCE_S = 3600.0  # wait for another process computing the same entry; then compute it here, too
 _GLANCE_S = 0.2
-_MOST_GIB = "10"  # a study of the sample takes XX
+_MOST_GIB = "10"
 _IN_USE_S = 3600.0  # since its last use; whoever needs it longer computes it again
 _SWEEP_SHARE = 1 / 32  # of the limit: how much is written between two looks at the size of all entries
 _written: dict[Path, float] = {}  # since the last look, by folder
