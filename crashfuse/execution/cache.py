@@ -223,13 +223,13 @@ class Cache:
                 stat = path.stat()
                 entries.append((stat.st_mtime, stat.st_size, path))
         excess = sum(size for _, size, _ in entries) + size - self.most_bytes
-        for used, size, path in sorted(entries):
+        for used, own, path in sorted(entries):
             if excess <= 0 or time.time() - used < _IN_USE_S:
                 break
             if self._name(path) not in self.used:
                 with suppress(OSError):
                     path.unlink()
-                    excess -= size
+                    excess -= own
 
 
 def _most_bytes() -> float:
