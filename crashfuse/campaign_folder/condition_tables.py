@@ -26,7 +26,7 @@ _SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: 
 _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: more must be in another unit
 _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
-_MOST_ROWS = {"tests": 10_000, "cae": MOST_ROWS}
+_MOST_ROWS = {"tests": 20_000, "cae": MOST_ROWS}
 
 T = TypeVar("T")
 

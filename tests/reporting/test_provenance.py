@@ -12,6 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.cli import parser
 from crashfuse.condition import Condition
 from crashfuse.reporting.provenance import (
+    learning_curve_command,
     next_test_command,
     prediction_command,
     provenance,
@@ -49,16 +50,13 @@ _WORDS = st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), min_size=1
 
 
 @given(st.dictionaries(_WORDS.filter(lambda name: "=" not in name), _WORDS, min_size=1, max_size=3), _WORDS)
-def test_a_command_gives_back_whatever_words_are_in_it(factors: dict[str, str], approach: str) -> None:
-    """Pasted into a shell, nothing that a table or a package says is run, split or lost."""
-    config = replace(StudyConfig(), approaches=(approach,))
-    words = shlex.split(prediction_command(Condition(15.0, 950.0, 700.0, tuple(factors.items())), config))
-    given_back = [word.removeprefix("--factor=").partition("=") for word in words if word.startswith("--factor=")]
-    assert {name: value for name, _, value in given_back} == factors
-    assert words[words.index("--approach") + 1] == approach
-    at = words.index("--approach")
-    parsed = parser().parse_args(words[1:at] + words[at + 2 :])
+def test_a_command_gives_back_whatever_words_are_in_it(factors: dict[str, str], word: str) -> None:
+    """Pasted into a shell, nothing that a table or a user says is run, split or lost."""
+    condition = Condition.of_vector([15.0, 950.0, 700.0], tuple(factors.items()))
+    parsed = parser().parse_args(shlex.split(prediction_command(condition, StudyConfig()))[1:])
     assert parsed.factor == [f"{name}={value}" for name, value in factors.items()]
+    words = shlex.split(learning_curve_command(StudyConfig(), 3, word))
+    assert words[words.index("--cost-per-test") + 1] == word
 
 
 def test_commands_are_in_the_units_of_the_report() -> None:
