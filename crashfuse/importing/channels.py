@@ -34,10 +34,13 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     missing = []
     if not chosen:
         expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
-        advice = f"choose the one that is, or several to be averaged (--channel {shlex.quote(record.channels[0].name)})"
+        option = f"(--channel {shlex.quote(record.channels[0].name)})"
+        advice = f"choose the one that is, or several to be averaged {option}"
         if all(channel.doubt == Doubt.FAILED for channel in record.channels):
             expected = f"a sound channel of {record.id}"
-            advice = f"get a sound one, or choose one that is not as bad (--channel {shlex.quote(record.channels[0].name)})"
+            advice = (
+                f"get a sound one, or choose one that is not as bad (--channel {shlex.quote(record.channels[0].name)})"
+            )
         missing.append(Problem(record.source, expected, record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
