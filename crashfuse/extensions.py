@@ -5,7 +5,12 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import TypeVar
 
+from crashfuse.errors import printable
+
 T = TypeVar("T")
+
+FAULTS = (Exception, SystemExit)
+"""What the code of another package may raise that is its own fault: all but Ctrl-C."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,16 +41,16 @@ def load(group: str, kind: str, check: Callable[[str, object], T]) -> Iterator[t
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         package = _package(entry)
         try:
-            yield entry.name, check(entry.name, entry.load()), package
-        except Exception as error:
-            yield Broken(
-                entry.name, f"The {kind} {entry.name!r} of the package {package} cannot be used: {said(error)}"
-            )
+            one: tuple[str, T, str] | Broken = entry.name, check(entry.name, entry.load()), package
+        except FAULTS as error:
+            sentence = f"The {kind} {entry.name!r} of the package {package} cannot be used: {said(error)}"
+            one = Broken(entry.name, sentence)
+        yield one
 
 
 def said(error: BaseException) -> str:
     """An error of another package in a sentence for its authors."""
-    text = " ".join(str(error).split())[:300]
+    text = printable(" ".join(str(error).split()))
     return f"{type(error).__name__}{f': {text}' if text else ''}. Tell its authors."
 
 

@@ -1,8 +1,9 @@
 """The units that a reader wants, and sentences with quantities in them that can be said in these."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Literal, Self
 
 from crashfuse.units import KPH, LB, MPH, MS, G
@@ -123,9 +124,10 @@ class Sentence(str):
     Parameters
     ----------
     template : str
-        As for :meth:`str.format`.
+        A text with a place ``{}`` for each value; other braces are themselves.
     *values : object
-        What stands in its places; whatever has ``in_units``, another sentence too, is said in the reader's units.
+        What stands in its places; whatever has ``in_units``, another sentence too, is said in the reader's units. A
+        name, a cell or a label of somebody else is a value, never part of the template.
     """
 
     __slots__ = ("template", "values")
@@ -133,7 +135,7 @@ class Sentence(str):
     values: tuple[object, ...]
 
     def __new__(cls, template: str, *values: object) -> Self:  # noqa: D102
-        sentence = super().__new__(cls, template.format(*map(str, values)))
+        sentence = super().__new__(cls, _filled(template, map(str, values)))
         sentence.template, sentence.values = template, values
         return sentence
 
@@ -142,7 +144,13 @@ class Sentence(str):
 
     def in_units(self, system: UnitSystem) -> str:
         """The text in the reader's units."""
-        return self.template.format(*(said(value, system) for value in self.values))
+        return _filled(self.template, (said(value, system) for value in self.values))
+
+
+def _filled(template: str, values: Iterable[str]) -> str:
+    """The template with values in its places; those without a place are left out."""
+    first, *others = template.split("{}")
+    return first + "".join(f"{value}{text}" for value, text in zip(islice(values, len(others)), others, strict=True))
 
 
 def said(value: object, system: UnitSystem) -> str:

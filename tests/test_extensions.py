@@ -65,7 +65,8 @@ def refused(name, call):
 
 
 chosen = ["cae", "scaled_cae"]
-study = ["study", folder, "--held-out", "T3", "--workers", "1", "--out", f"{place}/study"]
+scaled_cae.ScaledCae.in_words = "the CAE model times {factor}"
+study = ["study", folder, "--held-out", "T3", "T4", "--workers", "1", "--out", f"{place}/study"]
 command("study", *study, "--approach", *chosen)
 given = ["--speed-kph", "56", "--front-weight-kg", "950", "--rear-weight-kg", "700"]
 command("import", "import", f"{place}/P2.polar", "--out", f"{place}/imported", *given)
@@ -84,9 +85,11 @@ app.button_group(key="compare_tab").set_value("Ratings and metrics").run()
 shown["table"] = app.table[0].value.to_string()
 
 refused("broken approach", lambda: create("broken", Settings()))
-scaled_cae.ScaledCae.predict = lambda *_: 1 / 0
+refused("leaving approach", lambda: create("leaving", Settings()))
 campaign = crashfuse.load_campaign(folder)
-refused("failing approach", lambda: crashfuse.predict(campaign, campaign.tests[0].condition, "scaled_cae"))
+for name, fail in (("failing", lambda *_: 1 / 0), ("ending", lambda *_: sys.exit(3))):
+    scaled_cae.ScaledCae.predict = fail
+    refused(f"{name} approach", lambda: crashfuse.predict(campaign, campaign.tests[0].condition, "scaled_cae"))
 scaled_cae.polar._record = lambda *_: 1 / 0
 command("failing reader", "import", f"{place}/P1.polar", "--out", f"{place}/c")
 command("broken reader", "import", f"{place}/P1.lost", "--out", f"{place}/c")
@@ -144,6 +147,7 @@ def test_its_approach_stands_beside_ours(shown: dict[str, Any], place: Path) -> 
     ended, out, err = shown["study"]
     assert ended == 0, err
     assert "\nScaled CAE  " in out
+    assert "the CAE model times {factor}" in out
     assert "Scaled CAE" in (place / "study" / "report.html").read_text(encoding="utf-8")
 
 
@@ -165,6 +169,12 @@ def test_what_breaks_in_it_is_told_as_its_own_fault(shown: dict[str, Any]) -> No
     assert shown["broken approach"] == (
         "The approach 'broken' of the package scaled-cae cannot be used: AttributeError: module 'scaled_cae' has no "
         "attribute 'Nothing'. Tell its authors."
+    )
+    assert shown["leaving approach"] == (
+        "The approach 'leaving' of the package scaled-cae cannot be used: SystemExit. Tell its authors."
+    )
+    assert shown["ending approach"] == (
+        "The approach 'scaled_cae' of the package scaled-cae failed: SystemExit: 3. Tell its authors."
     )
     assert shown["failing approach"] == (
         "The approach 'scaled_cae' of the package scaled-cae failed: ZeroDivisionError: division by zero. Tell its "

@@ -3,6 +3,8 @@
 import pickle
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from crashfuse.condition import Condition
 from crashfuse.units import KPH, MPH
@@ -13,11 +15,13 @@ from crashfuse.wording import (
     Sentence,
     UnitSystem,
     joined,
+    packed,
     read_out,
     said,
     signed,
     speed,
     unbroken,
+    unpacked,
     weight,
 )
 
@@ -44,6 +48,16 @@ def test_sentences_within_sentences_follow() -> None:
     assert str(joined([inner, "No more."])) == "CAE runs: 5.0–62.0 mph. No more."
 
 
+@given(st.text(), st.text(), st.text())
+def test_braces_of_others_are_themselves(before: str, word: str, after: str) -> None:
+    """A label, a file's name or a cell may hold any text: in a value, and in what is around the places."""
+    before, after = (text.replace("{}", "") for text in (before, after))
+    sentence = Sentence(f"{before} {{}} {after} {{}}", word, speed(16 * KPH))
+    assert sentence == f"{before} {word} {after} 9.9 mph"
+    assert sentence.in_units(METRIC) == f"{before} {word} {after} 16.0 km/h"
+    assert unpacked(packed(sentence)) == sentence
+
+
 def test_names_are_listed_as_one_reads_them_out() -> None:
     """With commas and a last "and"."""
     assert [read_out(names) for names in ((), ("A",), ("A", "B"), ("A", "B", "C"))] == [
@@ -56,7 +70,7 @@ def test_names_are_listed_as_one_reads_them_out() -> None:
 
 def test_sentences_travel_between_processes() -> None:
     """Workers and caches of pages pickle them."""
-    sentence = Sentence("{} away {{sic}}", speed(16 * KPH))
+    sentence = Sentence("{} away {sic}", speed(16 * KPH))
     copy = pickle.loads(pickle.dumps(sentence))  # noqa: S301
     assert (copy, copy.in_units(METRIC)) == (sentence, "16.0 km/h away {sic}")
 

@@ -16,7 +16,7 @@ from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.settings import Settings
 from crashfuse.approaches.time_domain.about import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
-from crashfuse.extensions import Broken, load, said
+from crashfuse.extensions import FAULTS, Broken, load, said
 
 _ALL: tuple[type[Approach], ...] = (
     Cae,
@@ -44,9 +44,8 @@ def _checked(name: str, found: object) -> type[Approach]:
         raise ValueError(f"its name is {getattr(found, 'name', None)!r}, its entry point's {name!r}")
     if name in (approach.name for approach in _ALL):
         raise ValueError("crashfuse has an approach of this name")
-    if missing := [
-        said for said in ("label", "in_words", "description", "colour", "preference") if not hasattr(found, said)
-    ]:
+    kinds = dict.fromkeys(("label", "in_words", "description", "colour"), str) | {"preference": (int, float)}
+    if missing := [name for name, kind in kinds.items() if not isinstance(getattr(found, name, None), kind)]:
         raise ValueError(f"it does not say its {', '.join(missing)}")
     return found
 
@@ -110,7 +109,7 @@ def blamed_on(name: str) -> Iterator[None]:
     """Tell an unexpected error of another package's approach as that package's own; ours is passed on."""
     try:
         yield
-    except Exception as error:
+    except FAULTS as error:
         if name not in PACKAGES or isinstance(error, CrashfuseError):
             raise
         text = f"The approach {name!r} of the package {PACKAGES[name]} failed: {said(error)}"

@@ -224,10 +224,10 @@ def _check_differ(folder: Path) -> None:
     settings, tests = read_settings(folder, [], []), _known(folder / "tests.csv", "tests")
     if tests is not None:
         tests = tests.without([place for place, test_id in enumerate(tests.ids) if test_id in settings.unused])
-        accel = PulseFiles(folder, "tests", settings.channel_filter_class).read(tests.ids, list(settings.unused))
-        unread = np.flatnonzero(np.isnan(accel[:, 0])).tolist()
+        reader = PulseFiles(folder, "tests", settings.channel_filter_class)
+        accel = reader.read(tests.ids, list(settings.unused))
         problems: list[Problem] = []
-        check_tests_differ(tests.without(unread), np.delete(accel, unread, axis=0), problems)
+        check_tests_differ(tests.without(reader.unread), np.delete(accel, reader.unread, axis=0), problems)
         _refuse(problems)
 
 

@@ -14,7 +14,7 @@ from crashfuse.campaign_folder.ids import folded, id_trouble, same_name
 from crashfuse.campaign_folder.quality_columns import read_quality
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, printable, shortened
-from crashfuse.files.csv_text import read_rows
+from crashfuse.files.csv_text import MOST_ROWS, read_rows
 from crashfuse.run_quality import QUANTITIES as QUALITIES
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
@@ -26,6 +26,7 @@ _SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: 
 _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: more must be in another unit
 _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
+_MOST_ROWS = {"tests": 20_000, "cae": MOST_ROWS}
 
 T = TypeVar("T")
 
@@ -95,7 +96,7 @@ def read_what_can_be(
     As :func:`read_conditions`, but with every row that has an id of its own; NaN stands for a speed or weight that is
     not there. None if there are no such rows. Problems are appended to ``problems``.
     """
-    frame, where = _read_text(path, problems, by_hand=by_hand), path.name
+    frame, where = _read_text(path, role, problems, by_hand=by_hand), path.name
     if frame is None:
         return None
     names = list(map(str, frame.columns))
@@ -124,7 +125,7 @@ def read_what_can_be(
     _check_factors(frame[extra], where, problems)
     if not sound:
         return None
-    factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=str).tolist()]
+    factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=object).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     conditions = tuple(Condition.of_vector([float(v), float(front), float(rear)], fac) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
@@ -141,13 +142,13 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
     return conditions
 
 
-def _read_text(path: Path, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
+def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
     """All cells as text, indexed by their row in the file; None, and a problem, if it is not such a table."""
     if not path.exists():
         problems.append(Problem(path.name, "this file", "no such file", "add it"))
         return None
     try:
-        names, rows, numbers = read_rows(path, path.name, by_hand=by_hand)
+        names, rows, numbers = read_rows(path, path.name, by_hand=by_hand, most_rows=_MOST_ROWS[role])
     except DataError as error:
         problems.extend(error.problems)
         return None
@@ -188,8 +189,9 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
     """Reject text that cannot be displayed verbatim: control characters, overlong text."""
     expected = f"plain text of at most {_LONGEST_FACTOR} characters"
     for column in cells.columns:
-        texts = [(1, column), *cells[column].items()]
-        bad = [(row, text) for row, text in texts if len(text) > _LONGEST_FACTOR or printable(text) != text]
+        texts = {column, *cells[column].unique()}
+        odd = {text for text in texts if len(text) > _LONGEST_FACTOR or printable(text) != text}
+        bad = [(row, text) for row, text in [(1, column), *cells[column].items()] if text in odd] if odd else []
         shown = printable(column, 60)
         for row, text in bad[:MOST_PROBLEMS]:
             problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", shown, row))

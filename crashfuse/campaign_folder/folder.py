@@ -102,8 +102,8 @@ def _without_unused(
 
 def _check_pulses(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
     """Check every pulse that could be read against its condition, and tests against each other."""
-    if unread := np.flatnonzero(np.isnan(accel[:, 0])).tolist():
-        table, accel = table.without(unread), np.delete(accel, unread, axis=0)
+    if reader.unread:
+        table, accel = table.without(reader.unread), np.delete(accel, reader.unread, axis=0)
     check_physics(role, table, accel, reader.problems)
     check_ends(role, table, accel, reader)
     check_band(role, accel, reader.warnings)

@@ -8,11 +8,13 @@ import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from crashfuse.campaign_folder.columns import MOST_PROBLEMS
 from crashfuse.campaign_folder.recorded_pulse import RecordedPulse, cover_trouble, ends_early, joined, time_trouble
 from crashfuse.campaign_folder.sample_tables import check_length, sample_batches, whole_record
 from crashfuse.errors import DataError, Problem, collecting, printable
@@ -41,17 +43,19 @@ class PulseFiles:
     warnings: list[str] = field(default_factory=list)
     ends_s: dict[str, float] = field(default_factory=dict)
     """End times of the records that are shorter than the study grid, by id."""
+    unread: list[int] = field(default_factory=list)
+    """Rows of the ids without a pulse that can be used."""
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str], unused: Sequence[str] = ()) -> npt.NDArray[np.float32]:
         """The pulses of these ids on the study grid, shape (n_ids, 1250), m/s².
 
-        Problems go to ``problems``; a pulse that has any is NaN. Those of unused ids are passed over.
+        Problems go to ``problems``; a pulse that has any is zero and in ``unread``. Unused ids are passed over.
         """
         passed_over = set(map(_composed, unused))
-        accel = np.full((len(ids), N_SAMPLES), np.nan, dtype=np.float32)
+        accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)  # takes memory only where a pulse is written
         row_of = {run_id: row for row, run_id in enumerate(ids)}
-        missing = set(ids)
+        missing, unread = set(ids), set(row_of.values())
         strangers, named = 0, list[str]()
         for run_id, where, record in self.records(ids):
             if _composed(run_id) in passed_over:
@@ -67,15 +71,21 @@ class PulseFiles:
                 on_grid = self._on_grid(record, _named(run_id, where))
                 if on_grid is not None:
                     accel[row_of[run_id]] = on_grid
+                    unread.remove(row_of[run_id])
                     if ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
+        self.unread = sorted(unread)
         more = f" and {strangers - _MOST_STRANGERS} more" if strangers > _MOST_STRANGERS else ""
         without_row = f"{', '.join(named)}{more}"
         if not self._unreadable:
             found, advice = f"none in {self.role}/ or {self.role}_pulses", "add its pulse or remove its row"
             found += f", but {without_row} without a row" if strangers else ""
-            for expected in (f"a pulse for {printable(run_id, 60)}" for run_id in ids if run_id in missing):
+            named_first = islice((run_id for run_id in ids if run_id in missing), MOST_PROBLEMS)
+            for expected in (f"a pulse for {printable(run_id, 60)}" for run_id in named_first):
                 self.problems.append(Problem(f"{self.role}.csv", expected, found, advice, "id"))
+            if (rest := len(missing) - MOST_PROBLEMS) > 0:
+                found, advice = f"{rest} more like these", "correct them too"
+                self.problems.append(Problem(f"{self.role}.csv", "a pulse for each id", found, advice, "id"))
         if strangers:
             told = f"pulses without a row in {self.role}.csv are left out, namely {without_row}."
             self.warnings.append(f"{self.role}: {told}")

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-from threadpoolctl import threadpool_limits
-
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.campaign import Campaign
 from crashfuse.certification.forecast import Forecast, Forecaster
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.one_thread import one_thread_throughout
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
@@ -80,7 +79,7 @@ def _forecast(
 ) -> list[tuple[Asked, Forecast]]:
     """Forecasts by approaches that learned from the same tests."""
     training, made = campaign.without(asked[0].held_out), []
-    with threadpool_limits(1):  # contended BLAS threads multiply CPU time and change the numbers
+    with one_thread_throughout():
         for name in dict.fromkeys(each.approach for each in asked):
             fit = Fit.of(training, name, config, cache=cache, watch=watch)
             forecaster = Forecaster.of(fit, training, windows_ms)

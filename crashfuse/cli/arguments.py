@@ -105,7 +105,9 @@ def parser() -> argparse.ArgumentParser:
         "--matrix", type=Path, metavar="FILE.csv", help="conditions, as in tests.csv (default: CAMPAIGN/matrix.csv)"
     )
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
-    certify.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too")
+    certify.add_argument(
+        "--factor", action="extend", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too"
+    )
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     certify.add_argument(
         "--since", type=Path, metavar="DIR", help="an earlier certification: tell what became of its verdicts"
@@ -153,7 +155,9 @@ def parser() -> argparse.ArgumentParser:
 
     next_test = command("next-test", models.rank_tests, "rank tests to run next by how much each would narrow the band")
     add_axes(next_test, AXES, nargs=2, metavar=("LOW", "HIGH"), help="range (default: the tests')")
-    next_test.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="the kind of vehicle (default: the usual)")
+    next_test.add_argument(
+        "--factor", action="extend", nargs="+", metavar="NAME=VALUE", help="the kind of vehicle (default: the usual)"
+    )
     next_test.add_argument(
         "--candidates", type=Path, metavar="FILE.csv", help="a table like tests.csv (default: a grid)"
     )
@@ -183,7 +187,9 @@ def _add_units(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of the tests' table (powertrain=V6, say)")
+    parser.add_argument(
+        "--factor", action="extend", nargs="+", metavar="NAME=VALUE", help="of the tests' table (powertrain=V6, say)"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     _add_units(parser)
     parser.add_argument("--models", type=Path, metavar="DIR", help="predict with the models that train saved there")

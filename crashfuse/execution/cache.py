@@ -1,4 +1,4 @@
-"""Disk cache of computed results: checksummed, written atomically, safe to delete at any time."""
+"""Disk cache of computed results: checksummed, written atomically, limited in size, safe to delete at any time."""
 
 import hashlib
 import io
@@ -6,6 +6,7 @@ import json
 import logging
 import os
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
@@ -17,10 +18,10 @@ import numpy.typing as npt
 import platformdirs
 from filelock import FileLock, Timeout
 
-from crashfuse.errors import Cancelled
+from crashfuse.errors import Cancelled, UsageError, out_of_memory
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.atomic import write_atomically
-from crashfuse.version import __version__
+from crashfuse.version import versions
 
 log = logging.getLogger(__name__)
 
@@ -29,6 +30,10 @@ T = TypeVar("T")
 
 _PATIENCE_S = 3600.0  # wait for another process computing the same entry; then compute it here, too
 _GLANCE_S = 0.2
+_MOST_GIB = "10"
+_IN_USE_S = 3600.0  # since its last use; whoever needs it longer computes it again
+_SWEEP_SHARE = 1 / 32  # of the limit: how much is written between two looks at the size of all entries
+_written: dict[Path, float] = {}  # since the last look, by folder
 
 
 def default_folder() -> Path:
@@ -38,6 +43,8 @@ def default_folder() -> Path:
 
 class Cache:
     """A folder of named arrays, one file per entry: a SHA-256 line, then an ``.npz`` that is never unpickled.
+
+    Beyond ``$CRASHFUSE_CACHE_GIB`` (10), the entries that were not used for longest go, but none of the last hour.
 
     Parameters
     ----------
@@ -52,15 +59,17 @@ class Cache:
 
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = default_folder() if folder is None else folder
+        self.most_bytes = _most_bytes()
         self.used: set[str] = set()
 
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
         """File of the entry of this kind with this key, made of strings, numbers and frozen configs.
 
-        The key of a computed result includes the digest of the code that computes it
+        The versions of Python, crashfuse and the packages that compute are part of every key. That of a computed
+        result includes the digest of the code that computes it
         (:func:`crashfuse.execution.code_digest.code_digest`).
         """
-        parts = json.dumps({**key, "version": __version__}, sort_keys=True, default=_plain)
+        parts = json.dumps({**key, "versions": versions()}, sort_keys=True, default=_plain)
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
 
     def is_cached(self, kind: str, key: Mapping[str, object]) -> bool:
@@ -82,7 +91,8 @@ class Cache:
         compute : callable
             Returns the result, which must not be None, and the arrays to store.
         restore : callable
-            Rebuilds the same result from these arrays. An entry for which it fails is discarded and computed again.
+            Rebuilds the same result from these arrays. An entry for which it fails is discarded with a warning, and
+            computed again.
 
         Raises
         ------
@@ -99,7 +109,7 @@ class Cache:
         return result
 
     def find(self, kind: str, key: Mapping[str, object], restore: Callable[[Entry], T]) -> T | None:
-        """Restore a result from the cache, or return None if there is none or it cannot be restored."""
+        """Restore a result from the cache, or return None if there is none or it cannot be restored (a warning)."""
         entry = self.get(kind, key)
         if entry is None:
             return None
@@ -107,10 +117,16 @@ class Cache:
             return restore(entry)
         except Cancelled:
             raise
-        except Exception as error:  # whatever is wrong with it, it is computed again
-            log.info("An entry of %s was not what it should be: %r", kind, error)
-            self.drop(kind, key)
+        except Exception as error:
+            if out_of_memory(error):
+                raise
+            self.discard(kind, key, error)
             return None
+
+    def discard(self, kind: str, key: Mapping[str, object], error: Exception) -> None:
+        """Delete an entry that is whole, and yet not what it should be: a fault of ours, so it is told."""
+        warnings.warn(f"A result ({kind}) could not be read back and is computed again: {error!r}", stacklevel=2)
+        self.drop(kind, key)
 
     def get(self, kind: str, key: Mapping[str, object]) -> Entry | None:
         """The arrays stored under this key, or None if there are none or the file is damaged (it is then removed)."""
@@ -120,7 +136,7 @@ class Cache:
         except OSError:
             return None
         try:
-            if hashlib.sha256(payload).hexdigest().encode() != checksum:
+            if self._checksum(path, payload) != checksum:
                 raise ValueError("damaged")
             with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
                 entry = {name: arrays[name] for name in arrays.files}
@@ -128,6 +144,8 @@ class Cache:
             self.drop(kind, key)
             return None
         self.used.add(self._name(path))
+        with suppress(OSError):  # of a cache that can only be read
+            os.utime(path)
         return entry
 
     def put(self, kind: str, key: Mapping[str, object], entry: Mapping[str, npt.ArrayLike]) -> None:
@@ -135,7 +153,8 @@ class Cache:
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **{name: np.asarray(value) for name, value in entry.items()})
         payload = buffer.getvalue()
-        self._write(self.path(kind, key), hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+        path = self.path(kind, key)
+        self._write(path, self._checksum(path, payload) + b"\n" + payload)
 
     def drop(self, kind: str, key: Mapping[str, object]) -> None:
         """Delete the entry under this key."""
@@ -179,13 +198,47 @@ class Cache:
     def _name(self, path: Path) -> str:
         return path.relative_to(self.folder).as_posix()
 
+    def _checksum(self, path: Path, payload: bytes) -> bytes:
+        """Of the content under its name: an entry that was moved to the place of another is damaged."""
+        return hashlib.sha256(self._name(path).encode() + b"\n" + payload).hexdigest().encode()
+
     def _write(self, path: Path, content: bytes) -> None:
+        self._make_room(len(content))
         try:
             write_atomically(path, content)
         except OSError as error:  # a full disk must not lose the computed result
             log.warning("A result could not be kept in %s: %s", self.folder, error)
         else:
             self.used.add(self._name(path))
+
+    def _make_room(self, size: int) -> None:
+        """Delete the entries that were not used for longest until the rest fits, but none that may be in use."""
+        written = _written.get(self.folder, self.most_bytes) + size
+        _written[self.folder] = written if written < self.most_bytes * _SWEEP_SHARE else 0
+        if _written[self.folder]:
+            return
+        entries = []
+        for path in self.folder.glob("*/*.bin"):
+            with suppress(OSError):  # another process has deleted it
+                stat = path.stat()
+                entries.append((stat.st_mtime, stat.st_size, path))
+        excess = sum(size for _, size, _ in entries) + size - self.most_bytes
+        for used, own, path in sorted(entries):
+            if excess <= 0 or time.time() - used < _IN_USE_S:
+                break
+            if self._name(path) not in self.used:
+                with suppress(OSError):
+                    path.unlink()
+                    excess -= own
+
+
+def _most_bytes() -> float:
+    """``$CRASHFUSE_CACHE_GIB`` in bytes."""
+    text = os.environ.get("CRASHFUSE_CACHE_GIB") or _MOST_GIB
+    with suppress(ValueError):
+        if (most := float(text)) > 0:
+            return most * 2**30
+    raise UsageError(f"CRASHFUSE_CACHE_GIB is the size of the cache in GiB, a number above 0, not {text!r}.")
 
 
 def numbers(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:

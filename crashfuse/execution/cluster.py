@@ -6,7 +6,6 @@ an address is given, never by the dashboard.
 """
 
 import logging
-import platform
 import re
 import threading
 import time
@@ -14,7 +13,6 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from importlib import metadata
 from typing import Any
 
 from crashfuse.campaign import Campaign
@@ -23,7 +21,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT
 from crashfuse.execution.workers import GLANCE_S, RESUME, R, T, Work, Workers
-from crashfuse.version import __version__
+from crashfuse.version import versions
 
 try:
     import distributed
@@ -33,7 +31,6 @@ except ModuleNotFoundError as error:
 _ADDRESS = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
 _ANSWER_S = 5.0  # time limit for a scheduler to answer
 _WORKER_S = 30.0  # time limit for a scheduler without workers to get some
-_PACKAGES = ("numpy", "scipy", "scikit-learn", "torch")  # packages that determine the last bits of the results
 _TASKS = ("crashfuse.certification.certify", "crashfuse.study.learning_curve")  # with all that they import
 
 _one_at_a_time = threading.Lock()  # the number of threads is a setting of the whole process
@@ -55,10 +52,10 @@ def connected(scheduler: str) -> Iterator["Cluster"]:
         with closing(client):
             cluster = Cluster(scheduler, client)
             cluster.check()
-            for worker, found in client.run(versions, on_error="return").items():
+            for worker, found in client.run(versions_here, on_error="return").items():
                 if isinstance(found, BaseException):
                     raise CrashfuseError(f"The Dask worker at {worker} cannot run crashfuse: {found}.") from found
-                _compare(worker, found, versions())
+                _compare(worker, found, versions_here())
             yield cluster
     finally:
         log.setLevel(level)
@@ -84,7 +81,7 @@ class Cluster(Workers):
         """See :class:`Workers`; a task that has started is not interrupted, and its worker stores the result."""
         self.check()
         (shared,) = self.client.scatter([(campaign, cache.pack(cache.used))], broadcast=True, hash=False)
-        submit, ours = self.client.submit, versions()
+        submit, ours = self.client.submit, versions_here()
         futures = {n: submit(_at_worker, work, shared, task, ours, pure=False) for n, task in tasks.items()}
         try:
             yield futures
@@ -108,12 +105,9 @@ class Cluster(Workers):
             raise CrashfuseError(f"The Dask cluster at {self.scheduler} has no worker. {RESUME}.") from error
 
 
-def versions() -> dict[str, str]:
-    """Versions of everything that determines the numbers."""
-    python = ".".join(platform.python_version_tuple()[:2])
-    packages = {name: metadata.version(name) for name in _PACKAGES}
-    code = " ".join(code_digest(module)[:12] for module in _TASKS)
-    return {"Python": python, "crashfuse": __version__, "crashfuse's code": code, **packages}
+def versions_here() -> dict[str, str]:
+    """Versions of everything that determines the numbers, and what tells its code from that of another commit."""
+    return {**versions(), "crashfuse's code": " ".join(code_digest(module)[:12] for module in _TASKS)}
 
 
 def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -> None:
@@ -128,7 +122,7 @@ def _at_worker(
     work: Work[T, R], shared: tuple[Campaign, Mapping[str, bytes]], task: T, wanted: Mapping[str, str]
 ) -> tuple[list[R], dict[str, bytes]]:
     """Compute a task with this machine's cache; also returns the files for the caller's cache."""
-    _compare(distributed.get_worker().address, versions(), wanted)  # the worker may have joined late
+    _compare(distributed.get_worker().address, versions_here(), wanted)  # the worker may have joined late
     campaign, files = shared
     cache = Cache()
     with _one_at_a_time:

@@ -9,11 +9,18 @@ from contextlib import ExitStack, contextmanager
 from functools import cache
 
 import scipy.linalg  # noqa: F401 - it has a BLAS of its own, which has to be there when libraries are looked for
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import ThreadpoolController, threadpool_limits
 
 _lock = threading.Lock()
 _limit = ExitStack()
 _within = 0
+
+
+@contextmanager
+def one_thread_throughout() -> Iterator[None]:
+    """:func:`one_thread`, and one thread for whatever computes by OpenMP in the calling thread, PyTorch among it."""
+    with one_thread(), threadpool_limits(1, user_api="openmp"):  # a limit of OpenMP is each thread's own
+        yield
 
 
 @contextmanager

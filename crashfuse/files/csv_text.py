@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain, count
 from pathlib import Path
 from typing import Self, TextIO
 
@@ -19,7 +20,11 @@ from crashfuse.files.csv_output import original
 _BLOCK = 4 << 20  # characters
 _LONGEST_LINE = 100_000
 _MOST_COLUMNS = 500
-_LARGEST_TABLE, _MOST_LINES, _MOST_CELLS = 32 << 20, 500_000, 5_000_000  # of a condition table; the first in characters
+_LARGEST_TABLE, _MOST_LINES = 32 << 20, 500_000  # of a condition table; the first in characters
+_MOST_CELLS = 2_000_000  # 100,000 runs with 20 columns
+_MOST_PADDING = 5_000_000  # empty cells of a block whose lines are shorter than its header
+MOST_ROWS = 200_000
+"""Rows of a condition table: twice the largest library."""
 _MOST_WIDE = 20  # lines with more cells than the header that are told
 _COMMA, _POINT = re.compile(r"\s*[+-]?\d+,\d+\s*"), re.compile(r"\s*[+-]?\d+\.\d+\s*")
 _AGAIN = "export it again as comma-separated text in UTF-8"
@@ -75,6 +80,9 @@ class CsvTable:
         return len(cells), names
 
     def _parsed(self, text: str, row: int) -> pd.DataFrame:
+        if text.count("\n") * (self._width - 1) > len(text) + _MOST_PADDING:
+            expected, found = f"{self._width} cells in each line, as in the header", "lines with far fewer"
+            raise DataError(Problem(self._where, expected, found, "leave out empty lines and columns", row=row))
         texts: dict[int, type] = {self.names.index("id"): str} if "id" in self.names else {}
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
@@ -107,53 +115,63 @@ class CsvTable:
         return Problem(self._where, "a comma-separated table", "lines that cannot be told apart", _AGAIN, row=row)
 
 
-def read_rows(path: Path, where: str, *, by_hand: bool = False) -> tuple[list[str], list[list[str]], list[int]]:
+def read_rows(
+    path: Path, where: str, *, by_hand: bool = False, most_rows: int = MOST_ROWS
+) -> tuple[list[str], list[list[str]], list[int]]:
     """Read a small table at once: its header, its rows padded to the header's width, and the number of each row.
 
     One that is made ``by_hand`` may be as spreadsheets write it in other countries: with semicolons or tabs between
     the columns, and then with decimal commas. Empty rows are skipped. A table that cannot be read, is larger than any
     library needs, or has rows with more cells than the header raises a DataError.
     """
-    with text_from(path, where) as stream:
-        text = stream.read(_LARGEST_TABLE + 1)
-    if len(text) > _LARGEST_TABLE:
-        raise DataError(Problem(where, "a table of at most 32 MiB", "more", "leave out columns that are not needed"))
-    _refuse_nul(text, where)
-    start = 0
-    while len(text) - start > _LONGEST_LINE:
-        end = text.rfind("\n", start, start + _LONGEST_LINE)
-        if end < 0:
-            row = text.count("\n", 0, start) + 1
-            raise DataError(Problem(where, "lines of a table", "one without an end", _AGAIN, row=row))
-        start = end + 1
-    between = _separator(text) if by_hand else ","
-    reader = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True, delimiter=between)
     rows: list[list[str]] = []
     numbers: list[int] = []
     wide: list[Problem] = []
     number = 1
-    try:
-        names = header_names(next(reader, []), where)
-        for number, cells in enumerate(reader, start=2):
-            if number > _MOST_LINES or number * len(names) > _MOST_CELLS:
-                expected = f"at most {_MOST_LINES} lines and {_MOST_CELLS} cells"
-                raise DataError(Problem(where, expected, "more", "leave out columns that are not needed, or runs"))
-            if any(map(str.strip, cells)):
-                if any(map(str.strip, cells[len(names) :])) and len(wide) < _MOST_WIDE:
-                    wide.append(too_wide(where, len(names), cells, number))
-                rows.append([*map(original, cells[: len(names)]), *[""] * (len(names) - len(cells))])
-                numbers.append(number)
-    except csv.Error as error:
-        expected = "cells of a comma-separated table"
-        raise DataError([*wide, Problem(where, expected, str(error), _AGAIN, row=number + 1)]) from None
+    with text_from(path, where) as stream:
+        lines = _lines(stream, where)
+        first = next(lines, "")
+        between = _separator(first) if by_hand else ","
+        reader = csv.reader(chain([first], lines), skipinitialspace=True, strict=True, delimiter=between)
+        try:
+            names = header_names(next(reader, []), where)
+            most = min(most_rows, _MOST_CELLS // len(names))
+            for number, cells in enumerate(reader, start=2):
+                is_blank = not any(map(str.strip, cells))
+                if number > _MOST_LINES or (len(rows) == most and not is_blank):
+                    expected, advice = f"at most {most:,} rows in {len(names)} columns", "leave out what is not needed"
+                    raise DataError(Problem(where, expected, "more", advice))
+                if not is_blank:
+                    if any(map(str.strip, cells[len(names) :])) and len(wide) < _MOST_WIDE:
+                        wide.append(too_wide(where, len(names), cells, number))
+                    rows.append([*map(original, cells[: len(names)]), *[""] * (len(names) - len(cells))])
+                    numbers.append(number)
+        except csv.Error as error:
+            expected = "cells of a comma-separated table"
+            raise DataError([*wide, Problem(where, expected, str(error), _AGAIN, row=number + 1)]) from None
     if wide:
         raise DataError(wide)
     return names, rows if between == "," else _with_points(rows), numbers
 
 
-def _separator(text: str) -> str:
+def _lines(stream: TextIO, where: str) -> Iterator[str]:
+    """The lines of a table, one at a time; a DataError at the first that no table has."""
+    size = 0
+    for row in count(1):
+        line = stream.readline(_LONGEST_LINE + 1)
+        size += len(line)
+        if size > _LARGEST_TABLE:
+            raise DataError(Problem(where, "a table of at most 32 MiB", "more", "leave out what is not needed"))
+        _refuse_nul(line, where)
+        if len(line) > _LONGEST_LINE:
+            raise DataError(Problem(where, "lines of a table", "one without an end", _AGAIN, row=row))
+        if not line:
+            return
+        yield line
+
+
+def _separator(header: str) -> str:
     """What stands between the columns by the header, in whose names nothing of the kind stands."""
-    header = text.partition("\n")[0]
     return next((other for other in ";\t" if other in header and "," not in header), ",")
 
 

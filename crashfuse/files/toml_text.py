@@ -1,6 +1,7 @@
 """TOML text: bounded reading of files that nobody should trust, and values as they are written and told."""
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,6 +11,9 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.csv_text import text_from
 
 _LINE = 100
+_MOST_PARTS = 20  # of a dotted key; time and memory of parsing one grow with the square of their number
+_PART = r"""(?>[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?<![\w-]){_PART}(?>[ \t]*+\.[ \t]*+{_PART}){{{_MOST_PARTS}}}")
 _LONGEST_INT = 64  # bits; Python refuses to write the longest that a file can hold
 
 
@@ -20,6 +24,10 @@ def read_toml(path: Path, most_mib: int, advice: str) -> dict[str, Any]:
             text = stream.read((most_mib << 20) + 1)
         if len(text) > most_mib << 20:
             raise DataError(Problem(path.name, f"a file of at most {most_mib} MiB", "more", advice))
+        if key := _LONG_KEY.search(text):
+            row = text.count("\n", 0, key.start()) + 1
+            expected, found = f"keys of at most {_MOST_PARTS} parts", printable(key.group(), 60)
+            raise DataError(Problem(path.name, expected, found, "correct the file", row=row))
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         found = "brackets too deep" if isinstance(error, RecursionError) else str(error)

@@ -1,5 +1,6 @@
 """The channels of a record that are averaged into the pulse: those chosen, or those proposed that agree."""
 
+import shlex
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -13,7 +14,7 @@ from crashfuse.importing.detection import around_peak, delta_v, own_zero, smooth
 from crashfuse.importing.sampling import even, on_one_clock
 from crashfuse.readers.credibility import Doubt
 from crashfuse.readers.quantities import speed
-from crashfuse.readers.record import Record, RecordedChannel, quoted
+from crashfuse.readers.record import Record, RecordedChannel
 from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, joined, number, time_text
@@ -33,10 +34,13 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     missing = []
     if not chosen:
         expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
-        advice = f"choose the one that is, or several to be averaged (--channel {quoted(record.channels[0].name)})"
+        option = f"(--channel {shlex.quote(record.channels[0].name)})"
+        advice = f"choose the one that is, or several to be averaged {option}"
         if all(channel.doubt == Doubt.FAILED for channel in record.channels):
             expected = f"a sound channel of {record.id}"
-            advice = f"get a sound one, or choose one that is not as bad (--channel {quoted(record.channels[0].name)})"
+            advice = (
+                f"get a sound one, or choose one that is not as bad (--channel {shlex.quote(record.channels[0].name)})"
+            )
         missing.append(Problem(record.source, expected, record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
@@ -98,7 +102,7 @@ def agreeing_channels(
     if not majority:
         expected = f"channels of {record.id} that agree in time, shape and change of velocity"
         likely = f", likely {reference.name}, the closest to time zero" if on_time else ""
-        advice = f"choose one{likely} (--channel {quoted(reference.name)})"
+        advice = f"choose one{likely} (--channel {shlex.quote(reference.name)})"
         raise DataError(Problem(record.source, expected, joined(texts, "; "), advice))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")

@@ -1,5 +1,6 @@
 """The tables of a source, some with pulses and some with conditions, joined by id."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import get_args
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.readers.axes import Travel
-from crashfuse.readers.record import PartialCondition, Record, quoted
+from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tables.headers import likelihood
 from crashfuse.readers.tables.mapping import ColumnRole, propose
 from crashfuse.readers.tables.sheet import Sheet
@@ -131,7 +132,7 @@ def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, p
         advice = "add a row for each to the table of conditions, or leave its column out (--column COLUMN=ignored)"
         return Problem(table, f"conditions for {listed(without)}", found, advice)
     best_first = sorted(records, key=lambda record: likelihood(record.channels[0].name))
-    one = f"average them (--id ID) or choose among them (--channel {quoted(best_first[0].channels[0].name)})"
+    one = f"average them (--id ID) or choose among them (--channel {shlex.quote(best_first[0].channels[0].name)})"
     one = "leave out the others (--column COLUMN=ignored)" if parted else one
     crashes = "give a table of their conditions (--conditions TABLE)"
     advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"

@@ -1,13 +1,13 @@
 """Which files of a source are CAE runs, where nobody has said it."""
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem, UsageError
-from crashfuse.readers.record import quoted
 
 _CAE = re.compile(
     r"(?<![a-z])(cae|fe[am]?|sim(ul\w*)?s?|runs?|ls-?dyna|radioss|abaqus|pam-?crash|(be)?rechnung(en)?)(?![a-z])",
@@ -60,9 +60,7 @@ def which_are_tests(source: str, records: Sequence[str], usual: Role) -> list[Pr
     if not others:
         advice = "say that they are (--as cae), or that they are tests (--as tests)"
         return [Problem(source, "tests", f"nothing but what looks like CAE runs ({names})", advice)]
-    advice = (
-        f"name the files of CAE runs (--cae {' '.join(map(quoted, found))}), or say that all are tests (--as tests)"
-    )
+    advice = f"name the files of CAE runs (--cae {shlex.join(found)}), or say that all are tests (--as tests)"
     return [Problem(source, "tests", f"what looks like CAE runs ({names}) beside {others}", advice)]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from crashfuse.errors import CrashfuseError, DataError, Problem
-from crashfuse.extensions import said
+from crashfuse.extensions import FAULTS, said
 
 if TYPE_CHECKING:
     from crashfuse.campaign_folder.condition_tables import Role
@@ -62,7 +62,7 @@ class Format:
         try:
             read = getattr(importlib.import_module(module), function)
             records: tuple[Record, ...] = read(path, *([travel] if self.axes else []))
-        except Exception as error:
+        except FAULTS as error:
             if not self.package or isinstance(error, CrashfuseError | OSError):
                 raise
             found = f"the reader of the package {self.package} failed: {said(error)}"

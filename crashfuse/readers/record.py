@@ -5,7 +5,6 @@ Every reader of a foreign format (:mod:`~crashfuse.readers.nhtsa`, :mod:`~crashf
 fact. Their interpretation (time zero, sign and unit) is settled in one place, :mod:`crashfuse.importing`.
 """
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
@@ -119,11 +118,6 @@ class RecordedChannel:
         status = self.status if doubt_of(self.status) else ""
         origin = self.origin if self.is_simulated or is_computed(self.origin) else ""
         return ", ".join(printable(text, 60) for text in (status, origin) if text)
-
-
-def quoted(name: str) -> str:
-    """A name as a command line takes it."""
-    return name if re.fullmatch(r"[\w#.:+-]+", name) else '"{}"'.format(re.sub(r'(["\\$`])', r"\\\1", printable(name)))
 
 
 def proposal(

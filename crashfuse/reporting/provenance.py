@@ -1,6 +1,7 @@
 """Provenance of a result: data, settings, versions, and the command that reproduces it."""
 
 import platform
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib import metadata
@@ -10,20 +11,19 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.version import __version__
+from crashfuse.version import COMPUTING, __version__
 from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem
 
-_PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "pandas", "plotly")
+_PACKAGES = (*COMPUTING, "pandas", "plotly")
 
 
 def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> dict[str, object]:
     """Everything needed to reproduce a result, as plain JSON values."""
-    versions = {name: metadata.version(name) for name in _PACKAGES}
     return {
         "crashfuse": __version__,
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": versions,
+        "packages": {name: metadata.version(name) for name in _PACKAGES},
         "campaign": campaign.name,
         "notice": campaign.notice,
         "fingerprint": campaign.fingerprint,
@@ -41,31 +41,27 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
 
 def study_command(campaign: Campaign, held_out: Sequence[str], config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a study; the reader fills in the folders."""
-    tests = "" if tuple(held_out) == campaign.test_ids else f" --held-out {' '.join(map(_quoted, held_out))}"
-    windows = " ".join(f"{window:g}" for window in config.windows_ms)
-    way = config.leave_out.replace(" ", "-")
-    settings = f"{_settings(config)} --windows-ms {windows} --leave-out {way}{_units(units)}"
-    return f"crashfuse study CAMPAIGN --out DIR{tests}{settings}"
+    tests = [] if tuple(held_out) == campaign.test_ids else ["--held-out", *held_out]
+    leave_out = ["--leave-out", config.leave_out.replace(" ", "-")]
+    return _command("study", [*tests, *_settings(config), *_windows(config), *leave_out], units)
 
 
 def prediction_command(condition: Condition, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a prediction."""
-    at = _axes(units, condition)
-    return f"crashfuse predict CAMPAIGN{at}{_factors(condition)} --out DIR{_settings(config)}{_units(units)}"
+    return _command("predict", [*_axes(units, condition), *_factors(condition), *_settings(config)], units)
 
 
 def sweep_command(condition: Condition, speeds_mps: FloatArray, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a sweep."""
     speeds, *weights = _AXES
     ends = [replace(condition, speed_mps=float(speed)) for speed in speeds_mps[[0, -1]]]
-    at = _axes(units, *ends, only=[speeds]) + _axes(units, condition, only=weights)
-    return f"crashfuse sweep CAMPAIGN{at}{_factors(condition)} --out DIR{_settings(config)}{_units(units)}"
+    at = [*_axes(units, *ends, only=[speeds]), *_axes(units, condition, only=weights)]
+    return _command("sweep", [*at, *_factors(condition), *_settings(config)], units)
 
 
 def next_test_command(low: Condition, high: Condition, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a ranking of next tests over a range, on the usual grid."""
-    over = f"{_axes(units, low, high)}{_factors(low)}"
-    return f"crashfuse next-test CAMPAIGN{over} --out DIR --seed {config.seed}{_units(units)}"
+    return _command("next-test", [*_axes(units, low, high), *_factors(low), "--seed", str(config.seed)], units)
 
 
 def certification_settings(campaign: Campaign, config: StudyConfig, confidence: float) -> dict[str, str]:
@@ -86,47 +82,45 @@ def certification_settings(campaign: Campaign, config: StudyConfig, confidence: 
 
 def certify_command(config: StudyConfig, units: UnitSystem = MPH_LB, *, since: bool = False) -> str:
     """The command line that reproduces a certification from its criteria and matrix as files."""
-    files = "--criteria criteria.toml --matrix matrix.csv" + " --since EARLIER" * since
-    return f"crashfuse certify CAMPAIGN {files} --out DIR{_settings(config)}{_units(units)}"
+    files = ["--criteria", "criteria.toml", "--matrix", "matrix.csv", *["--since", "EARLIER"] * since]
+    return _command("certify", [*files, *_settings(config)], units)
 
 
 def learning_curve_command(config: StudyConfig, repeats: int, cost: str, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a learning curve."""
-    windows = " ".join(f"{window:g}" for window in config.windows_ms)
-    approaches = f" --approach {' '.join(config.approaches)}"
-    settings = f"{approaches} --seed {config.seed} --windows-ms {windows} --repeats {repeats}"
-    price = f" --cost-per-test {_quoted(cost)}" if cost else ""
-    return f"crashfuse learning-curve CAMPAIGN --out DIR{settings}{price}{_units(units)}"
+    settings = ["--approach", *config.approaches, "--seed", str(config.seed), *_windows(config)]
+    price = ["--cost-per-test", cost] if cost else []
+    return _command("learning-curve", [*settings, "--repeats", str(repeats), *price], units)
 
 
 _AXES = {"speed": "speed_mps", "front-weight": "front_weight_kg", "rear-weight": "rear_weight_kg"}
 
 
-def _axes(units: UnitSystem, *conditions: Condition, only: Sequence[str] = tuple(_AXES)) -> str:
+def _command(name: str, options: Sequence[str], units: UnitSystem) -> str:
+    """A command line to be pasted into a shell, which takes every word of it as it is."""
+    system = next(name for name, own in SYSTEMS.items() if own == units)
+    return shlex.join(["crashfuse", name, "CAMPAIGN", "--out", "DIR", *options, "--units", system])
+
+
+def _axes(units: UnitSystem, *conditions: Condition, only: Sequence[str] = tuple(_AXES)) -> list[str]:
     """Options for speed and weights, each with its value at these conditions."""
-    said = ""
+    options: list[str] = []
     for axis in only:
         unit = "mph" if axis == "speed" else "lb"
         in_si, ending = units.in_si(unit), units.unit(unit).replace("km/h", "kph")
-        values = (f"{getattr(condition, _AXES[axis]) / in_si:.10g}" for condition in conditions)
-        said += f" --{axis}-{ending} {' '.join(values)}"
-    return said
+        options += [f"--{axis}-{ending}"]
+        options += [f"{getattr(condition, _AXES[axis]) / in_si:.10g}" for condition in conditions]
+    return options
 
 
-def _units(units: UnitSystem) -> str:
-    """The option for the units of the report."""
-    return f" --units {next(name for name, own in SYSTEMS.items() if own == units)}"
+def _factors(condition: Condition) -> list[str]:
+    return [f"--factor={name}={value}" for name, value in condition.factors if value]  # names may begin with a dash
 
 
-def _factors(condition: Condition) -> str:
-    factors = [_quoted(f"{name}={value}") for name, value in condition.factors if value]
-    return f" --factor {' '.join(factors)}" if factors else ""
+def _settings(config: StudyConfig) -> list[str]:
+    approaches = [] if config.approaches == APPROACHES else ["--approach", *config.approaches]
+    return [*approaches, "--preset", config.preset, "--seed", str(config.seed), "--device", config.device]
 
 
-def _settings(config: StudyConfig) -> str:
-    approaches = "" if config.approaches == APPROACHES else f" --approach {' '.join(config.approaches)}"
-    return f"{approaches} --preset {config.preset} --seed {config.seed} --device {config.device}"
-
-
-def _quoted(text: str) -> str:
-    return text if text.replace("_", "").replace("-", "").replace("=", "").isalnum() else f'"{text}"'
+def _windows(config: StudyConfig) -> list[str]:
+    return ["--windows-ms", *(f"{window:g}" for window in config.windows_ms)]

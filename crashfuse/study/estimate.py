@@ -135,7 +135,7 @@ class Fit:
     @cached_property
     def state(self) -> dict[str, object]:
         """Fit results as plain JSON values; computing the uncertainties takes longer than a prediction."""
-        with one_thread():
+        with blamed_on(self.approach.name), one_thread():
             return self.approach.state
 
     def estimate(self, condition: Condition) -> Estimate:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
@@ -26,6 +25,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.one_thread import one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
@@ -225,7 +225,7 @@ def _predicted(
     held_out = [test for test in campaign.tests if test.id not in chosen]
     training = campaign.without([test.id for test in held_out])
     as_in_studies = len(held_out) == 1
-    with threadpool_limits(1):  # contended BLAS threads multiply CPU time and change the numbers
+    with one_thread_throughout():
         studied = (find_estimate(training, held_out[0].condition, name, config, cache) for name in config.approaches)
         estimates = [estimate for estimate in studied if estimate is not None] if as_in_studies else []
         if len(estimates) < len(config.approaches):

@@ -151,8 +151,9 @@ def _recommendation(study: Study) -> Recommendation:
     n = len(study.folds)
     sentences: list[str] = [
         Sentence(
-            f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {n} tests that were left "
-            "out, its mean distance from what was measured (CRPS, less is better) is {}{}{}.",
+            f"Use {{}} for this campaign. Over 0–{verdict.window_ms:g} ms, on {n} tests that were left out, its mean "
+            "distance from what was measured (CRPS, less is better) is {}{}{}.",
+            _in_words(chosen),
             crps[chosen],
             "; " if compared else "",
             joined(compared, ", "),

@@ -6,9 +6,7 @@ predictions are bit-identical to those when it was saved, so campaign and model 
 
 import hashlib
 import json
-import platform
 from dataclasses import asdict
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +16,18 @@ from safetensors.numpy import save
 
 from crashfuse.approaches.base import Approach, FittedState
 from crashfuse.approaches.metric_calibration import metric_errors
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.files.atomic import write_atomically
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.version import __version__
+from crashfuse.version import versions
 
 _HEADER = "crashfuse"
 _MOST_BYTES = 4 << 30
 _AGAIN = "train it again with crashfuse train"
-_PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "safetensors")
 
 
 def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
@@ -63,9 +61,7 @@ def model_bytes(fit: Fit, campaign: Campaign) -> bytes:
         "device": approach.device,
         "campaign": campaign.name,
         "fingerprint": campaign.fingerprint,
-        "crashfuse": __version__,
-        "python": platform.python_version(),
-        "packages": {name: metadata.version(name) for name in _PACKAGES},
+        "versions": versions(),
         "seconds": round(fit.seconds, 3),
         "learned": learned.values,
     }
@@ -84,7 +80,8 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
     Raises
     ------
     DataError
-        If the file is not a model, is truncated or altered, learned from other data, or comes from another version.
+        If the file is not a model, is truncated or altered, has the name of another approach, learned from other data,
+        or was made with other versions of crashfuse, Python or the packages that compute.
     """
     path = Path(path)
     record, arrays = _read(path)
@@ -105,9 +102,14 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
 
 
 def _check(path: Path, record: dict[str, Any], campaign: Campaign) -> None:
-    """Raise if the model comes from another version or learned from other data."""
-    if record["crashfuse"] != __version__:
-        raise DataError(Problem(str(path), f"a model made by crashfuse {__version__}", record["crashfuse"], _AGAIN))
+    """Raise if the model has the name of another, comes from other versions, or learned from other data."""
+    approach = record["approach"]
+    if approach in CLASSES and path.stem != approach and path.name in map(model_file, CLASSES):
+        raise DataError(Problem(str(path), f"a model of {path.stem}", f"one of {approach}", "give it its name back"))
+    made, here = record["versions"], versions()
+    if differing := [name for name in here if made.get(name) != here[name]]:
+        expected, found = (", ".join(f"{name} {own.get(name)}" for name in differing) for own in (here, made))
+        raise DataError(Problem(str(path), f"a model made with {expected}", f"one made with {found}", _AGAIN))
     if record["fingerprint"] != campaign.fingerprint:
         expected = f"a model of the data in {campaign.name} (fingerprint {campaign.fingerprint[:12]}…)"
         found = f"one of {record['campaign']} ({record['fingerprint'][:12]}…)"

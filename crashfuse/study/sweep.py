@@ -134,9 +134,8 @@ def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
         ]
         if gaps:
             (low, own), (high, _) = gaps[0], gaps[-1]
-            where = f"{len(gaps)} of {len(sweep.metrics)} speeds, from {{}}"
-            ends = speed(low, high, between=" to ")
-            said.append((Sentence(f"{LABELS[sweep.approach]} ({where})", ends), [own]))
+            where = f"{{}} ({len(gaps)} of {len(sweep.metrics)} speeds, from {{}})"
+            said.append((Sentence(where, LABELS[sweep.approach], speed(low, high, between=" to ")), [own]))
     return missing_sentences(said)
 
 

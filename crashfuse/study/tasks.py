@@ -12,13 +12,12 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
 
-from threadpoolctl import threadpool_limits
-
 from crashfuse.approaches.fit_cache import FITS
 from crashfuse.approaches.registry import APPROACHES, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.memory import give_back
+from crashfuse.execution.one_thread import one_thread_throughout
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
@@ -191,7 +190,7 @@ def _computed(
         return []
     training = campaign.without(task.wanted[0].left_out)
     estimates: list[tuple[Wanted, Estimate]] = []
-    with threadpool_limits(1):  # contended BLAS threads multiply CPU time and change the numbers
+    with one_thread_throughout():
         # mixtures come last, so that they find the fits of the others in the cache
         names = sorted({each.approach for each in task.wanted}, key=APPROACHES.index)
         fits = {name: Fit.of(training, name, config, cache=cache, watch=watch) for name in names}

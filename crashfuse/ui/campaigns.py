@@ -122,6 +122,12 @@ def open_uploaded(folder: Path) -> str:
     return name
 
 
+def close(name: str) -> None:
+    """Forget an open campaign, whose folder goes."""
+    with _opening:
+        opened_here().pop(name, None)
+
+
 def label(name: str) -> str:
     """What the open campaign of this name is called where others may read it."""
     return opened_here()[name].label or name

@@ -8,7 +8,7 @@ import streamlit as st
 from streamlit.navigation.page import Page
 
 from crashfuse.study.config import StudyConfig
-from crashfuse.ui import address, campaigns, login
+from crashfuse.ui import address, campaigns, login, uploads
 from crashfuse.ui.chosen import ASKED, NOT_FOUND, View, choose_campaign
 from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.look import STYLE
@@ -60,6 +60,8 @@ def enter() -> View | None:
         st.warning(plain(missing), icon=":material/link_off:")
     if choice.problems:
         show_problems(choice.problems)
+    if choice.view is not None:
+        uploads.note_use(choice.view.folder)
     return choice.view
 
 

@@ -5,6 +5,7 @@ reloading the page changes nothing.
 """
 
 import logging
+import math
 import os
 import queue
 import sys
@@ -25,6 +26,9 @@ State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")
 
 _NICE = 5  # beside pages: a third of their share of a core that both want
+_STOPS_S = 30.0  # after it was cancelled, without a report; the code of another package may never stop
+_SILENT_S = 1800.0  # without a report; no step of ours takes that long
+_LOOK_S = 1.0
 _KEPT = 24  # finished jobs; a whole study takes about 120 MB, one test 5 MB
 
 log = logging.getLogger(__name__)
@@ -36,11 +40,13 @@ class Job(Generic[T]):
     def __init__(self, title: str, work: Callable[[Watch], T]) -> None:
         self.title = title
         self.wanted_by: set[Visitor] = set()
+        self._asked_by: set[Visitor] = set()  # those who have cancelled it since among them
         self.places: dict[Visitor, Place] = {}  # where each of them asked for it, and will look for the result
         self.state: State = "waiting"
         self.part: T | None = None  # while it runs: what is known of the result, replaced as more is known
         self.result: T | None = None  # what the work returned, once done
         self.message = ""  # one sentence on why it failed
+        self._heard = math.inf  # when it reported last
         self._time: TimeLeft | None = None
         self._work: Callable[[Watch], T] | None = work
         self._joining = threading.Lock()
@@ -78,6 +84,7 @@ class Job(Generic[T]):
         with self._joining:
             if not self._cancel.is_set():
                 self.wanted_by.add(visitor)
+                self._asked_by.add(visitor)
 
     def cancel(self, visitor: Visitor) -> None:
         """Note that someone wants it no more; once nobody does, it stops at its next report, at once while it waits."""
@@ -86,11 +93,11 @@ class Job(Generic[T]):
             if self.wanted_by:
                 return
             self._cancel.set()
+            self._heard = time.monotonic()
             if self.state != "waiting":
                 return
-            self.state, self._work = "cancelled", None  # what is ahead of it may take hours
-        journal.note(visitor, f"cancelled: {self.title}")
-        self._ended.set()
+            self.state, self._work = "cancelled", None  # at once: what is ahead of it may take hours
+        self._end("cancelled")
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until it has ended; False on timeout."""
@@ -102,27 +109,38 @@ class Job(Generic[T]):
             if self.state != "waiting":
                 return
             work, self._work = self._work, None  # so that the objects the work refers to can be freed
-            self.state, wanted_by = "running", self.wanted_by.copy()
-        journal.note(wanted_by, f"started: {self.title}")
+            self.state, self._heard = "running", time.monotonic()
+            journal.note(self.wanted_by, f"started: {self.title}")
         try:
-            if work is not None:
-                self.result = work(self._watch)
-            self.state = "done"
+            self._end("done", result=None if work is None else work(self._watch))
         except Cancelled:
-            self.state = "cancelled"
+            self._end("cancelled")
         except CrashfuseError as error:
-            self.message, self.state = str(error), "failed"
-        except Exception as error:
+            self._end("failed", str(error))
+        except BaseException as error:  # SystemExit, too: the thread is the last to know of it
             if out_of_memory(error):
-                self.message, self.state = OUT_OF_MEMORY, "failed"
+                self._end("failed", OUT_OF_MEMORY)
                 return
             log.exception("%s failed", self.title)
-            self.message = f"This should not have happened ({type(error).__name__}: {error}); the log has the details."
-            self.state = "failed"
-        finally:
-            self.part = None
-            told = f" ({self.message})" if self.message else ""
-            journal.note(wanted_by | self.wanted_by, f"{self.state}: {self.title}{told}")
+            text = f"This should not have happened ({type(error).__name__}: {error}); the log has the details."
+            self._end("failed", text)
+
+    def watch_over(self) -> None:
+        """Wait until it has ended, or does not report any more; then whoever cancelled it need not wait for it."""
+        while not self.wait(_LOOK_S):
+            if time.monotonic() - self._heard > (_STOPS_S if self.cancelling else _SILENT_S):
+                log.warning("%s has not reported for long; others are computed beside it.", self.title)
+                if self.cancelling:
+                    self._end("cancelled")
+                return
+
+    def _end(self, state: State, message: str = "", result: T | None = None) -> None:
+        """Record its outcome, if it has none yet."""
+        with self._joining:
+            if self._ended.is_set():
+                return
+            self.result, self.part, self.message, self.state = result, None, message, state
+            journal.note(self._asked_by, f"{state}: {self.title}{f' ({message})' if message else ''}")
             self._ended.set()
 
     def _show_part(self, part: T) -> None:
@@ -132,6 +150,7 @@ class Job(Generic[T]):
         self._time = TimeLeft(seconds, time.monotonic())
 
     def _report(self, progress: Progress) -> None:
+        self._heard = time.monotonic()
         if self._time is not None:
             self._time.take(progress, time.monotonic())
 
@@ -183,7 +202,7 @@ class Jobs:
             for old in finished[: max(len(finished) - _KEPT, 0)]:
                 del self._jobs[old]
         if at_once:
-            threading.Thread(target=job.run, name=title, daemon=True).start()
+            threading.Thread(target=_compute, args=(job,), name=title, daemon=True).start()
         else:
             self._queue.put(job)
         return job
@@ -191,8 +210,14 @@ class Jobs:
     def _serve(self) -> None:
         _yield_to_pages()
         while True:
-            self._queue.get().run()
+            _compute(self._queue.get())
             self.ended += 1
+
+
+def _compute(job: Job[Any]) -> None:
+    """Run a job in a thread of its own, which can be left behind."""
+    threading.Thread(target=job.run, name=job.title, daemon=True).start()
+    job.watch_over()
 
 
 def _yield_to_pages() -> None:

@@ -130,7 +130,7 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
 
 def _note(sentence: str, asked: str) -> None:
     """Record that the link that began this session asks for something that does not exist."""
-    st.session_state.setdefault(NOT_FOUND, sentence.format(f"“{asked[:80]}”"))
+    st.session_state.setdefault(NOT_FOUND, sentence.replace("{}", f"“{asked[:80]}”", 1))
 
 
 def _turn_to_campaign() -> None:

@@ -1,9 +1,14 @@
-"""Uploads from the browser, stored in a temporary folder that is deleted when the server ends."""
+"""Uploads from the browser, stored in a temporary folder that is deleted when the server ends.
+
+Beyond 8 GiB, those go that nobody has looked at for longest.
+"""
 
 import atexit
 import hashlib
+import os
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path, PurePath
@@ -23,6 +28,9 @@ from crashfuse.ui.importing.session import Source, source_at
 from crashfuse.ui.visitors import visitor
 
 T = TypeVar("T")
+
+_MOST_BYTES = 8 << 30
+_IN_USE_S = 4 * 3600.0  # since somebody looked at it; a session may pause over noon
 
 
 class Upload(Protocol):
@@ -94,6 +102,7 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
 def _keep(lay_out_in: Callable[[Path], T]) -> T:
     """Store uploads in a new folder, which is removed if that fails."""
     try:
+        _make_room()
         own = Path(tempfile.mkdtemp(dir=_scratch()))
         try:
             return lay_out_in(own)
@@ -103,6 +112,30 @@ def _keep(lay_out_in: Callable[[Path], T]) -> T:
     except OSError as error:
         expected = "room to unpack it on the server's disk"
         raise DataError(Problem("upload", expected, error.strerror or "none", "free some space")) from error
+
+
+def note_use(folder: Path) -> None:
+    """Note that somebody looks at a campaign: an upload is kept as long as anybody does."""
+    for path in (folder, *folder.parents):
+        if path.parent == _scratch().resolve():
+            with suppress(OSError):
+                os.utime(path)
+
+
+def _make_room() -> None:
+    """Delete the uploads that nobody has looked at for longest until the rest fits, but none of the last hours."""
+    uploads = sorted((own.stat().st_mtime, own) for own in _scratch().iterdir())
+    sizes = {own: sum(path.stat().st_size for path in own.rglob("*") if path.is_file()) for _, own in uploads}
+    excess = sum(sizes.values()) - _MOST_BYTES
+    for used, own in uploads:
+        if excess <= 0 or time.time() - used < _IN_USE_S:
+            break
+        for key, name in list(_opened().items()):
+            if own.resolve() in campaigns.folder_of(name).parents:
+                del _opened()[key]
+                campaigns.close(name)
+        shutil.rmtree(own, ignore_errors=True)
+        excess -= sizes[own]
 
 
 @st.cache_resource

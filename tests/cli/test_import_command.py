@@ -75,7 +75,7 @@ def test_a_tables_columns_and_condition_are_asked_for_at_once(
     source.write_text("\n".join(["Time  (s),Acc   X left (g),Acc   X right (g)", *rows]))
     assert cli.main(["import", str(source), "--out", str(out)]) == cli.WRONG_DATA
     said = capsys.readouterr().err
-    option = '--channel "Acc X left (g)"'
+    option = "--channel 'Acc X left (g)'"
     for asked in (
         "3 problems found.",
         f"choose among them ({option})",

@@ -1,5 +1,6 @@
 """The cache: what comes out is what went in, or nothing."""
 
+import os
 import subprocess
 import sys
 import threading
@@ -14,9 +15,10 @@ import numpy.typing as npt
 import platformdirs
 import pytest
 
-from crashfuse.errors import Cancelled, DataError, Problem
+from crashfuse.errors import Cancelled, DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache, finite, numbers
 from crashfuse.execution.progress import Progress, Watch
+from crashfuse.version import versions
 
 
 def test_what_was_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
@@ -64,8 +66,9 @@ def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypa
         found = Cache(tmp_path).get("kind", dict(reversed(key.items())))
         assert found is not None
         assert int(found["number"]) == number
-    monkeypatch.setattr("crashfuse.execution.cache.__version__", "0.0")
-    assert cache.get("kind", keys[0]) is None
+    for name in ("crashfuse", "Python", "numpy", "scipy", "scikit-learn", "torch"):
+        monkeypatch.setattr("crashfuse.execution.cache.versions", lambda name=name: {**versions(), name: "0.0"})
+        assert cache.get("kind", keys[0]) is None
 
 
 def test_what_has_no_value_of_its_own_cannot_be_part_of_a_key(tmp_path: Path) -> None:
@@ -125,6 +128,61 @@ def test_the_cache_lies_where_the_platform_keeps_them(monkeypatch: pytest.Monkey
     assert Cache().folder == tmp_path
     monkeypatch.delenv("CRASHFUSE_CACHE")
     assert Cache().folder == Path(platformdirs.user_cache_dir()) / "crashfuse"
+
+
+def test_an_entry_in_the_place_of_another_is_damaged(tmp_path: Path) -> None:
+    """Whole entries that were exchanged gave another approach's ratings; none is taken for another."""
+    cache = Cache(tmp_path)
+    paths = [cache.path(kind, {"x": x}) for kind in ("kind", "other") for x in (1, 2)]
+    for number, path in enumerate(paths):
+        cache.put(path.parent.name, {"x": number % 2 + 1}, {"number": number})
+    contents = [path.read_bytes() for path in paths]
+    for path, content in zip(paths, contents[1:] + contents[:1], strict=True):
+        path.write_bytes(content)
+    assert [cache.get(kind, {"x": x}) for kind in ("kind", "other") for x in (1, 2)] == [None] * 4
+
+
+def _age(cache: Cache, x: int, hours: float) -> None:
+    at = time.time() - 3600 * hours
+    os.utime(cache.path("kind", {"x": x}), (at, at))
+
+
+def _left(cache: Cache) -> list[int]:
+    return [x for x in range(6) if cache.is_cached("kind", {"x": x})]
+
+
+def test_what_was_not_used_for_longest_makes_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond the limit, but nothing of the last hour, nothing that this cache has used, and nothing of others."""
+    monkeypatch.setenv("CRASHFUSE_CACHE_GIB", str(3.5e6 / 2**30))
+    million = np.zeros(125_000)
+    for x in range(5):
+        Cache(tmp_path).put("kind", {"x": x}, {"a": million})
+        _age(Cache(tmp_path), x, hours=10 - x)
+    (tmp_path / "history").mkdir()
+    (tmp_path / "history" / "a.json").write_bytes(bytes(5_000_000))
+    assert _left(Cache(tmp_path)) == [2, 3, 4]
+    assert Cache(tmp_path).get("kind", {"x": 2}) is not None  # used again
+    Cache(tmp_path).put("kind", {"x": 5}, {"a": million})
+    assert _left(Cache(tmp_path)) == [2, 4, 5]
+    Cache(tmp_path).put("kind", {"x": 0}, {"a": million})
+    assert _left(Cache(tmp_path)) == [0, 2, 5]
+    Cache(tmp_path).put("kind", {"x": 1}, {"a": million})
+    assert _left(Cache(tmp_path)) == [0, 1, 2, 5]  # all of the last hour
+    user = Cache(tmp_path)
+    assert user.get("kind", {"x": 1}) is not None
+    for x in (0, 1, 2, 5):
+        _age(user, x, hours=2)
+    user.put("kind", {"x": 3}, {"a": million})
+    assert 1 in _left(user)
+    assert (tmp_path / "history" / "a.json").exists()
+
+
+@pytest.mark.parametrize("wrong", ["0", "-1", "nan", "much"])
+def test_a_limit_that_is_none_is_wrong_usage(wrong: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Said before anything is computed."""
+    monkeypatch.setenv("CRASHFUSE_CACHE_GIB", wrong)
+    with pytest.raises(UsageError, match="CRASHFUSE_CACHE_GIB"):
+        Cache()
 
 
 @pytest.mark.parametrize("position", [0, 100, -1])
@@ -218,10 +276,11 @@ def test_a_result_is_computed_once_and_then_restored(tmp_path: Path) -> None:
 def test_a_whole_entry_with_the_wrong_content_is_computed_again(
     tmp_path: Path, wrong: dict[str, npt.ArrayLike]
 ) -> None:
-    """Its checksum is right, but the result cannot be restored from it: it is replaced, and nobody gets an error."""
+    """Its checksum is right, but the result cannot be restored from it: it is replaced, with a warning."""
     cache, computed = Cache(tmp_path), list[int]()
     cache.put("kind", {"x": 1}, wrong)
-    assert halves(cache, computed) == 0.5
+    with pytest.warns(UserWarning, match=r"A result \(kind\) could not be read back"):
+        assert halves(cache, computed) == 0.5
     assert halves(cache, computed) == 0.5
     assert computed == [1]
 
@@ -318,7 +377,8 @@ def test_an_entry_that_blames_the_data_is_computed_again(tmp_path: Path) -> None
 
     cache = Cache(tmp_path)
     cache.put("kind", {}, {"x": 1.0})
-    assert cache.get_or_compute("kind", {}, lambda: ("computed", {"x": 1.0}), restore) == "computed"
+    with pytest.warns(UserWarning, match="could not be read back"):
+        assert cache.get_or_compute("kind", {}, lambda: ("computed", {"x": 1.0}), restore) == "computed"
 
 
 @pytest.mark.parametrize("wrong", [np.ones(3), np.ones((2, 3)), np.array("text"), np.ones((3, 2), int), np.float64(1)])

@@ -1,23 +1,25 @@
 """Linear algebra with one thread, as long as anyone wants it."""
 
-from contextlib import ExitStack
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from crashfuse.execution.one_thread import one_thread
+from crashfuse.execution.one_thread import one_thread, one_thread_throughout
 
 
 def _threads() -> set[int]:
     return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
 
 
-def test_who_leaves_first_does_not_end_it_for_others() -> None:
+@pytest.mark.parametrize("limit", [one_thread, one_thread_throughout])
+def test_who_leaves_first_does_not_end_it_for_others(limit: Callable[[], AbstractContextManager[None]]) -> None:
     """Two sessions predict at once: one thread until both are done, then as many as before."""
     with threadpool_limits(2, user_api="blas"):
         before, first, second = _threads(), ExitStack(), ExitStack()
-        first.enter_context(one_thread())
-        second.enter_context(one_thread())
+        first.enter_context(limit())
+        second.enter_context(limit())
         first.close()
         assert _threads() == {1}
         second.close()

@@ -261,8 +261,8 @@ def test_a_worker_with_other_versions_is_refused(
     campaign: Campaign, dask: Dask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One sentence names it and what differs; nothing is computed."""
-    ours = {**cluster.versions(), "numpy": "1.26.4"}
-    monkeypatch.setattr(cluster, "versions", lambda: ours)
+    ours = {**cluster.versions_here(), "numpy": "1.26.4"}
+    monkeypatch.setattr(cluster, "versions_here", lambda: ours)
     with pytest.raises(CrashfuseError, match=r"worker at tcp://\S+ has numpy [\d.]+ instead of 1.26.4: install"):
         run_study(campaign, CONFIG, scheduler=dask.address)
 

@@ -114,7 +114,7 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, right_g)
     said = refusal(path)
     assert "found ax left, ax right; if they are sensors of one crash, average them (--id ID)" in said
-    assert 'or choose among them (--channel "ax left [g]"); if they are crashes, give a table of their' in said
+    assert "or choose among them (--channel 'ax left [g]'); if they are crashes, give a table of their" in said
     (one,) = import_source(path, tmp_path / "one", GIVEN, record_id="T1")
     assert one.channels == ("ax left [g]", "ax right [g]")
     alike = table(tmp_path, "t [ms];ax [g];ax [g]", TIME_S / MS, PULSE_G, PULSE_G, name="alike.csv")

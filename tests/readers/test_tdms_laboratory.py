@@ -122,7 +122,7 @@ def test_a_channel_is_chosen_as_it_is_printed(tmp_path: Path) -> None:
         settle(record, WEIGHTS)
     (problem,) = caught.value.problems
     assert problem.found == "Vehicle  CG   Accel Long (g), Sled Accel  (g), Barrier  Accel (g)"
-    assert '(--channel "Vehicle  CG   Accel Long (g)")' in problem.advice
+    assert "(--channel 'Vehicle  CG   Accel Long (g)')" in problem.advice
     for spelling in (problem.found.split(", ")[0], "Vehicle CG Accel Long (g)"):
         chosen = settle(record, Choices((spelling,), condition=WEIGHTS.condition))
         assert chosen.channels == ("Vehicle  CG   Accel Long (g)",)

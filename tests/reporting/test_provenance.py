@@ -5,11 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.cli import parser
 from crashfuse.condition import Condition
 from crashfuse.reporting.provenance import (
+    learning_curve_command,
     next_test_command,
     prediction_command,
     provenance,
@@ -43,14 +46,27 @@ def test_the_command_of_a_prediction_is_parsed_back_to_its_condition(units: str)
     assert parsed.factor == ["drive=all wheels"]
 
 
+_WORDS = st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), min_size=1, max_size=30)
+
+
+@given(st.dictionaries(_WORDS.filter(lambda name: "=" not in name), _WORDS, min_size=1, max_size=3), _WORDS)
+def test_a_command_gives_back_whatever_words_are_in_it(factors: dict[str, str], word: str) -> None:
+    """Pasted into a shell, nothing that a table or a user says is run, split or lost."""
+    condition = Condition.of_vector([15.0, 950.0, 700.0], tuple(factors.items()))
+    parsed = parser().parse_args(shlex.split(prediction_command(condition, StudyConfig()))[1:])
+    assert parsed.factor == [f"{name}={value}" for name, value in factors.items()]
+    words = shlex.split(learning_curve_command(StudyConfig(), 3, word))
+    assert words[words.index("--cost-per-test") + 1] == word
+
+
 def test_commands_are_in_the_units_of_the_report() -> None:
     """Round numbers stay round: 56 km/h is no 34.8 mph."""
     condition, higher = Condition.of_vector([56 * KPH, 950.0, 700.0]), Condition.of_vector([64 * KPH, 1000.0, 750.0])
     vehicle = " --front-weight-kg 950 --rear-weight-kg 700"
-    assert f" --speed-kph 56{vehicle} --out" in prediction_command(condition, StudyConfig(), KPH_KG)
+    assert f" --speed-kph 56{vehicle} " in prediction_command(condition, StudyConfig(), KPH_KG)
     speeds = np.array([condition.speed_mps, 16.0, higher.speed_mps])
-    assert f" --speed-kph 56 64{vehicle} --out" in sweep_command(condition, speeds, StudyConfig(), KPH_KG)
-    over = " --speed-kph 56 64 --front-weight-kg 950 1000 --rear-weight-kg 700 750 --out"
+    assert f" --speed-kph 56 64{vehicle} " in sweep_command(condition, speeds, StudyConfig(), KPH_KG)
+    over = " --speed-kph 56 64 --front-weight-kg 950 1000 --rear-weight-kg 700 750 "
     assert over in next_test_command(condition, higher, StudyConfig(), KPH_KG)
 
 

@@ -23,6 +23,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.saved_models import load_model, save_model
 from crashfuse.units import LB, MPH
+from crashfuse.version import versions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_networks")]
 
@@ -96,7 +97,7 @@ def test_the_file_says_what_made_it(campaign: Campaign, saved: Path) -> None:
     assert record["approach"] == "time_domain"
     assert (record["preset"], record["seed"]) == ("fast", 0)
     assert record["settings"]["members"] == 2
-    assert set(record["packages"]) == {"numpy", "scipy", "scikit-learn", "torch", "safetensors"}
+    assert set(record["versions"]) == {"Python", "crashfuse", "numpy", "scipy", "scikit-learn", "torch"}
     assert "lf/head.weight" in load_file(saved)
 
 
@@ -106,11 +107,22 @@ def test_other_data_is_refused(campaign: Campaign, saved: Path) -> None:
         load_model(saved, campaign.without(["T1"]))
 
 
-def test_another_version_is_refused(campaign: Campaign, saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["crashfuse", "numpy", "torch", "Python"])
+def test_another_version_is_refused(
+    campaign: Campaign, saved: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     """Numbers must not change silently with the code around them."""
-    monkeypatch.setattr(models, "__version__", "99.0")
-    with pytest.raises(DataError, match=r"a model made by crashfuse 99\.0, found .*; train it again"):
+    monkeypatch.setattr(models, "versions", lambda: {**versions(), name: "99.0"})
+    with pytest.raises(DataError, match=rf"a model made with {name} 99\.0, found .*{name} .*; train it again"):
         load_model(saved, campaign)
+
+
+def test_a_model_under_the_name_of_another_is_refused(campaign: Campaign, saved: Path) -> None:
+    """A name of ours says what is in it; any other name is the user's."""
+    other = saved.rename(saved.with_name("fused.safetensors"))
+    with pytest.raises(DataError, match="a model of fused, found one of time_domain"):
+        load_model(other, campaign)
+    assert load_model(other.rename(saved.with_name("mine.safetensors")), campaign).approach.name == "time_domain"
 
 
 @pytest.mark.parametrize("keep", [0, 1, 7, 100, 5000, -1])

@@ -1,6 +1,7 @@
 """The page Data: opening a campaign, refusing what is none, and showing what is in it."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -196,6 +197,26 @@ def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> 
         assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
         assert len(kept()) == 1
     assert [campaigns.label(name)[:13] for name in campaigns.opened_here()] == ["sample", "sled (upload "]
+
+
+@pytest.mark.slow
+def test_uploads_that_nobody_looks_at_make_room(
+    visit: Visit, campaign_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beyond the limit those go that were not looked at for longest; what somebody looks at stays."""
+    files = content_of(campaign_folder)
+    monkeypatch.setattr(uploads, "_MOST_BYTES", 1.5 * sum(map(len, files.values())))
+    first = upload(visit(), ("first.zip", zipped(files)))
+    upload(visit(), ("second.zip", zipped({**files, "campaign.toml": b"name = 'Second'"})))
+    assert len(kept()) == 2  # both were looked at just now
+    gone = list(campaigns.opened_here())[2]
+    for folder in kept():
+        os.utime(folder, (0, 0))
+    first.run()
+    upload(visit(), ("third.zip", zipped({**files, "campaign.toml": b"name = 'Third'"})))
+    assert sorted(path.name for folder in kept() for path in folder.iterdir()) == ["first", "third"]
+    assert [campaigns.label(name).partition(" ")[0] for name in campaigns.opened_here()] == ["sample", "first", "third"]
+    assert "You have not opened the campaign" in visit(campaign=gone).words
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ import logging
 import os
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -141,6 +142,67 @@ def test_an_unforeseen_error_is_logged_and_shown_without_a_traceback(caplog: pyt
     assert "ZeroDivisionError" in job.message
     assert "Traceback" not in job.message
     assert "Traceback" in caplog.text
+
+
+@pytest.mark.parametrize("error", [SystemExit(0), SystemExit("bye"), KeyboardInterrupt(), GeneratorExit()])
+def test_who_ends_the_program_ends_only_the_job(error: BaseException, caplog: pytest.LogCaptureFixture) -> None:
+    """The code of another package may call sys.exit: the job has failed, and the queue goes on."""
+    jobs = Jobs()
+
+    def leave(_: Watch) -> None:
+        raise error
+
+    with caplog.at_level(logging.ERROR):
+        job = jobs.start("a", "A", leave, ANNA)
+        assert ended(job)
+        assert ended(jobs.start("b", "B", lambda _: None, ANNA))
+    assert (job.state, type(error).__name__ in job.message) == ("failed", True)
+
+
+@pytest.mark.parametrize("way", ["cancelled", "silent"])
+@pytest.mark.parametrize("at_once", [False, True])
+def test_a_job_that_hangs_does_not_hold_up_the_others(
+    gate: threading.Event, monkeypatch: pytest.MonkeyPatch, way: str, *, at_once: bool
+) -> None:
+    """It is left behind, once it was cancelled or has not reported for long; what it returns later is not wanted."""
+    monkeypatch.setattr("crashfuse.ui.jobs._LOOK_S", 0.01)
+    monkeypatch.setattr(f"crashfuse.ui.jobs.{'_STOPS_S' if way == 'cancelled' else '_SILENT_S'}", 0.05)
+    jobs, begun, returned = Jobs(), threading.Event(), threading.Event()
+
+    def hang(_: Watch) -> int:
+        begun.set()
+        gate.wait(SOON)
+        returned.set()
+        return 1
+
+    job = jobs.start("a", "A", hang, ANNA, at_once=at_once)
+    assert begun.wait(SOON)
+    if way == "cancelled":
+        job.cancel(ANNA)
+        assert ended(job)
+    assert ended(jobs.start("b", "B", lambda _: 2, BEN))
+    gate.set()
+    assert returned.wait(SOON)
+    assert ended(job)
+    outcome = job.state, job.result
+    assert outcome == (("cancelled", None) if way == "cancelled" else ("done", 1))
+
+
+def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slow is not silent."""
+    monkeypatch.setattr("crashfuse.ui.jobs._LOOK_S", 0.01)
+    monkeypatch.setattr("crashfuse.ui.jobs._SILENT_S", 0.3)
+    jobs, order = Jobs(), []
+
+    def work(watch: Watch) -> None:
+        for i in range(20):
+            watch.report("Step", i, 20)
+            time.sleep(0.05)
+        order.append("first")
+
+    jobs.start("a", "A", work, ANNA)
+    assert ended(jobs.start("b", "B", lambda _: order.append("second"), BEN))
+    assert order == ["first", "second"]
 
 
 @pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory: 9 bytes")])

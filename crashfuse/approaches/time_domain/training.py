@@ -59,6 +59,11 @@ class Checkpoint:
         if self.cache:
             self.cache.put(_KIND, self.key, state)
 
+    def discard(self, error: Exception) -> None:
+        """Delete a checkpoint that cannot be used."""
+        if self.cache:
+            self.cache.discard(_KIND, self.key, error)
+
     def drop(self) -> None:
         """Delete the checkpoint when training has ended."""
         if self.cache:
@@ -153,12 +158,12 @@ def _resume(runs: Sequence[_Run], checkpoint: Checkpoint, n_steps: int) -> int:
         done = _restore(runs, state)
         if not 0 < done < n_steps:
             raise ValueError("more steps than there are")
-    except Exception:  # whatever is wrong with it, the training begins anew
+    except Exception as error:  # whatever is wrong with it, the training begins anew
         for run, (weights, curve) in zip(runs, begun, strict=True):
             load_weights(run.network, weights)
             run.curve.copy_(curve)
             run.optimiser = Adam(run.network.parameters())
-        checkpoint.drop()
+        checkpoint.discard(error)
         return 0
     return done
 

@@ -150,12 +150,13 @@ def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
 def test_a_checkpoint_of_something_else_is_not_taken(
     campaign: Campaign, undisturbed: LfTcn, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Entry], Entry]
 ) -> None:
-    """Its checksum is right and its content is not: the training begins anew, and nothing of it remains."""
+    """Its checksum is right and its content is not: a warning, the training begins anew, and nothing of it remains."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
     load = training.Checkpoint.load
     monkeypatch.setattr(training.Checkpoint, "load", lambda self: spoil(load(self) or {}))
     reports: list[Progress] = []
-    trained = LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
+    with pytest.warns(UserWarning, match="could not be read back"):
+        trained = LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
     assert reports[0].done == 0
     assert _bits(trained.network_) == _bits(undisturbed.network_)
 

@@ -1,0 +1,39 @@
+"""TOML that nobody should trust, and values as TOML."""
+
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crashfuse.errors import DataError
+from crashfuse.files.toml_text import read_toml, toml_text
+
+
+@pytest.mark.parametrize("part", ["a", '"a"', "'a'", ' "\\"" ', "a\t"])
+@pytest.mark.parametrize("text", ["{} = 1", "[{}]", "[[{}]]", "x = {{ {} = 1 }}", "x = [\n{{ {} = 1 }}]"])
+def test_keys_of_many_parts_are_refused_in_no_time(part: str, text: str, tmp_path: Path) -> None:
+    """Parsing one of 16,000 parts would take a gigabyte, and four times that for twice as many."""
+    (tmp_path / "x.toml").write_text("y = 1\n" + text.format(".".join([part] * 16_000)), encoding="utf-8")
+    start = time.process_time()
+    with pytest.raises(DataError, match="at most 20 parts"):
+        read_toml(tmp_path / "x.toml", 1, "leave out what is no setting")
+    assert time.process_time() - start < 0.5
+
+
+def test_keys_of_some_parts_and_texts_with_points_are_read(tmp_path: Path) -> None:
+    """What people write is no such key."""
+    text = 'a.b."c.d".e = "Version 1.2.3. Made by J. R. R. Doe ... 10.1016/j.x"\n[imported.T1]\ntimes = [0.1, 0.2]\n'
+    (tmp_path / "x.toml").write_text(text, encoding="utf-8")
+    assert read_toml(tmp_path / "x.toml", 1, "") == tomllib.loads(text)
+
+
+_TEXTS = st.text(st.characters(exclude_categories=["Cs"]))
+
+
+@given(st.dictionaries(_TEXTS, _TEXTS))
+def test_texts_come_back_from_toml(texts: dict[str, str]) -> None:
+    """Any text, as key and as value."""
+    assert tomllib.loads(f"x = {toml_text(texts)}\ny = {toml_text(list(texts))}") == {"x": texts, "y": list(texts)}
