@@ -144,10 +144,10 @@ def test_conditions_within_the_tolerance_of_a_test_are_one() -> None:
 
 near_conditions = st.builds(
     Condition,
-    st.integers(0, 30).map(lambda step: 15.0 + 0.1 * step * KPH),
-    st.integers(0, 10).map(lambda step: 900.0 * (1 + 0.005 * step)),
-    st.sampled_from([700.0, 714.0, 720.0]),
-    st.sampled_from([(), (("drive", "FWD"),), (("drive", "AWD"),), (("drive", ""), ("seat", "1"))]),
+    speed_mps=st.integers(0, 30).map(lambda step: 15.0 + 0.1 * step * KPH),
+    front_weight_kg=st.integers(0, 10).map(lambda step: 900.0 * (1 + 0.005 * step)),
+    rear_weight_kg=st.sampled_from([700.0, 714.0, 720.0]),
+    factors=st.sampled_from([(), (("drive", "FWD"),), (("drive", "AWD"),), (("drive", ""), ("seat", "1"))]),
 )
 
 
