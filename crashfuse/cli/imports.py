@@ -59,7 +59,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
     parser.add_argument("--format", choices=(*FORMATS, *BROKEN_FORMATS), help="default: by the files' names")
     parser.add_argument("--as", dest="role", choices=("tests", "cae"), help="default: tests, asked if it is doubtful")
-    parser.add_argument("--cae", nargs="+", default=(), metavar="FILE", help="files in the source that are CAE runs")
+    parser.add_argument(
+        "--cae", nargs="+", default=(), metavar="NAME", help="files in the source that are CAE runs, or ids of records"
+    )
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
     parser.add_argument(
         "--channel", nargs="+", default=(), metavar="NAME", help="channels to average (default: proposed)"

@@ -17,7 +17,7 @@ from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import Lacking, missing_values, told_of_several
 from crashfuse.importing.detection import UnknownUnit, delta_v
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
-from crashfuse.importing.roles import check_names, role_of, which_are_tests
+from crashfuse.importing.roles import Label, check_names, role_of, which_are_tests
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, each_record, format_of
 from crashfuse.importing.unpacking import is_archive
@@ -59,7 +59,7 @@ def import_source(
     role : {"tests", "cae"}, optional
         What the records are. By default tests, which is asked if some files look like CAE runs, or all do.
     cae : sequence of str
-        Names of the files in the source whose records are CAE runs, whatever the others are.
+        Files in the source whose records are CAE runs, whatever the others are; or such records, by their ids.
     fmt : str, optional
         A key of :data:`crashfuse.readers.formats.FORMATS`; by default detected from the file names in the source.
     record_id : str, optional
@@ -87,11 +87,11 @@ def import_source(
     one_of("kind of record", role or "tests", dict.fromkeys(get_args(Role)))
     together = record_id is not None or bool(choices.channels)
     problems: list[Problem] = []
-    sources: list[str] = []
+    labels: list[Label] = []
 
     def noted(records: Iterable[Record]) -> Iterator[Record]:
         for record in records:
-            sources.append(record.source)
+            labels.append(Label.of(record))
             yield record
 
     records = noted(
@@ -104,11 +104,11 @@ def import_source(
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
     except DataError as error:
         problems = [*error.problems, *problems]
-    check_names(cae, sources)
-    if role is None and not cae and sources:
+    check_names(cae, labels)
+    if role is None and not cae and labels:
         usual = FORMATS[fmt or format_of(source)].role
         # what each lacks as a test may be no question then
-        refuse(which_are_tests(source.name, sources, usual), source.name)
+        refuse(which_are_tests(source.name, labels, usual), source.name)
     alone = source.is_file() and not is_archive(source.name) and conditions is None
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
@@ -146,7 +146,7 @@ def settle_each(
 
     def attempt(place: int, record: Record) -> None:
         try:
-            settled[place] = settle(record, choices, role=role_of(record.source, role, cae), raw=raw)
+            settled[place] = settle(record, choices, role=role_of(record, role, cae), raw=raw)
         except DataError as error:
             if place not in unclear and any(isinstance(problem, UnknownUnit) for problem in error.problems):
                 unclear[place] = record

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import get_args
 
 from crashfuse.campaign_folder.columns import listed
-from crashfuse.errors import DataError, Problem, UsageError, collecting
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
 from crashfuse.readers.axes import Travel
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tables.headers import likelihood
 from crashfuse.readers.tables.mapping import ColumnRole, propose
-from crashfuse.readers.tables.sheet import Sheet
+from crashfuse.readers.tables.sheet import Sheet, is_unnamed
 from crashfuse.readers.tables.sheets import read_sheets
 from crashfuse.readers.tables.table_reader import apply_conditions, apply_mapping, told_of
 
@@ -94,7 +94,9 @@ class TableSet:
                 read = apply_conditions(sheet, mapping)
                 self.conditions |= {name.casefold(): (name, known, told_of(mapping)) for name, known in read.items()}
         else:
-            self.neither.append(f"{sheet.name} with the columns {listed(sheet.columns)}")
+            reasons = [f"{printable(use.column, 40)}: {use.why}" for use in mapping.uses if use.role == "ignored"]
+            because = f" ({'; '.join(reasons[:12])})" if reasons else ""
+            self.neither.append(f"{sheet.name} with the columns {listed(sheet.columns)}{because}")
 
     def given_to(self, record: Record) -> Record:
         """The record with the condition of its id (case ignored); if there is none, it says so of its speed."""
@@ -116,10 +118,12 @@ class TableSet:
             found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
             raise DataError(Problem("conditions", f"conditions for {listed(ids)}", found, "make the ids the same"))
         unclear = [
-            _unclear(name, records, without, parted=(path, name) in self.parted)
+            _unclear(name, alike, without, parted=(path, name) in self.parted)
             for (path, name), records in self.of_table.items()
-            if len(records) > 1 and (path, name) not in self.with_ids
-            if (without := [record.id for record in records if record.id.casefold() not in self.conditions])
+            if (path, name) not in self.with_ids
+            for is_simulated in (False, True)
+            if len(alike := [record for record in records if record.is_simulated == is_simulated]) > 1
+            if (without := [record.id for record in alike if record.id.casefold() not in self.conditions])
         ]
         if unclear:
             raise OneCrashOrSeveral(unclear)
@@ -137,7 +141,12 @@ def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, p
     crashes = "give a table of their conditions (--conditions TABLE)"
     advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"
     expected = "one acceleration of the vehicle, or conditions for each"
-    return Problem(table, expected, listed(record.id for record in best_first), advice)
+    found = listed(record.id for record in best_first)
+    if parted:
+        found += ", each with a time of its own"
+    elif all(is_unnamed(record.id) for record in records):
+        found += ", without names"
+    return Problem(table, expected, found, advice)
 
 
 def read_tables(

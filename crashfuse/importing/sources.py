@@ -21,6 +21,7 @@ from crashfuse.readers.radioss.runs import is_time_history_csv
 from crashfuse.readers.record import Record
 
 _MOST_FILES = 100_000  # examined in a folder
+_LISTED = 12  # tables in a sentence
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +139,9 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
             record = replace(record, id=reading.record_id)
         if unread and not ids:
             told = f"Careful: tables in the source are left out, {listed(unread)}; import them by themselves."
+            record = replace(record, steps=(*record.steps, told))
+        if fmt == TABLES and tables.neither and not ids:
+            told = f"Left out, as neither pulse nor conditions: {'; '.join(tables.neither[:_LISTED])}."
             record = replace(record, steps=(*record.steps, told))
         ids.append(record.id)
         yield _with_safe_id(tables.given_to(record), reading)

@@ -8,9 +8,13 @@ spellings of their own; NHTSA's database has codes for the same.
 import re
 from enum import IntEnum
 
-_SIMULATED = re.compile(
-    r"\b(sim(s|ulat\w*)?|cae|fe[am]?|finite element\w*|virtual\w*|predict\w*|(be)?rechnung\w*|"
-    r"param\w*|limit|limit (value|curve|line)s?|corridors?)\b"
+_SIMULATION = re.compile(
+    r"(?<![^\W\d])(sim(s|ulat\w*)?|cae|fe[am]?|finite element\w*|virtu[ae]l\w*|predict\w*|prognos\w*|vorhersage\w*|"
+    r"(be)?rechnung\w*|modell?$|(nodal|element) history|nodout|ls prepost)(?![^\W\d])"
+)
+_PARAMETER = re.compile(
+    r"(?<![^\W\d])(param\w*|limit|limit (value|curve|line)s?|grenz(wert|kurve|linie)\w*|corridors?|korridor\w*)"
+    r"(?![^\W\d])"
 )
 _COMPUTED = re.compile(r"\b(calc\w*|comput\w*|deriv\w*|cm)\b")
 _SOUND = re.compile(
@@ -35,7 +39,17 @@ class Doubt(IntEnum):
 
 def is_simulated(origin: str) -> bool:
     """Whether the words on a channel's source say that nobody measured it: a simulation, a limit, a parameter."""
-    return _SIMULATED.search(_plain(origin)) is not None
+    return names_a_simulation(origin) or names_a_parameter(origin)
+
+
+def names_a_simulation(name: str) -> bool:
+    """Whether a name is that of a simulation or a prediction."""
+    return _SIMULATION.search(_plain(name)) is not None
+
+
+def names_a_parameter(name: str) -> bool:
+    """Whether a name is that of a limit or a parameter."""
+    return _PARAMETER.search(_plain(name)) is not None
 
 
 def is_computed(origin: str) -> bool:

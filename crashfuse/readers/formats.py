@@ -37,7 +37,7 @@ FORMATS = {
         axes=True,
     ),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
-    TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|xls[xm]?)", axes=True),
+    TABLES: Format("tables", ".csv, .txt, .lvm, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|lvm|xls[xm]?)", axes=True),
 }
 """The formats by their command-line names; those that other packages add (``crashfuse.readers``) come last."""
 

@@ -147,7 +147,7 @@ def proposal(
     steps = [why]
     if passed := [text for name, text in remarks.items() if name not in chosen]:
         steps.append(f"Left out by the file's own account: {', '.join(passed)}.")
-    if doubtful := [text for name, text in remarks.items() if name in chosen]:
+    if doubtful := [text for name, text in remarks.items() if name in chosen and channels[name].doubt]:
         steps.append(f"Careful: taken for want of better, by the file's own account: {', '.join(doubtful)}.")
     return chosen, tuple(steps)
 

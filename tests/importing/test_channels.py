@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, Settled, import_source, read_records, settle
 from crashfuse.importing.rated_channels import rate_channels
-from crashfuse.importing.roles import look_like_cae
+from crashfuse.importing.roles import Label, parts_of
 from crashfuse.importing.sources import Reading
 from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.readers.isomme_record import record_of
@@ -183,7 +183,7 @@ def test_what_says_that_it_is_simulated_is_no_test(tmp_path: Path, source: str, 
     assert run.role == "cae"
     (read,) = read_records(Reading(folder))
     assert read.is_simulated
-    assert look_like_cae([read.source], [read.source]) == (read.source,)
+    assert parts_of([Label.of(read)]) == {read.source: True}
 
 
 def test_channels_that_failed_are_not_rated_and_questionable_ones_noted(tmp_path: Path) -> None:

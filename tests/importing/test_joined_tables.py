@@ -3,19 +3,22 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from openpyxl import Workbook
 
+from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import ColumnChoice, Reading, import_source, read_each, read_records, settle_each
-from crashfuse.readers.record import Record
+from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tables.mapping import propose
 from crashfuse.readers.tables.sheets import read_sheets
 from crashfuse.readers.tables.table_reader import apply_conditions
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import KPH, MS
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
 
 TIME_S = clock(-0.02, 0.15, 5000)
@@ -87,7 +90,7 @@ def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
     """Titles that name channels: refused, until the others are left out or conditions say that they are crashes."""
     path = side_by_side(tmp_path, "sill left;;sill right;\nt [ms];left [g];t [ms];right [g]")
     assert (
-        "found left, right; if they are sensors of one crash, leave out the others (--column COLUMN=ignored)"
+        "found left, right, each with a time of its own; if they are sensors of one crash, leave out the others"
         in refusal(path)
     )
     (one,) = read_records(Reading(path, columns=(ColumnChoice("right [g]", "ignored"),)))
@@ -198,7 +201,7 @@ def test_names_that_fit_no_columns_name_none(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     rows = "\n".join(f"{t:.5f} {0.1 * a:.5f} {a:.5f}" for t, a in zip(TIME_S, PULSE_G, strict=True))
     path.write_text(f"Time Veh Accel Lat Veh Accel Long\n{rows}")
-    assert "found column 2, column 3; if they are sensors" in refusal(path)
+    assert "found column 2, column 3, without names; if they are sensors" in refusal(path)
 
 
 def test_duplicate_times_are_called_that(tmp_path: Path) -> None:
@@ -428,3 +431,111 @@ def test_a_workbook_without_numbers_says_why(tmp_path: Path, accel: str, time: o
     """A person sees numbers in it."""
     path = workbook(tmp_path / "x.xlsx", [["t [ms]", "ax [g]"], *[[time, accel]] * 30])
     assert message in refusal(path)
+
+
+# --- files of others ------------------------------------------------------------------------------------------------
+
+
+FILES = SHARED / "real" / "formats" / "tables"
+KNOWN = replace(GIVEN, condition=PartialCondition(speed_mps=15.6, front_weight_kg=870.0, rear_weight_kg=630.0))
+
+
+@needs_shared
+@pytest.mark.parametrize(
+    ("name", "options", "crush_mm"),
+    [
+        ("lsprepost_trailing_comma.csv", {"role": "cae"}, 611),
+        ("lsprepost_trailing_comma.csv", {"role": "cae", "record_id": "run"}, 611),
+        ("xyz.txt", {}, 603),  # a contact 0.6 ms late, as before it there is noise
+        ("V8.xlsx", {"cae": ["Simulation 8"]}, 611),
+    ],
+)
+def test_files_of_others_give_the_pulse_that_they_were_made_of(
+    tmp_path: Path, name: str, options: dict[str, Any], crush_mm: float
+) -> None:
+    """Its crush at 15.6 m/s comes out."""
+    records = import_source(FILES / name, tmp_path / "out", KNOWN, **options)
+    pulse = records[0].pulse
+    crushed = kinematics(pulse.accel_mps2[pulse.time_s >= 0], 15.6, pulse.dt_s)
+    assert crushed.displacement_m.max() / MS == pytest.approx(crush_mm, abs=2)
+    assert [record.role for record in records] == (
+        ["tests", "cae"] if "cae" in options else [options.get("role", "tests")]
+    )
+
+
+@needs_shared
+def test_row_names_of_r_are_no_times(tmp_path: Path) -> None:
+    """The pulse was scaled to 6.5 m/s: its change of velocity tells that."""
+    slow = replace(KNOWN, condition=replace(KNOWN.condition, speed_mps=6.5))
+    (one,) = import_source(FILES / "row_names_v6.5mps.txt", tmp_path / "out", slow)
+    assert (one.unit, one.deceleration_sign) == ("g", "negative")
+    stopped = kinematics(one.pulse.accel_mps2, 6.5, one.pulse.dt_s)
+    assert float(stopped.t0_s) / MS == pytest.approx(65.7, abs=0.3)
+
+
+@needs_shared
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [
+        ("decimal_comma_comma_separated_int_ms.csv", "decimal commas, as in -0,383"),
+        ("lsprepost_resultant_title.csv", "A8874: another direction than X: Resultant Acceleration"),
+        ("lsprepost_trailing_comma.csv", r"by its own account A8874 \(Nodal History\)"),
+        ("one_head.txt", "Dummy Head Acc X: a dummy's, not the vehicle's"),
+        ("V8.xlsx", r"what looks like CAE runs \(Simulation 8\) beside Versuch 8; .*--cae 'Simulation 8'"),
+    ],
+)
+def test_files_of_others_are_refused_by_their_cause(tmp_path: Path, name: str, cause: str) -> None:
+    """In one sentence, and nothing is written."""
+    with pytest.raises(DataError, match=cause) as caught:
+        import_source(FILES / name, tmp_path / "out", KNOWN)
+    assert len(caught.value.problems) == 1
+    assert not (tmp_path / "out").exists()
+
+
+# --- tests beside simulations -----------------------------------------------------------------------------------------
+
+
+def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> None:
+    """Asked about, added as a CAE run of the same condition, or left out of the average of sensors and told."""
+    path = table(tmp_path, "t [ms];Versuch7 [g];CAE7 [g]", TIME_S / MS, PULSE_G, 0.9 * PULSE_G)
+    assert "found what looks like CAE runs (CAE7) beside Versuch7; name those that are" in refusal(path)
+    with pytest.raises(DataError, match=r"by its own account CAE7 \[g\]"):
+        import_source(path, tmp_path / "out", GIVEN, role="tests")
+    both = import_source(path, tmp_path / "both", GIVEN, cae=["CAE7"])
+    assert [(one.id, one.role) for one in both] == [("Versuch7", "tests"), ("CAE7", "cae")]
+    sensors = table(
+        tmp_path, "t [ms];left [g];right [g];CAE [g]", TIME_S / MS, PULSE_G, PULSE_G, 0.5 * PULSE_G, name="y.csv"
+    )
+    (one,) = import_source(sensors, tmp_path / "one", GIVEN, record_id="T1")
+    assert one.channels == ("left [g]", "right [g]")
+    assert "Left out by the file's own account: CAE [g] (CAE)." in one.steps
+
+
+@pytest.mark.parametrize(
+    "header", ["held_out;approach;time_ms;acceleration_g", "time_ms;acceleration_g;lower_g;upper_g"]
+)
+def test_a_prediction_of_ours_is_no_test(tmp_path: Path, header: str) -> None:
+    """A table that predict wrote, or the library's: by its columns it is one, whatever the user says."""
+    columns = {"time_ms": TIME_S / MS, "acceleration_g": PULSE_G, "lower_g": PULSE_G - 1, "upper_g": PULSE_G + 1}
+    path = table(tmp_path, header, *(columns.get(name, np.full(TIME_S.size, np.nan)) for name in header.split(";")))
+    roles_given: tuple[Role | None, ...] = (None, "tests")
+    for role in roles_given:
+        with pytest.raises(DataError, match=r"by its own account acceleration_g \(prediction\)"):
+            import_source(path, tmp_path / "out", GIVEN, role=role)
+
+
+def test_sheets_of_dummies_and_other_directions_are_left_out_and_told(tmp_path: Path) -> None:
+    """A sheet is a title: columns called alike in it are of what it says."""
+    book = Workbook()
+    for title, factor in (("X", 1.0), ("Y", 0.2), ("Kopf", 1.3)):
+        sheet = book.create_sheet(title)
+        sheet.append(["t [ms]", "Acc [g]"])
+        for row in np.column_stack([TIME_S / MS, factor * PULSE_G]).tolist():
+            sheet.append(row)
+    book.remove(book.worksheets[0])
+    book.save(tmp_path / "V7.xlsx")
+    (one,) = import_source(tmp_path / "V7.xlsx", tmp_path / "out", GIVEN)
+    assert one.id == "X"
+    left = next(step for step in one.steps if step.startswith("Left out"))
+    assert "another direction than X: Y" in left
+    assert "a dummy's, not the vehicle's: Kopf" in left

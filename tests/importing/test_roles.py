@@ -8,7 +8,7 @@ import pytest
 from crashfuse.campaign_folder.history import undo
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, import_source
-from crashfuse.importing.roles import look_like_cae
+from crashfuse.importing.roles import Label, parts_of
 from crashfuse.readers.record import PartialCondition
 from tests.importing.crash_files import german, write
 from tests.importing.crashes import clock, half_sine_g, scatter_g
@@ -27,7 +27,27 @@ from tests.readers.lsdyna_files import Run
 )
 def test_a_name_or_a_number_of_records_looks_like_cae(files: dict[str, int], found: tuple[str, ...]) -> None:
     """Beside others that do not, or alone; a name that says test is none."""
-    assert look_like_cae(source for source, n in files.items() for _ in range(n)) == found
+    labels = [Label(source, f"V{number}") for source, n in files.items() for number in range(n)]
+    assert tuple(name for name, is_cae in parts_of(labels).items() if is_cae) == found
+
+
+@pytest.mark.parametrize(
+    ("labels", "parts"),
+    [
+        (
+            [("V8.xlsx: Versuch 8", "Versuch 8"), ("V8.xlsx: Simulation 8", "Simulation 8")],
+            {"Versuch 8": False, "Simulation 8": True},
+        ),
+        ([("V8.xlsx: Test", "V8"), ("V8.xlsx: CAE", "V8")], {"V8.xlsx: Test": False, "V8.xlsx: CAE": True}),
+        ([("cae.csv", "Test7"), ("cae.csv", "CAE7"), ("cae.csv", "V9")], {"Test7": False, "CAE7": True, "V9": True}),
+        ([("both.csv", "Versuch"), ("both.csv", "FE-Modell")], {"Versuch": False, "FE-Modell": True}),
+        ([("x.csv", "sim1"), ("x.csv", "sim2")], {"x.csv": True}),
+        ([("x.csv", "left"), ("x.csv", "right")], {"x.csv": False}),
+    ],
+)
+def test_sheets_and_ids_tell_records_of_one_file_apart(labels: list[tuple[str, str]], parts: dict[str, bool]) -> None:
+    """Named by their ids, or by their sheets where both have one id; what is alike stays one file."""
+    assert parts_of(Label(*label) for label in labels) == parts
 
 
 @pytest.fixture
@@ -45,8 +65,8 @@ def test_a_mixture_is_asked_about_and_nothing_written(mixed: Path, tmp_path: Pat
     with pytest.raises(DataError) as caught:
         import_source(mixed, tmp_path / "out")
     assert str(caught.value) == (
-        "mixed: expected tests, found what looks like CAE runs (CAE_1.csv, CAE_2.csv) beside T1.csv, T2.csv; name the "
-        "files of CAE runs (--cae CAE_1.csv CAE_2.csv), or say that all are tests (--as tests)."
+        "mixed: expected tests, found what looks like CAE runs (CAE_1.csv, CAE_2.csv) beside T1.csv, T2.csv; name "
+        "those that are CAE runs (--cae CAE_1.csv CAE_2.csv), or say that all are tests (--as tests)."
     )
     assert not (tmp_path / "out").exists()
     assert len(import_source(mixed, tmp_path / "all tests", role="tests")) == 4

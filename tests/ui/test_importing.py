@@ -620,7 +620,7 @@ def test_cae_files_dropped_beside_tests_are_told_apart(visit: Visit, tmp_path: P
     files = {f"{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), s)) for i, s in names.items()}
     table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},56,900,700" for i in names)])
     session = drop(visit(), **files, conditions_csv=table.encode())
-    assert field(session, "Of these files").value == ["CAE1.csv"]
+    assert field(session, "Of these").value == ["CAE1.csv"]
     assert "By its name or number of records CAE1.csv looks like CAE runs" in session.words
     session = into(session, tmp_path / "both")
     session.press("Add 1 CAE run and 2 tests")
@@ -639,7 +639,7 @@ def test_files_that_all_look_like_cae_runs_are_proposed_as_such(visit: Visit, tm
     assert "of records sim1.csv, sim2.csv look like CAE runs" in session.words
     assert "Add 2 CAE runs" in session.buttons
     field(session, "Take it as").set_value("tests")
-    assert field(session.run(), "Of these files").value == []
+    assert field(session.run(), "Of these").value == []
     into(session, tmp_path / "tests alone").press("Add 2 tests")
     assert added(tmp_path / "tests alone") == ["sim1", "sim2"]
     assert (tmp_path / "tests alone" / "tests" / "sim1.csv").is_file()

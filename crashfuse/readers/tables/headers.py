@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from crashfuse.readers.channel_codes import UNPLACED, ChannelCode
+from crashfuse.readers.credibility import names_a_parameter
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 
 ColumnRole = Literal[
@@ -13,8 +14,9 @@ ColumnRole = Literal[
 ]
 """The roles of a column."""
 
-OTHER_DIRECTION, OF_A_DUMMY = "another direction than X", "a dummy's, not the vehicle's"
+OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's, not the vehicle's", "a limit, no signal"
 """Reasons why an acceleration is not the pulse."""
+_LIMIT = re.compile(r"(upper|lower|ober\w*|unter\w*)( (bound|limit|band|grenze|schranke))?")
 
 _WORDS: dict[ColumnRole, str] = {
     "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"
@@ -38,10 +40,12 @@ _OTHER_AXIS = re.compile(
     r".*\b((quer|hoch)(beschl\w*|richtung)?|transvers\w*|(a|acc|accel)?(lat|vert)(eral\w*|i[ck]al\w*)?(a|acc|accel)?)\b.*"
 )
 _DUMMY = re.compile(
-    r"\b(dumm(y|ies)|hiii|thor|worldsid|occupant|insass\w*|head|kopf\w*|neck|hals|chest|brust\w*|thorax|stern(um|al)|"
-    r"ribs?|rippe\w*|spine|shoulder|schulter\w*|abdomen|pelvis|pelvic|becken\w*|femur|oberschenkel|knee|knie|tibia|"
-    r"foot|fuss)\b"
+    r"\b(dumm(y|ies)\w*|atd|hiii\w*|hybrid ?(iii|3)|thor|worldsid|biorid|occupant\w*|insass\w*|head(?! on\b)|kopf\w*|"
+    r"tete|neck|hals\w*|chest|brust\w*|thorax\w*|torso|oberkorper\w*|stern(um|al)|clavicle|schlusselbein\w*|ribs?|"
+    r"rippe\w*|spine|lumbar|(lenden)?wirbel\w*|shoulder|schulter\w*|abdomen|pelvis|pelvic|becken\w*|bassin|iliac|"
+    r"hufte?\w*|femur|oberschenkel\w*|unterschenkel\w*|(upper|lower) leg|knee|knie\w*|tibia|ankle|foot|fuss)\b"
 )
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")  # HeadAccX, DUMMYHead
 _AHEAD = re.compile(
     r"\b(engines?|\w\wengn\w*|motor(block)?|gearbox|getriebe|calipers?|bremssattel|bumper|stossfanger)\b"
 )
@@ -56,7 +60,7 @@ _NO_ACCELERATION = re.compile(
     r"trigger|switch|schalter|energy|energie|index|sample|kn|nm|mm|cm|bar|[mk]pa|mv|deg|lbf)\b"
 )
 _OTHER_UNIT = re.compile(
-    r"k?n|[cm]?m|k?nm|[mkh]?pa|m?bar|psi|[mk]?v|m?a|(deg|rad|°)(/s)?|µ?m/m|µe|°c|hz|k?j|lbf|inch|in|ft"
+    r"volts?|amperes?|k?n|[cm]?m|k?nm|[mkh]?pa|m?bar|psi|[mk]?v|m?a|(deg|rad|°)(/s)?|µ?m/m|µe|°c|hz|k?j|lbf|inch|in|ft"
 )
 
 
@@ -85,7 +89,7 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
         return ColumnUse(column, "ignored", None, "its code is no acceleration's")
     quantity = None if unit is None else next(q for q, units in UNITS.items() if unit in units)
     if quantity == "acceleration" or (unit is None and (code or _is("acceleration", plain))):
-        return _acceleration(ColumnUse(column, "acceleration", unit, why), plain, code, unit_cell)
+        return _acceleration(ColumnUse(column, "acceleration", unit, why), plain, unit_cell)
     if quantity == "time" or (unit is None and _is("time", plain)):
         return ColumnUse(column, "time", unit, why)
     not_as_tested = _NOT_AS_TESTED.search(_INCLUDING.sub("", plain)) is not None
@@ -107,13 +111,13 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
     return ColumnUse(column, "ignored")
 
 
-def _acceleration(use: ColumnUse, plain: str, code: ChannelCode | None, unit_cell: str) -> ColumnUse:
+def _acceleration(use: ColumnUse, plain: str, unit_cell: str) -> ColumnUse:
     """The use as an acceleration, or as ignored if it is not the vehicle's along X."""
     other = _other_unit(use.column, unit_cell)
-    if _OTHER_AXIS.fullmatch(plain) or (code and not code.is_along_x):
-        return ColumnUse(use.column, "ignored", use.unit, OTHER_DIRECTION)
-    if _DUMMY.search(plain) or (code and code.of_a_dummy):
-        return ColumnUse(use.column, "ignored", use.unit, OF_A_DUMMY)
+    if why_not := why_not_the_vehicle(use.column):
+        return ColumnUse(use.column, "ignored", use.unit, why_not)
+    if _LIMIT.fullmatch(plain) or names_a_parameter(plain):
+        return ColumnUse(use.column, "ignored", use.unit, A_LIMIT)
     if use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
         return ColumnUse(use.column, "ignored", None, f"its unit is {other}")
     return use
@@ -122,11 +126,24 @@ def _acceleration(use: ColumnUse, plain: str, code: ChannelCode | None, unit_cel
 def why_no_acceleration(column: str, unit_cell: str) -> str:
     """The reason why an unrecognised column cannot be an acceleration; empty if it may be one."""
     plain, (_, unit) = place_of(column), _name_and_unit(column, unit_cell)
-    if _DUMMY.search(plain):
+    if names_a_dummy(column):
         return OF_A_DUMMY
     if other := unit or _other_unit(column, unit_cell):
         return f"its unit is {other}"
     return "its name is not an acceleration's" if _NO_ACCELERATION.search(plain) else ""
+
+
+def why_not_the_vehicle(name: str) -> str:
+    """The reason why the acceleration of this name, or below this title, is not the vehicle's along X; else empty."""
+    code = _code_of(name)
+    if _OTHER_AXIS.fullmatch(place_of(name)) or (code and not code.is_along_x):
+        return OTHER_DIRECTION
+    return OF_A_DUMMY if names_a_dummy(name) or (code and code.of_a_dummy) else ""
+
+
+def names_a_dummy(column: str) -> bool:
+    """Whether a header names a dummy or a part of it, also as one of several words written as one."""
+    return any(_DUMMY.search(place_of(spelling)) for spelling in (column, _HUMP.sub(" ", column)))
 
 
 def _other_unit(column: str, unit_cell: str) -> str:

@@ -13,8 +13,16 @@ import numpy as np
 from crashfuse.errors import UsageError, printable
 from crashfuse.readers.axes import Travel
 from crashfuse.readers.tables.directions import axis_by_motion, turned
-from crashfuse.readers.tables.headers import ColumnRole, ColumnUse, filter_order, place_of, use_of, why_no_acceleration
-from crashfuse.readers.tables.sheet import SAMPLE, Sheet
+from crashfuse.readers.tables.headers import (
+    ColumnRole,
+    ColumnUse,
+    filter_order,
+    place_of,
+    use_of,
+    why_no_acceleration,
+    why_not_the_vehicle,
+)
+from crashfuse.readers.tables.sheet import SAMPLE, Sheet, counts
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 from crashfuse.signals.pulse import FloatArray
 
@@ -94,7 +102,9 @@ def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
         return plain
     of_x = {use.column for use in plain.of("acceleration")}
     by_axis = {"x": plain} | {
-        axis: _along(sheet, axis) for axis in "yz" if any(turned(name, axis) != name for name in sheet.columns)
+        axis: _along(sheet, axis)
+        for axis in "yz"
+        if any(turned(name, axis) != name for name in (*sheet.columns, *sheet.titles))
     }
     columns = {
         axis: tuple(use.column for use in found.of("acceleration") if axis == "x" or use.column not in of_x)
@@ -112,14 +122,55 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
         replace(use_of(turned(column, axis), unit), column=column)
         for column, unit in zip(sheet.columns, sheet.units, strict=True)
     ]
+    if not any(use.role in _OF_CONDITIONS for use in uses):
+        uses = [_unless_it_counts(sample, use) for use in uses]
     times = _clocks(sample, uses)
     if not times:
         return Mapping(tuple(_of_conditions(uses)))
+    uses = [
+        use if use.column in times else _beside_clock(sheet, sample, use, unit, axis)
+        for use, unit in zip(uses, sheet.units, strict=True)
+    ]
     if not any(use.unit in UNITS["acceleration"] or use.role == "acceleration" for use in uses):
-        uses = [
-            use if use.column in times else _beside_time(use, unit) for use, unit in zip(uses, sheet.units, strict=True)
-        ]
+        uses = [use if use.column in times else _beside_time(use) for use in uses]
     return Mapping(tuple(_of_pulses(uses, times)))
+
+
+def _unless_it_counts(sample: Sheet, use: ColumnUse) -> ColumnUse:
+    """The use of a column, unless it numbers the rows: then it is neither a time nor an id."""
+    unknown = use.role == "ignored" and not use.why
+    if (unknown or use.role == "id") and counts(sample.cells.iloc[:, sample.columns.index(use.column)]):
+        return ColumnUse(use.column, "ignored", None, "it numbers the rows")
+    return use
+
+
+def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, axis: str) -> ColumnUse:
+    """The use of a column beside the time, if it has numbers; the title above tells what its name does not."""
+    unknown = use.role == "ignored" and not use.why
+    if not unknown and use.role != "acceleration":
+        return use
+    begun = next((part for part in (sample, sheet) if part.filled(use.column)), None)
+    if begun is None:
+        return ColumnUse(use.column, "ignored", None, "it is empty")
+    title = sheet.title(use.column)
+    titled = use_of(turned(f"{use.column} {title}", axis), unit_cell) if title else use
+    if unknown:
+        if titled.role == "acceleration":
+            return replace(titled, column=use.column, why=f"its title is {printable(title, 60)}")
+        if titled.why or titled.role != "ignored":
+            why = titled.why if titled.role == "ignored" else "no acceleration"
+            return ColumnUse(use.column, "ignored", None, f"{why}: {printable(title, 60)}")
+        why_not = why_no_acceleration(use.column, unit_cell) or ("" if _numeric(begun, use.column) else "no numbers")
+        if not why_not and sheet.is_titled:
+            why_not = why_not_the_vehicle(turned(title, axis)) or why_no_acceleration(title, unit_cell)
+            why_not += f": {printable(title, 60)}" if why_not else ""
+        if why_not:
+            return ColumnUse(use.column, "ignored", None, why_not)
+        return replace(use, why="it has no name") if sheet.has_row_names(use.column) else use
+    above = (title if sheet.is_titled else "", sheet.name.partition(": ")[2])
+    reasons = ((why_not_the_vehicle(turned(name, axis)), name) for name in above)
+    why_not, name = next(((why, name) for why, name in reasons if why), ("", ""))
+    return replace(use, role="ignored", why=f"{why_not}: {printable(name, 60)}") if why_not else use
 
 
 def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
@@ -138,7 +189,7 @@ def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
 
 def _numeric(sheet: Sheet, column: str) -> bool:
     """Whether most of the non-empty cells are numbers."""
-    filled = sum(map(bool, sheet.text(column)))
+    filled = sheet.filled(column)
     return filled > 0 and 2 * np.isfinite(sheet.parsed(column)).sum() >= filled
 
 
@@ -155,12 +206,10 @@ def _runs_evenly(values: FloatArray) -> bool:
     )
 
 
-def _beside_time(use: ColumnUse, unit_cell: str) -> ColumnUse:
+def _beside_time(use: ColumnUse) -> ColumnUse:
     """The use of an unrecognised column in a sheet where no other column could be the acceleration."""
-    if use.role != "ignored" or use.why:
-        return use
-    why_not = why_no_acceleration(use.column, unit_cell)
-    return ColumnUse(use.column, "ignored" if why_not else "acceleration", None, why_not or "beside the time")
+    unknown = use.role == "ignored" and not use.why
+    return ColumnUse(use.column, "acceleration", None, "beside the time") if unknown else use
 
 
 def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUse]:

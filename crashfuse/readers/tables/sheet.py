@@ -5,7 +5,7 @@ The data start where the numbers start. The row above them is the header, or a r
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 
 import numpy as np
@@ -14,6 +14,7 @@ import pandas as pd
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Limits
 from crashfuse.files.csv_output import original
+from crashfuse.readers.tables.headers import use_of
 from crashfuse.readers.unit_spelling import unit_named
 from crashfuse.signals.pulse import FloatArray
 
@@ -26,7 +27,17 @@ SAMPLE = 400
 _MOST_COLUMNS, _LONGEST_HEADER = 2000, 200
 _LONGEST_PREAMBLE = 200
 _RUN = 5  # rows of data
-_NUMBER = {sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)}\d+)([eE][-+]?\d+)?") for sign in ".,"}
+_MOST = 0.9
+_GROUPED = {
+    ".": r"[-+]?\d{1,3}(?:(?:,\d{3})+\.\d+|(?:,\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:\.\d+)?)",
+    ",": r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:\.\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:,\d+)?)",
+}
+"""Numbers with thousands separators that can be nothing else, by the decimal sign."""
+_NUMBER = {
+    sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)}\d+)([eE][-+]?\d+)?|{grouped}")
+    for sign, grouped in _GROUPED.items()
+}
+_UNNAMED = re.compile(r"column \d+")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,6 +71,23 @@ class Sheet:
     titles: tuple[str, ...] = ()
     part_of: str = ""
 
+    def title(self, column: str) -> str:
+        """The title above a column, or above the nearest one to its left that has one."""
+        return next(filter(None, reversed(self.titles[: self.columns.index(column) + 1])), "")
+
+    @property
+    def is_titled(self) -> bool:
+        """Whether the titles are those of columns, not one heading of the whole table."""
+        return any(self.titles[1:])
+
+    def has_row_names(self, column: str) -> bool:
+        """Whether a column is the first, and has no header although others have one."""
+        return column == self.columns[0] and is_unnamed(column) and not all(map(is_unnamed, self.columns))
+
+    def filled(self, column: str) -> int:
+        """The number of cells of a column with content."""
+        return int((self.cells.iloc[:, self.columns.index(column)] != "").sum())
+
     def text(self, column: str) -> list[str]:
         """The cells of a column, stripped of surrounding spaces."""
         return [original(str(cell).strip()) for cell in self.cells.iloc[:, self.columns.index(column)]]
@@ -82,7 +110,10 @@ class Sheet:
         )
         if wrong.size:
             row = int(wrong[0])
-            found, advice = repr(printable(cells.iloc[row], 40)), "correct the cell, or map the column otherwise"
+            cell = cells.iloc[row]
+            found, advice = repr(printable(cell, 40)), "correct the cell, or map the column otherwise"
+            if re.fullmatch(_GROUPED[self.decimal], cell):
+                found, advice = f"{found}, with thousands separators", "export without them"
             raise DataError(Problem(self.name, "a number", found, advice, printable(column), row + self.first_row))
         return numbers
 
@@ -110,22 +141,85 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
     if begin is None:
         expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
         raise DataError(Problem(name, expected, found, "export it again with one header"))
-    width = max(len(grid[begin]), 1)
-    if width > _MOST_COLUMNS:
-        raise DataError(Problem(name, f"at most {_MOST_COLUMNS} columns", f"{width}", "export fewer columns"))
-    above = [list(row) for row in grid[:begin] if any(cell.strip() for cell in row)]
-    units = [""] * width
+    above = [_trimmed(row) for row in grid[:begin] if any(cell.strip() for cell in row)]
+    width, filled = len(grid[begin]), max(len(_trimmed(row)[: len(grid[begin])]) for row in grid[begin:])
+    if (widest := max(width, len(above[-1]) if above else 0)) > _MOST_COLUMNS:
+        raise DataError(Problem(name, f"at most {_MOST_COLUMNS} columns", f"{widest}", "export fewer columns"))
+    units: list[str] = []
     if above and _is_units(above[-1], width) and len(above) > 1:
-        units = _padded(above.pop(), width)
-    header = _padded(above.pop(), width) if above and len(above[-1]) >= width - 1 else [""] * width
-    titles = _padded(above[-1] if above else [], width)
-    return Header(begin, _unique(header), *(tuple(cell.strip() for cell in row) for row in (units, titles)))
+        units = above.pop()
+    is_header = above and (len(above[-1]) >= max(filled - 1, 2) or use_of(above[-1][0], "").role == "time")
+    names = above.pop() if is_header else []
+    if len(names) == filled - 1:
+        names = _aligned(names, grid[begin:], decimal, name)
+    width = max(width, len(names))
+    titles = above[-1] if above else []
+    return Header(
+        begin,
+        unique(_padded(names, width)),
+        *(tuple(cell.strip() for cell in _padded(row, width)) for row in (units, titles)),
+    )
 
 
 def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form: str) -> Sheet:
-    """A sheet with this header; the sentences in ``form`` become its first steps."""
-    steps = (*form, header.told)
-    return Sheet(name, header.columns, header.units, cells, decimal, header.begin + 1, steps, header.titles)
+    """A sheet with this header; the sentences in ``form`` become its first steps.
+
+    Left out are columns without header and content, as a delimiter at the end of each row makes them, and a first one
+    that numbers the rows.
+    """
+    unnamed = [not title and is_unnamed(column) for column, title in zip(header.columns, header.titles, strict=True)]
+    numbered = unnamed[0] and not all(unnamed) and counts(cells.iloc[:SAMPLE, 0])
+    kept = [
+        number
+        for number, without in enumerate(unnamed)
+        if not (without and ((number == 0 and numbered) or not (cells.iloc[:, number] != "").any()))
+    ]
+    columns, units, titles = (
+        tuple(row[number] for number in kept) for row in (header.columns, header.units, header.titles)
+    )
+    steps = [*form, replace(header, columns=columns, units=units, titles=titles).told]
+    if numbered:
+        steps.append("Left out: the first column, which numbers the rows.")
+    return Sheet(name, columns, units, cells.iloc[:, kept], decimal, header.begin + 1, tuple(steps), titles)
+
+
+def counts(cells: pd.Series) -> bool:
+    """Whether a column counts its rows: whole numbers, one more in each row."""
+    if len(cells) < _RUN or not cells.iloc[0].strip().isdecimal():
+        return False
+    if not cells.str.fullmatch(r"\s*\d{1,9}\s*").all():
+        return False
+    return bool((np.diff(cells.str.strip().astype(np.int64)) == 1).all())
+
+
+def is_unnamed(column: str) -> bool:
+    """Whether a column has the name that is given to one without a header."""
+    return _UNNAMED.fullmatch(column) is not None
+
+
+def _aligned(names: list[str], data: Sequence[Sequence[str]], decimal: str, name: str) -> list[str]:
+    """Names of columns that are one fewer than the columns, as R writes them above row names; "" for the one without.
+
+    They are those of the last columns if the first is one of row names or the clock; of the first ones if the last has
+    no numbers, or if there is but one. Otherwise nobody can tell.
+    """
+    if len(names) == 1:
+        return [*names, ""]
+    rows = [[*row, *[""] * (len(names) + 1)] for row in data if any(row)]
+    columns = [pd.Series([row[number] for row in rows], dtype=str) for number in range(len(names) + 1)]
+
+    def increases(number: int) -> bool:
+        values = pd.to_numeric(columns[number].str.replace(decimal, ".", regex=False), errors="coerce")
+        return bool((np.diff(values.dropna()) > 0).all()) and bool(values.notna().mean() > _MOST)
+
+    if sum(is_number(cell, decimal) for cell in columns[-1]) < _MOST * len(rows):
+        return [*names, ""]
+    clocks = [number for number, text in enumerate(names) if use_of(text, "").role == "time"]
+    has_row_names = counts(columns[0]) or not any(is_number(cell, decimal) for cell in columns[0])
+    if all(increases(number + 1) for number in clocks) and (clocks or has_row_names or increases(0)):
+        return ["", *names]
+    found = f"{len(names)} names above {len(names) + 1} columns of numbers"
+    raise DataError(Problem(name, "a name for each column", found, "name all columns, or leave out what has no name"))
 
 
 def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
@@ -184,11 +278,20 @@ def _is_units(row: Sequence[str], width: int) -> bool:
     return len(cells) <= width and named > 0 and 2 * (named + blank) >= len(cells) and named + blank >= len(cells) - 1
 
 
+def _trimmed(row: Sequence[str]) -> list[str]:
+    """A row without the empty cells at its end."""
+    end = len(row)
+    while end and not row[end - 1].strip():
+        end -= 1
+    return list(row[:end])
+
+
 def _padded(row: Sequence[str], width: int) -> list[str]:
     return [*row, *[""] * width][:width]
 
 
-def _unique(header: Sequence[str]) -> tuple[str, ...]:
+def unique(header: Sequence[str]) -> tuple[str, ...]:
+    """Headers that tell their columns apart; those without one are numbered."""
     names: list[str] = []
     seen: set[str] = set()
     for number, cell in enumerate(header, start=1):

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, collecting, printable
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.readers.tables.headers import bare_name, cutoff_of, is_ahead
+from crashfuse.readers.credibility import is_simulated
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.tables.headers import bare_name, cutoff_of, is_ahead, names_a_dummy
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping
 from crashfuse.readers.tables.sheet import Sheet
 from crashfuse.readers.unit_spelling import UNITS
@@ -20,6 +21,7 @@ from crashfuse.wording import read_out
 
 Rows = npt.NDArray[np.signedinteger[Any]]
 _LONGEST_S = 3.0  # beyond it a time without a unit is in ms
+_LISTED = 12  # columns in a sentence
 _FEWEST = 10  # numbers of each kind needed to tell thousands separators from decimal signs
 
 
@@ -51,16 +53,24 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
         kept = rows[np.isfinite(values[use.column][rows])]
         _check_duplicates(sheet, times[0], time, kept)
         label = bare_name(use.column)
-        return RecordedChannel(use.column, label, time[kept], values[use.column][kept], unit, cutoff_of(use.column))
+        return RecordedChannel(
+            use.column,
+            label,
+            time[kept],
+            values[use.column][kept],
+            unit,
+            cutoff_of(use.column),
+            origin=_origin(sheet, use.column),
+        )
 
     def record(name: str, uses: tuple[ColumnUse, ...], rows: Rows) -> Record:
-        channels = tuple(channel(use, rows) for use in uses)
-        ahead = [use.column for use in uses if is_ahead(use.column)]
-        averaged = tuple(use.column for use in uses if use.column not in ahead) or tuple(ahead)
-        left = f"Ahead of the passenger cell, not averaged unless chosen: {', '.join(map(printable, ahead))}."
-        notes = [mapping.travel, left if 0 < len(ahead) < len(uses) else ""]
-        steps = (*sheet.steps, *_told((*times, *ids, *uses)), *filter(None, notes), *told)
-        return Record(name, sheet.name, PartialCondition(), channels, averaged, steps)
+        channels = {use.column: channel(use, rows) for use in uses}
+        averaged, why = proposal(channels, _behind)
+        by_name = names_a_dummy(sheet.name.partition(": ")[2] or sheet.name)
+        doubt = f"Careful: by the name of {sheet.name} it is a dummy's." if by_name else ""
+        notes = filter(None, (_left_out(mapping), mapping.travel, doubt, *why))
+        steps = (*sheet.steps, *_told((*times, *ids, *uses)), *notes, *told)
+        return Record(name, sheet.name, PartialCondition(), tuple(channels.values()), averaged, steps)
 
     rows = np.flatnonzero(np.isfinite(time))
     if ids:
@@ -70,6 +80,29 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     if together or len(accelerations) == 1:
         return (record(record_id, accelerations, rows),)
     return tuple(record(bare_name(use.column), (use,), rows) for use in accelerations)
+
+
+def _behind(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
+    """Those of the columns that are not ahead of the passenger cell, unless all are, and a sentence on the others."""
+    ahead = [column for column in columns if is_ahead(column)]
+    behind = tuple(column for column in columns if column not in ahead)
+    left = f"Ahead of the passenger cell, not averaged unless chosen: {', '.join(map(printable, ahead))}."
+    return behind or tuple(ahead), left if ahead and behind else ""
+
+
+def _left_out(mapping: Mapping) -> str:
+    """A sentence on the columns that might have been taken for the pulse; empty if there are none."""
+    others = [f"{printable(use.column, 60)} ({use.why})" for use in mapping.of("ignored") if use.why]
+    more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
+    return f"Left out: {', '.join(others[:_LISTED])}{more}." if others else ""
+
+
+def _origin(sheet: Sheet, column: str) -> str:
+    """What says that an acceleration was not measured: the columns that our predictions have, its name or its title."""
+    if "approach" in sheet.columns or {"lower_g", "upper_g"} <= set(sheet.columns):
+        return "prediction"
+    texts = (bare_name(column), sheet.title(column), sheet.titles[0]) if sheet.is_titled else (bare_name(column),)
+    return next(filter(is_simulated, texts), "")
 
 
 def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialCondition]:

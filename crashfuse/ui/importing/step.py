@@ -12,7 +12,7 @@ from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem
 from crashfuse.importing import Choices, Settled
-from crashfuse.importing.roles import file_of, look_like_cae, role_of
+from crashfuse.importing.roles import Label, parts_of, role_of
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -83,7 +83,7 @@ def _show_step(source: Source, view: View | None) -> None:
             None in (one.condition.speed_mps, *one.condition.weights.axles()) for one in records
         ):
             st.caption("A table of conditions, dropped along with the files, gives each record its own: one row an id.")
-        choices, units = choices_of(source, records, first, role_of(first.source, role, cae), own_class())
+        choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class())
     settled, refused = settled_of(source, reading, choices, role, cae)
     problems = [_in_units(problem, units) for problem in refused]
     with right:
@@ -104,10 +104,9 @@ def _show_step(source: Source, view: View | None) -> None:
 
 def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:
     """Ask what the records are, and which files with tests are CAE runs; what looks like it is filled in, and said."""
-    files = list(dict.fromkeys(file_of(record.source) for record in records))
-    simulated = [record.source for record in records if record.is_simulated]
-    found = look_like_cae((record.source for record in records), simulated)
-    usual: Role = "cae" if files and len(found) == len(files) else FORMATS[source.fmt].role
+    parts = parts_of(map(Label.of, records))
+    found = [name for name, is_cae in parts.items() if is_cae]
+    usual: Role = "cae" if parts and len(found) == len(parts) else FORMATS[source.fmt].role
     role: Role = st.segmented_control(
         "Take it as",
         list(WHAT),
@@ -118,14 +117,16 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
         persist_state="session",
     )
     chosen: list[str] = []
-    if role == "tests" and len(files) > 1:
+    if role == "tests" and len(parts) > 1:
         chosen = st.multiselect(
-            "Of these files, CAE runs are in", files, default=found if len(found) < len(files) else [],
+            "Of these, CAE runs are", list(parts), default=found if len(found) < len(parts) else [],
             placeholder="none", key=f"{source.key} cae", persist_state="session",
         )  # fmt: skip
-    if found and (role == "tests" or len(found) == len(files)):
+    if found and (role == "tests" or len(found) == len(parts)):
         by, look = ("their names or numbers", "look") if len(found) > 1 else ("its name or number", "looks")
-        by = "what the files say of themselves" if simulated else f"{by} of records"
+        by = (
+            "what the files say of themselves" if any(record.is_simulated for record in records) else f"{by} of records"
+        )
         st.caption(f"By {by} {plain(listed(found))} {look} like CAE runs; change it if that is wrong.")
     return role, tuple(chosen)
 
