@@ -9,6 +9,7 @@ import numpy as np
 
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import Pulse
+from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.units import MPH
 
 SPEED_STEP_MPS = 2 * MPH
@@ -25,12 +26,15 @@ class CrashTest:
         On the study grid.
     recorded_s : float
         End of the record in s; beyond it the pulse is padded with zeros, not measured.
+    faults : tuple of SensorFault
+        What its sensor did wrong.
     """
 
     id: str
     condition: Condition
     pulse: Pulse
     recorded_s: float = math.inf
+    faults: tuple[SensorFault, ...] = ()
 
     def __repr__(self) -> str:
         return f"<CrashTest {self.id!r} at {self.condition}>"

@@ -42,6 +42,7 @@ def show_summary(view: View) -> None:
         asked = offer_next(view)
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
+    editing.offer_leaving_out(view)
     editing.show_last_change(view)
     if asked:
         open_page("compare")

@@ -1,7 +1,7 @@
 """The campaign folder: settings, both condition tables and both sets of pulses, checked as a whole."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +10,23 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
-from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units, unlike_weights
+from crashfuse.campaign_folder.plausibility import (
+    check_band,
+    check_ends,
+    check_physics,
+    check_units,
+    fault_advice,
+    unlike_weights,
+)
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.quality_columns import failing
 from crashfuse.campaign_folder.settings import read_settings
-from crashfuse.campaign_folder.unlike_others import unlike_others
+from crashfuse.campaign_folder.unlike_others import confirmed_faults, unlike_others
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.sensor_faults import SensorFault
 
 _FEWEST_RUNS = 10
 
@@ -37,6 +45,7 @@ def read_folder(folder: str | Path) -> Campaign:
     tables: dict[str, ConditionTable] = {}
     pulses: dict[str, FloatArray] = {}
     ends_s: dict[str, float] = {}
+    faults: Mapping[str, tuple[SensorFault, ...]] = {}
     unused: tuple[tuple[str, Condition], ...] = ()
     for role in ("tests", "cae"):
         table = read_what_can_be(folder / f"{role}.csv", role, problems)
@@ -50,7 +59,7 @@ def read_folder(folder: str | Path) -> Campaign:
             tables[role], pulses[role] = table, reader.read(table.ids, passed_over)
             _check_pulses(role, table, pulses[role], reader)
         if role == "tests":
-            ends_s = reader.ends_s
+            ends_s, faults = reader.ends_s, reader.faults
         problems.extend(reader.problems)
         warnings.extend(_shortened(reader.warnings))
     left_out = failing(tables["cae"].quality, settings.quality) if "cae" in tables else []
@@ -61,10 +70,11 @@ def read_folder(folder: str | Path) -> Campaign:
     _check_counts(tables, len(left_out), problems, warnings)
     if problems:
         raise DataError(shortened(problems))
-    check_units(tables, pulses, warnings)
-    warnings += _shortened(unlike_weights(tables))
-    known = {warning.partition(":")[0] for warning in warnings}  # a wrong speed or unit explains the rest
-    warnings += _shortened([told for told in unlike_others(tables, pulses) if told.partition(":")[0] not in known])
+    faults = confirmed_faults(tables, pulses, faults)
+    warnings += _shortened([f"tests.csv, {test}: {fault_advice(test, failed)}." for test, failed in faults.items()])
+    for findings in (check_units, unlike_weights, unlike_others):
+        explained = {warning.partition(":")[0] for warning in warnings}  # by a failed sensor, a wrong speed or unit
+        warnings += _shortened([said for said in findings(tables, pulses) if said.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
     cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, gone)
@@ -72,7 +82,7 @@ def read_folder(folder: str | Path) -> Campaign:
     cae.accel_mps2.flags.writeable = False
     tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
     crash_tests = tuple(
-        CrashTest(test_id, condition, Pulse(GRID_S, accel), ends_s.get(test_id, math.inf))
+        CrashTest(test_id, condition, Pulse(GRID_S, accel), ends_s.get(test_id, math.inf), faults.get(test_id, ()))
         for test_id, condition, accel in tests
     )
     cfc = settings.channel_filter_class or settings.filtered_with
@@ -104,7 +114,7 @@ def _check_pulses(role: str, table: ConditionTable, accel: FloatArray, reader: P
     """Check every pulse that could be read against its condition, and tests against each other."""
     if reader.unread:
         table, accel = table.without(reader.unread), np.delete(accel, reader.unread, axis=0)
-    check_physics(role, table, accel, reader.problems)
+    check_physics(role, table, accel, reader)
     check_ends(role, table, accel, reader)
     check_band(role, accel, reader.warnings)
     if role == "tests":

@@ -1,6 +1,7 @@
 """Plausibility of pulses against their conditions: ΔV, stop, bandwidth."""
 
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.errors import Problem
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.units import KPH, LB, MPH, G
 from crashfuse.wording import signed, time_text
 
@@ -24,11 +26,13 @@ NEAR = 5
 """CAE runs at about a test's speed that it is compared with."""
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
 _BESIDE = 0.05  # of a weight: so far beyond the CAE runs' it is still like theirs
+_MOST_FAULTS = 2  # in a sentence
 _AT_ONCE = 2000  # pulses per batch
 
 
-def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems: list[Problem]) -> None:
+def check_physics(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
     """Compare each pulse's change of velocity with its stated impact speed, as far as that is known (not NaN)."""
+    problems = reader.problems
     low, high = STOPS[role]
     speed, biggest = _speeds(table), _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
@@ -47,17 +51,19 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems:
         v0, delta_v = speed[row], biggest[row]
         found = f"a change of {signed(delta_v / MPH, 1)} mph ({signed(delta_v / KPH, 1)} km/h)"
         expected = f"a change of velocity near the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
-        cause, place = _likely_cause(float(ratio[row]), low, high), f"id {table.ids[row]}"
+        place, faults = f"id {table.ids[row]}", reader.faults.get(table.ids[row], ())
+        cause = fault_advice(table.ids[row], faults) or _likely_cause(float(ratio[row]), low, high)
         problems.append(Problem(f"{role}.csv", expected, found, cause, place, table.rows[row]))
 
 
-def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], warnings: list[str]) -> None:
-    """Warn of tests whose ΔV/v0 matches CAE runs at their speed better with mph and km/h exchanged."""
+def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray]) -> list[str]:
+    """Warnings of tests whose ΔV/v0 matches CAE runs at their speed better with mph and km/h exchanged."""
+    warnings: list[str] = []
     cae, tests = tables["cae"], tables["tests"]
     speeds, ratios = _speeds(cae), -_changes(pulses["cae"])
     moving = speeds > CREEP_MPS
     if not moving.any():
-        return
+        return warnings
     speeds, ratios = speeds[moving], ratios[moving] / speeds[moving]
     for test_id, speed, change in zip(tests.ids, _speeds(tests), _changes(pulses["tests"]), strict=True):
         near = float(np.median(ratios[np.argsort(np.abs(speeds - speed), kind="stable")[:NEAR]]))
@@ -69,9 +75,10 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
                 f"runs near {speed / MPH:.1f} mph ({speed / KPH:.1f} km/h); check its speed ({unit} under a name that "
                 f"ends in {ending}?) and the scale and zero of its acceleration."
             )
+    return warnings
 
 
-def unlike_weights(tables: Mapping[str, ConditionTable]) -> list[str]:
+def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatArray]) -> list[str]:
     """Warnings of tests whose weights lie among the CAE runs' only in the other unit, or with the axles exchanged."""
     runs = _weights(tables["cae"])
     low, high = runs.min(axis=0) * (1 - _BESIDE), runs.max(axis=0) * (1 + _BESIDE)
@@ -100,7 +107,8 @@ def check_ends(role: str, table: ConditionTable, accel: FloatArray, reader: Puls
             found = f"{velocity / MPH:.1f} mph ({velocity / KPH:.1f} km/h) at its end, {time_text(end)}"
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             place, number = f"id {run_id}", table.rows[row]
-            reader.problems.append(Problem(f"{role}.csv", expected, found, "export a longer record", place, number))
+            advice = fault_advice(run_id, reader.faults.get(run_id, ())) or "export a longer record"
+            reader.problems.append(Problem(f"{role}.csv", expected, found, advice, place, number))
 
 
 def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
@@ -116,6 +124,13 @@ def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
             f"{role}: {share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled; "
             "set channel_filter_class = 60 in campaign.toml if they are not filtered."
         )
+
+
+def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
+    """What to do about a test whose sensor failed, as far as its record alone shows it; empty if it does not."""
+    sure = sorted((fault for fault in faults if fault.strength >= 1), key=lambda fault: -fault.strength)[:_MOST_FAULTS]
+    leave = f"leave it out of use (crashfuse edit CAMPAIGN --leave-out {shlex.quote(test_id)})"
+    return f"{'; '.join(fault.text for fault in sure)}; mend its record, or {leave}" if sure else ""
 
 
 def _likely_cause(ratio: float, low: float, high: float) -> str:

@@ -21,6 +21,7 @@ from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.csv_text import unreadable
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray
+from crashfuse.signals.sensor_faults import SensorFault, sensor_faults
 from crashfuse.wording import time_text
 
 _composed = partial(unicodedata.normalize, "NFC")
@@ -45,6 +46,8 @@ class PulseFiles:
     """End times of the records that are shorter than the study grid, by id."""
     unread: list[int] = field(default_factory=list)
     """Rows of the ids without a pulse that can be used."""
+    faults: dict[str, tuple[SensorFault, ...]] = field(default_factory=dict)
+    """What looks like a fault of a test's sensor in its record as stored, by id."""
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str], unused: Sequence[str] = ()) -> npt.NDArray[np.float32]:
@@ -72,6 +75,8 @@ class PulseFiles:
                 if on_grid is not None:
                     accel[row_of[run_id]] = on_grid
                     unread.remove(row_of[run_id])
+                    if self.role == "tests" and (faults := sensor_faults(record.time_s, record.accel_mps2)):
+                        self.faults[run_id] = faults
                     if ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
         self.unread = sorted(unread)

@@ -1,16 +1,18 @@
-"""Records unlike the others of their campaign: a shifted time zero, an offset of the sensor's zero.
+"""Records unlike the others of their campaign: a shifted time zero, an offset of the sensor's zero, a failed sensor.
 
-Both are seen against what the CAE runs at a test's speed do, less what the other tests do against theirs: a CAE model
+All are seen against what the CAE runs at a test's speed do, less what the other tests do against theirs: a CAE model
 that is off by as much in every test accuses none.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, NEAR
+from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
+from crashfuse.signals.sensor_faults import SensorFault, confirmed
 from crashfuse.units import MS, G
 from crashfuse.wording import number, signed
 
@@ -59,6 +61,36 @@ def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Flo
             for i, off in _odd(means - usual_means, _OFFSET_MPS2)
         ),
     ]
+
+
+def confirmed_faults(
+    tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], faults: Mapping[str, Sequence[SensorFault]]
+) -> dict[str, tuple[SensorFault, ...]]:
+    """The faults of sensors that a record shows alone, and those likely ones that the other tests do not show.
+
+    What is flat in all tests is the structure.
+    """
+    rows = {test_id: row for row, test_id in enumerate(tables["tests"].ids)}
+    judged = {
+        test_id: confirmed(likely, GRID_S, pulses["tests"][rows[test_id]], _expected(tables, pulses, rows[test_id]))
+        for test_id, likely in faults.items()
+    }
+    return {test_id: sure for test_id, sure in judged.items() if sure}
+
+
+def _expected(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], row: int) -> FloatArray:
+    """What the CAE runs near a test's speed show, and what the other tests at about that speed (else all) add to it."""
+    tests, runs = (_speeds(tables[role]) for role in ("tests", "cae"))
+
+    def model(v0: float) -> FloatArray:
+        near = np.argsort(np.abs(runs - v0), kind="stable")[:NEAR]
+        pulse: FloatArray = np.median(pulses["cae"][near], axis=0)
+        return pulse
+
+    others = np.delete(np.arange(tests.size), row)
+    alike = others[np.abs(tests[others] - tests[row]) < SPEED_STEP_MPS]
+    added = [pulses["tests"][other] - model(tests[other]) for other in (alike if alike.size else others)]
+    return model(tests[row]) + (np.median(added, axis=0) if added else 0.0)
 
 
 def _odd(differences: FloatArray, limit: float) -> list[tuple[int, float]]:

@@ -108,7 +108,7 @@ class Forecaster:
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
         prediction = self.fit.estimate(condition).prediction
-        occupant = self.fit.occupant
+        occupant = self.fit.campaign.occupant
         values = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
         known = {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
         found = metric_distributions(prediction, self.fit.metric_errors, occupant)

@@ -8,7 +8,7 @@ import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.detection import around_peak, delta_v, own_zero, smoothed
 from crashfuse.importing.sampling import even, on_one_clock
@@ -17,6 +17,8 @@ from crashfuse.readers.quantities import speed
 from crashfuse.readers.record import Record, RecordedChannel
 from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.sensor_faults import confirmed, sensor_faults
+from crashfuse.units import G
 from crashfuse.wording import Sentence, joined, number, time_text
 
 # Redundant sensors of one car, left and right too, differ by 2 % in ΔV, 0.2 ms in time and 12 % in shape.
@@ -79,6 +81,8 @@ def agreeing_channels(
             steps.append(f"Careful: the file speaks against what was chosen: {', '.join(remarks)}.")
     else:
         chosen = _usable(record, chosen, steps)
+    if role == "tests":
+        chosen = _sound(record, chosen, choices, steps)
     units = {choices.unit or channel.unit for channel in chosen}
     if len(chosen) == 1 or len(units) > 1 or speed_mps <= CREEP_MPS:
         return chosen
@@ -184,6 +188,29 @@ class _Signal:
         change = integral if factor is None else speed(self.gain * factor)
         differ = [] if self is reference else self.differences(reference, _CARE)
         return Sentence("{}: {}{}", self.name, change, "".join(f", {text}" for text in differ if text))
+
+
+def _sound(
+    record: Record, channels: tuple[RecordedChannel, ...], choices: Choices, steps: list[str]
+) -> tuple[RecordedChannel, ...]:
+    """The channels whose sensors did not fail; all of them if they were chosen or none is sound, which is told."""
+    signals = {channel.name: even(channel, record.source)[:2] for channel in channels}
+    failures: dict[str, Sentence] = {}
+    for channel in channels:
+        time_s, values = signals[channel.name]
+        factor = ACCELERATION_UNITS.get(choices.unit or channel.unit or "", G)
+        others = [np.interp(time_s, *signals[other.name]) for other in channels if other is not channel]
+        expected = np.mean(others, axis=0) if others else values
+        faults = confirmed(sensor_faults(time_s, values * factor), time_s, values * factor, expected * factor)
+        if faults:
+            clauses = joined([fault.text for fault in faults], "; ")
+            failures[channel.name] = Sentence("{}: {}", printable(channel.name), clauses)
+    sound = tuple(channel for channel in channels if channel.name not in failures)
+    if failures and sound and not choices.channels:
+        steps.append(Sentence("Left out, as a sensor failed: {}.", joined([*failures.values()], "; ")))
+        return sound
+    steps += [Sentence("Careful: {}; leave the test out, or mend its record.", each) for each in failures.values()]
+    return channels
 
 
 def averaged(

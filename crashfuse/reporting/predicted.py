@@ -250,7 +250,7 @@ def fits_of(
     for each in asked:
         if not isinstance(each, Fit):
             replace(config, approaches=(each,)).check()
-        elif each.fingerprint != campaign.fingerprint:
+        elif each.campaign.fingerprint != campaign.fingerprint:
             raise UsageError(f"The fit of {each.approach.name} learned from other data than {campaign.name} holds.")
     return [
         each if isinstance(each, Fit) else Fit.of(campaign, each, config, cache=cache, watch=watch) for each in asked

@@ -58,6 +58,14 @@ def cfc_filter(accel: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
     return filtered
 
 
+def cfc_gain(hertz: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
+    """What :func:`cfc_filter` leaves of an amplitude at each frequency up to half of the rate."""
+    wa = math.tan(math.pi * cfc * _CORNER * dt_s)
+    w = np.tan(np.pi * np.minimum(hertz * dt_s, 0.5 - 1e-4))
+    gain: FloatArray = 1 / (1 + (w / wa) ** 4)
+    return gain
+
+
 def _check(accel: FloatArray, cfc: float, dt_s: float, padding: int) -> None:
     if not cfc > 0:
         raise UsageError(f"There is no channel filter class {cfc:g}; take 60, 180, 600 or 1000.")

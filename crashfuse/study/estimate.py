@@ -24,6 +24,7 @@ from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.nearest import doubtful_tests
 from crashfuse.study.rating_distribution import agreement
 from crashfuse.wording import Sentence, speed, weight
 
@@ -77,7 +78,7 @@ class Fit:
     """An approach fitted to a campaign, with the duration of the fit; it predicts at any condition.
 
     ``left_out`` are its predictions for the tests that it learned from, as if each had not been run; ``metric_errors``
-    and ``occupant`` are as in :class:`Estimate`; ``fingerprint`` is that of the campaign.
+    are as in :class:`Estimate`.
     """
 
     approach: Approach
@@ -85,8 +86,7 @@ class Fit:
     seconds: float
     left_out: Mapping[str, Prediction]
     metric_errors: Errors
-    occupant: OccupantModel = USUAL_OCCUPANT
-    fingerprint: str = ""
+    campaign: Campaign
 
     @classmethod
     def of(
@@ -122,7 +122,7 @@ class Fit:
             return {name: numbers(entry, name, len(left_out)) for name in METRIC_LABELS}
 
         errors = cache.get_or_compute(_JUDGED, key, judge, restore, watch)
-        return cls(learned, config, seconds, left_out, errors, campaign.occupant, campaign.fingerprint)
+        return cls(learned, config, seconds, left_out, errors, campaign)
 
     def __repr__(self) -> str:
         return f"<Fit of {self.approach.name}, which took {self.seconds:.1f} s>"
@@ -186,10 +186,12 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     estimates = []
     for fit in fits:
         prediction, seconds = predict(fit.approach)
+        if fit.approach.learns_from_tests:
+            prediction = replace(prediction, notes=(*prediction.notes, *doubtful_tests(fit.campaign, condition)))
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
         left_out_mps2 = {test: own.accel_mps2 for test, own in fit.left_out.items()}
-        known = left_out_mps2, fit.agreements, fit.metric_errors, fit.occupant
+        known = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
         estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *known))
     return estimates
 

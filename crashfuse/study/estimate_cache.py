@@ -17,6 +17,7 @@ from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
+from crashfuse.study.nearest import doubtful_tests
 from crashfuse.wording import packed, unpacked
 
 _KIND = "predictions"  # of cache entries
@@ -102,4 +103,6 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
     fit = settings(config.create(approach))
-    return {**fit, "campaign": campaign.fingerprint, "condition": condition, "code": code_digest(__name__)}
+    key = {**fit, "campaign": campaign.fingerprint, "condition": condition, "code": code_digest(__name__)}
+    doubts = doubtful_tests(campaign, condition)  # seen in the records, of which the campaign keeps what it learns from
+    return {**key, "doubts": [str(doubt) for doubt in doubts]} if doubts else key

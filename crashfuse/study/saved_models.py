@@ -94,9 +94,7 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
         approach.restore(campaign, FittedState(record["learned"], arrays))
         left_out = approach.left_out(campaign)
         errors = metric_errors(left_out, campaign)
-        return Fit(
-            approach, config, float(record["seconds"]), left_out, errors, campaign.occupant, campaign.fingerprint
-        )
+        return Fit(approach, config, float(record["seconds"]), left_out, errors, campaign)
     except (LookupError, TypeError, ValueError, RuntimeError, ArithmeticError, AttributeError, UsageError) as error:
         raise _unfit(path, f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}") from error
 

@@ -10,6 +10,7 @@ from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_t
 from crashfuse.campaign_folder.history import changes, undo
 from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.settings import LONGEST_REASON
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.ui import address, campaigns, journal, recent
 from crashfuse.ui.chosen import View, choose_campaign
@@ -41,6 +42,22 @@ def show_last_change(view: View) -> None:
             args=(view, lambda: undo(view.folder).what, "Undone: "),
             help=f"Changed on {last.when[:16].replace('T', ' at ')} UTC. The folder will be what it was before.",
         )
+
+
+def offer_leaving_out(view: View) -> None:
+    """Offer to leave out of use the tests whose sensor failed, with what happened as the reason."""
+    doubtful = [test for test in view.campaign.tests if test.faults]
+    if len(view.campaign.tests) > 1 and can_be_edited(view.folder):
+        for test in doubtful:
+            st.button(
+                f"Leave {plain(test.id)} out of use", icon=":material/block:", key=f"leave out {test.id}",
+                on_click=_leave_out_failed, args=(view, test),
+            )  # fmt: skip
+
+
+def _leave_out_failed(view: View, test: CrashTest) -> None:
+    why = "; ".join(fault.text for fault in test.faults)[:LONGEST_REASON]
+    _edit(view, lambda: leave_out(view.folder, [test.id], why), gone=[test.id])
 
 
 def show_tests_in_use(view: View) -> None:

@@ -1,4 +1,4 @@
-"""A record whose time zero or sensor zero is off is told of, and no other."""
+"""A record whose time zero or sensor zero is off, or whose sensor failed, is told of, and no other."""
 
 from pathlib import Path
 
@@ -6,8 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from crashfuse.campaign_folder.editing import leave_out
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
+from crashfuse.errors import DataError
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.units import G
 
 
 @pytest.fixture
@@ -76,3 +80,42 @@ def test_a_campaign_whose_tests_scatter_accuses_none(few: Path) -> None:
     for place, test_id in enumerate(sorted(path.stem for path in (few / "tests").iterdir())):
         told = changed(few, test_id, late_ms=2.0 * (place % 4))
     assert not [sentence for sentence in told if "deceleration begins" in sentence]
+
+
+def saturated(folder: Path, test_id: str, level_g: float, *, cfc: float | None) -> None:
+    """Store a test as a sensor records it that ends at a level, at 20 kHz, raw or filtered."""
+    path = folder / "tests" / f"{test_id}.csv"
+    record = pd.read_csv(path)
+    time_ms = np.arange(0, 100, 0.05)
+    accel = np.maximum(np.interp(time_ms, record["time_ms"], record["acceleration_g"]), -level_g)
+    if cfc is not None:
+        accel = cfc_filter(accel, cfc=cfc, dt_s=5e-5)
+    pd.DataFrame({"time_ms": time_ms, "acceleration_g": accel.round(4)}).to_csv(path, index=False)
+
+
+@pytest.mark.parametrize("cfc", [None, 60])
+def test_a_saturated_sensor_is_no_offset(few: Path, cfc: float | None) -> None:
+    """What it cut off changes the mean, too, but it is told of once, by what happened."""
+    path = few / "tests" / "T09.csv"
+    level_g = 0.6 * pd.read_csv(path)["acceleration_g"].abs().max()
+    saturated(few, "T09", level_g, cfc=cfc)
+    campaign = load_campaign(few)
+    (told,) = campaign.warnings
+    assert told.startswith("tests.csv, T09: its sensor is saturated")
+    assert "--leave-out T09" in told
+    (fault,) = campaign.test("T09").faults
+    assert fault.kind == "saturated"
+    assert -fault.size_mps2 / G == pytest.approx(level_g, rel=0.02)
+    assert not any(test.faults for test in campaign.tests if test.id != "T09")
+
+
+def test_a_sensor_so_saturated_that_the_vehicle_does_not_stop_is_refused_by_its_cause(few: Path) -> None:
+    """Speed, unit and time zero are right: what to do is said, and done, and the campaign is read again."""
+    saturated(few, "T09", 12, cfc=None)
+    with pytest.raises(DataError) as refused:
+        load_campaign(few)
+    (problem,) = refused.value.problems
+    assert problem.column == "id T09"
+    assert "its sensor is saturated" in problem.advice
+    leave_out(few, ["T09"])
+    assert load_campaign(few).warnings == ()

@@ -499,3 +499,19 @@ def test_changes_of_velocity_are_said_in_the_units_of_the_reader() -> None:
     assert re.search(r"is −61\.6 km/h \(−38\.3 mph\)\.$", told)
     assert said(told, MPH_LB).endswith("is −38.3 mph.")
     assert said(told, KPH_KG).endswith("is −61.6 km/h.")
+
+
+def test_a_channel_whose_sensor_failed_is_left_out_beside_a_sound_one() -> None:
+    """What was lost is no part of the mean; alone, or chosen, it is kept with a word; a CAE run has no sensor."""
+    sound, failed = channel("L"), channel("R")
+    within = (failed.time_s >= 30 * MS) & (failed.time_s < 35 * MS)
+    failed = replace(failed, values=np.where(within, 0.0, failed.values))
+    settled = settle(record(sound, failed))
+    assert settled.channels == ("L",)
+    assert motion(settled).displacement_m.max() == pytest.approx(CRUSH_M, rel=1e-3)
+    (step,) = [step for step in settled.steps if "its signal is lost from 30.0 to 34.9 ms" in step]
+    assert step.startswith("Left out")
+    for kept in (settle(record(failed)), settle(record(sound, failed), Choices(channels=("L", "R")))):
+        assert "R" in kept.channels
+        assert [step for step in kept.steps if step.startswith("Careful: R: its signal is lost")]
+    assert not [step for step in settle(record(failed), role="cae").steps if "signal" in step]

@@ -18,9 +18,11 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import DT_S, kinematics
+from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.study.estimate_cache import estimate_at
+from crashfuse.units import G
 
 pytestmark = pytest.mark.usefixtures("quick_networks", "one_cache")
 
@@ -49,6 +51,18 @@ def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, appr
     velocity = kinematics(prediction.accel_mps2, condition.speed_mps, DT_S).velocity_mps
     assert 0.7 < (condition.speed_mps - velocity.min()) / condition.speed_mps < 1.6
     assert any("Extrapolation" in note for note in prediction.notes)
+
+
+def test_a_prediction_says_whose_sensor_failed(campaign: Campaign) -> None:
+    """Computed and from the cache, and only by an approach that learns from the test."""
+    first, *others = campaign.tests
+    failed = replace(first, faults=(SensorFault("lost", 0.03, 0.035, -20 * G, 9.0),))
+    condition = first.condition
+    for approach, notes in (("displacement_domain", 1), ("cae", 0)):
+        for tests in ((failed, *others), campaign.tests, (failed, *others)):
+            prediction = estimate_at(replace(campaign, tests=tests), condition, approach).prediction
+            named = [note for note in prediction.notes if "its signal is lost from 30.0 to 35.0 ms" in note]
+            assert len(named) == (notes if failed in tests else 0)
 
 
 @pytest.mark.slow

@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 from crashfuse.campaign import Campaign
-from crashfuse.study.nearest import nearest_run, nearest_sentences, nearest_tests
-from crashfuse.units import LB, MPH
+from crashfuse.signals.sensor_faults import SensorFault
+from crashfuse.study.nearest import doubtful_tests, nearest_run, nearest_sentences, nearest_tests
+from crashfuse.units import LB, MPH, G
 
 
 def test_the_nearest_test_comes_first_with_its_differences(campaign: Campaign) -> None:
@@ -31,3 +32,15 @@ def test_a_paired_run_is_the_nearest_run(campaign: Campaign) -> None:
     run = nearest_run(campaign, condition)
     assert campaign.cae.ids.index(run.id) == campaign.cae.paired_run(condition)
     assert nearest_sentences(campaign, condition)[1] == f"Nearest CAE run: {run.id} (0.0 mph, front 0 lb, rear 0 lb)."
+
+
+def test_a_test_whose_sensor_failed_is_named_where_it_is_near(campaign: Campaign) -> None:
+    """Of four tests the slowest is no neighbour of a condition at the speed of the fastest."""
+    slowest, *others = campaign.tests
+    failed = replace(slowest, faults=(SensorFault("saturated", 0.03, 0.05, -20 * G, 9.0),))
+    doubtful = replace(campaign, tests=(failed, *others))
+    (sentence,) = doubtful_tests(doubtful, slowest.condition)
+    assert sentence.startswith(f"{slowest.id} is near this condition")
+    assert "saturated, flat at −20.0 g between 30.0 and 50.0 ms" in sentence
+    assert doubtful_tests(doubtful, others[-1].condition) == ()
+    assert doubtful_tests(campaign, slowest.condition) == ()

@@ -190,7 +190,9 @@ def test_an_unfitted_approach_cannot_be_saved(campaign: Campaign, tmp_path: Path
     """There is nothing to save, and nothing is written."""
     for name in APPROACHES:
         with pytest.raises(NotFittedError):
-            save_model(Fit(StudyConfig().create(name), StudyConfig(), 0.0, {}, {}), campaign, tmp_path / "model")
+            save_model(
+                Fit(StudyConfig().create(name), StudyConfig(), 0.0, {}, {}, campaign), campaign, tmp_path / "model"
+            )
     assert not list(tmp_path.iterdir())
 
 

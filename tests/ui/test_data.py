@@ -371,6 +371,21 @@ def test_a_test_is_left_out_of_use_and_the_change_undone(visit: Visit, open_camp
     assert not (open_campaign / "campaign.toml").exists()
 
 
+@pytest.mark.slow
+def test_a_test_whose_sensor_failed_is_left_out_by_a_click(visit: Visit, open_campaign: Path) -> None:
+    """What happened is said, and is the reason."""
+    path = open_campaign / "tests" / "T3.csv"
+    table = pd.read_csv(path)
+    table.loc[table["time_ms"].between(30, 35), "acceleration_g"] = 0.0
+    table.to_csv(path, index=False)
+    session = visit()
+    assert "tests.csv, T3: its signal is lost from 30.0 to 35.0 ms" in session.words
+    session = session.press("Leave T3 out of use")
+    assert in_use(session) == ["T1", "T2", "T4"]
+    assert "T3 (its signal is lost from 30.0 to 35.0 ms" in str(load_campaign(open_campaign).remarks)
+    assert "Leave T3 out of use" not in session.buttons
+
+
 def test_a_reason_that_a_click_overtook_leaves_nothing_out(visit: Visit, open_campaign: Path) -> None:
     """Text that is typed is sent along with the click that ends typing, here on the test itself."""
     leave_out(open_campaign, ["T3"])

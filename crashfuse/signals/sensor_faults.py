@@ -1,0 +1,371 @@
+"""Sensors that fail within a crash: saturated, held at a value, lost for milliseconds, a spike, noise from then on.
+
+A record is looked at twice. Sample by sample, equal samples tell: sound sensors repeat a value for 0.6 ms at most. And
+in a band of some 200 Hz, in which CFC 60 is undone where a record went through it: a dropout has its edges again, and
+a flat top its corners. Each limit stands beside what sound records reach: simulated and measured ones, raw and CFC 60.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
+
+from crashfuse.signals.filters import cfc_filter, cfc_gain
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import MS, G
+from crashfuse.wording import Sentence, acceleration, number
+
+Kind = Literal["saturated", "held", "lost", "spike", "noise"]
+
+LIKELY = 0.5
+"""Least strength of a fault that is worth a comparison with other records."""
+
+_CFC = 60.0
+_SLOWEST_HZ, _BAND_HZ = 2000, 1000  # least rate at which CFC 60 is undone; what is looked at of what it left
+_PADDING_S = 0.02
+_FILTERED = (
+    0.25  # of the amplitude at 125–250 Hz lies at 250–500 Hz, at most, after CFC 60; of raw noise or a jump, more
+)
+_RISE = 1.5  # of the amplitude with frequency, where nothing but rounding is left
+_IN_CRASH = 0.1  # of the peak at CFC 60: from the first to the last such sample
+_SAME = 1e-7  # of the peak, by which equal values differ in another unit
+_JUMP = 0.05  # of the peak
+_RUN_S, _RUN = 2e-3, 4  # of equal samples; sound: 0.6 ms
+_TOP, _AT_TOP = 8, 2.0  # samples at the extreme, and their ratio to those just below; sound: 0.8
+_FINE, _FEWEST = 1e-4, 8  # s, a time step in the band, and samples of what is called flat
+_FLAT, _FLOOR = 22.0, 0.002  # ratio of the fall on both sides to the range between, a share of the peak at least
+_LOST, _ZERO = 6.0, 0.1  # the same of a gap, and its level as a share of what is around
+_HELD, _HELD_FLOOR = 80.0, 5e-4  # the same on one side
+_LEAP = 4.0  # the same within 0.3 ms
+_SPIKE, _SPIKE_S, _SPIKE_MPS2 = 4.0, 1.8e-3, 8 * G
+_BUMP, _BUMP_S = 4.5, 3.1e-3
+_AROUND_S = 30e-3
+_BEYOND_S = 1e-3
+_CUT, _ODD = 1.3, 1.5  # of the level, and of the difference elsewhere; sound, with a flat top: 1.24 and 3.1
+_NOISE, _NOISE_MPS2, _BLOCK_S, _STEADY = 2.2, 0.8 * G, 10e-3, 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFault:
+    """What happened to a sensor, from when to when, and its size.
+
+    Parameters
+    ----------
+    size_mps2 : float
+        The signed level of what is saturated or held; the level around what is lost; the signed height of a spike; the
+        root mean square of noise.
+    strength : float
+        From 1 on the record alone shows it; from :data:`LIKELY` on it is one if other records do not show it.
+    """
+
+    kind: Kind
+    start_s: float
+    end_s: float
+    size_mps2: float
+    strength: float
+
+    @property
+    def text(self) -> str:
+        """What happened, when and how much, as a clause."""
+        size, start, end = acceleration(self.size_mps2), *(number(at / MS, ".1f") for at in (self.start_s, self.end_s))
+        return {
+            "saturated": Sentence(f"its sensor is saturated, flat at {{}} between {start} and {end} ms", size),
+            "held": Sentence(f"its signal is held at {{}} from {start} to {end} ms", size),
+            "lost": Sentence(f"its signal is lost from {start} to {end} ms: it drops from {{}} to zero", size),
+            "spike": Sentence(f"its signal has a spike of {{}} at {start} ms", size),
+            "noise": Sentence(f"its signal is noisy from {start} ms on, by {{}} (RMS)", size),
+        }[self.kind]
+
+
+class _Signal(NamedTuple):
+    """A record at even steps, the places between which the vehicle crashes, and the peak at CFC 60 there."""
+
+    time_s: FloatArray
+    accel: FloatArray
+    step_s: float
+    first: int
+    last: int
+    peak: float
+
+    def fault(self, kind: Kind, first: int, last: int, size: float, strength: float) -> SensorFault:
+        return SensorFault(kind, float(self.time_s[first]), float(self.time_s[last]), float(size), float(strength))
+
+    def samples(self, lasts_s: float) -> int:
+        return max(round(lasts_s / self.step_s), 1)
+
+
+def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFault, ...]:
+    """What looks like a fault of the sensor in a record at its own rate, raw or filtered, in the order of time.
+
+    Parameters
+    ----------
+    time_s, accel_mps2 : ndarray, shape (n,)
+        Evenly sampled and finite, in s and m/s², with either sign; the record may begin before contact.
+    """
+    step_s = float((time_s[-1] - time_s[0]) / (time_s.size - 1))
+    if time_s.size * step_s < _PADDING_S or 1 / step_s < 10 * _CFC:
+        return ()
+    raw = _signal(time_s, accel_mps2, step_s, cfc_filter(accel_mps2, cfc=_CFC, dt_s=step_s))
+    if raw is None:
+        return ()
+    band, hidden = _band(raw)
+    found: list[SensorFault] = []
+    for candidates in (
+        _equal_samples(raw), _noise(raw, hidden), _lost(band), _spike(raw, band),
+        _flat_top(band), _left_at_once(raw), _held(band),
+    ):  # fmt: skip
+        for one in candidates:
+            if one.strength >= LIKELY and not any(_overlap(one, other) for other in found):
+                found.append(one)
+    return tuple(sorted(found, key=lambda one: one.start_s))
+
+
+def confirmed(
+    faults: Sequence[SensorFault], time_s: FloatArray, accel_mps2: FloatArray, expected_mps2: FloatArray
+) -> tuple[SensorFault, ...]:
+    """The faults that a record shows alone, and of the others those that what is expected there does not show.
+
+    There the record is further from what is expected than elsewhere, and a saturated sensor hides more than it shows.
+    """
+    off = accel_mps2 - expected_mps2
+
+    def is_odd(fault: SensorFault) -> bool:
+        within = (fault.start_s - _BEYOND_S <= time_s) & (time_s <= fault.end_s + _BEYOND_S)
+        if not within.any() or within.all():
+            return False
+        if fault.kind == "saturated" and np.abs(expected_mps2[within]).max() < _CUT * abs(fault.size_mps2):
+            return False
+        inside, elsewhere = (float(np.sqrt(np.mean(off[part] ** 2))) for part in (within, ~within))
+        return inside > _ODD * elsewhere
+
+    return tuple(
+        replace(fault, strength=max(fault.strength, 1.0)) for fault in faults if fault.strength >= 1 or is_odd(fault)
+    )
+
+
+def _overlap(one: SensorFault, other: SensorFault) -> bool:
+    margin = 4 * MS  # edges of one are no other
+    return one.start_s < other.end_s + margin and other.start_s < one.end_s + margin
+
+
+def _signal(time_s: FloatArray, accel: FloatArray, step_s: float, smooth: FloatArray) -> _Signal | None:
+    """None of a record in which nothing happens."""
+    peak = float(np.abs(smooth).max())
+    crash = np.flatnonzero(np.abs(smooth) > _IN_CRASH * peak)
+    return _Signal(time_s, accel, step_s, int(crash[0]), int(crash[-1]), peak) if peak > G else None
+
+
+def _band(raw: _Signal) -> tuple[_Signal, FloatArray]:
+    """The record in a band without ringing, with finer steps merged, and what lies above CFC 60 in it."""
+    step_s, n = raw.step_s, raw.accel.size
+    padding = min(raw.samples(_PADDING_S), n - 1)
+    padded = np.pad(raw.accel, padding, mode="reflect", reflect_type="odd").astype(np.float64)
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(padding) / padding)
+    padded[:padding] *= rise
+    padded[-padding:] *= rise[::-1]
+    hertz, spectrum = np.fft.rfftfreq(padded.size, step_s), np.fft.rfft(padded)
+
+    def amplitude(of: npt.NDArray[np.complex128], low: float, high: float) -> float:
+        return float(np.sqrt(np.mean(np.abs(of[(hertz >= low) & (hertz < high)]) ** 2)))
+
+    width = 0.2 * _BAND_HZ
+    fast = 1 / step_s > _SLOWEST_HZ
+    undone = bool(fast and np.sqrt(2) * amplitude(spectrum, 250, 500) < _FILTERED * amplitude(spectrum, 125, 250))
+    if undone:
+        spectrum = spectrum / cfc_gain(hertz, cfc=_CFC, dt_s=step_s)
+        most, width = _RISE * amplitude(spectrum, 125, 250), 160.0
+        for low, high in ((400, 630), (630, _BAND_HZ)):
+            if 2 * high > 1 / step_s or amplitude(spectrum, low, high) > most:
+                break
+            width = 0.4 * high
+    gain = np.exp(-0.5 * (hertz / width) ** 2)
+    spectrum = np.where(gain > 1e-3, spectrum * gain, 0.0)
+    accel = np.fft.irfft(spectrum, padded.size)[padding:-padding]
+    every = max(round(_FINE / step_s), 1)
+    hidden = accel - cfc_filter(raw.accel, cfc=_CFC, dt_s=step_s)
+    if not undone:
+        hidden = raw.accel - (cfc_filter(raw.accel, cfc=3 * _CFC, dt_s=step_s) if fast else raw.accel)
+    first, last = raw.first // every, raw.last // every
+    peak = float(np.abs(accel).max())
+    return _Signal(raw.time_s[::every], accel[::every], step_s * every, first, last, peak), hidden
+
+
+def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
+    """Samples that repeat a value: at the extreme of the record, or elsewhere."""
+    accel, same = raw.accel, _SAME * raw.peak
+    ends = np.flatnonzero(np.diff(np.r_[False, np.abs(np.diff(accel)) <= same, False]))
+    runs = [
+        (first, last)
+        for first, last in ends.reshape(-1, 2).tolist()
+        if last - first >= max(raw.samples(_RUN_S), _RUN) and first > 0 and last < accel.size - 1
+        if last > raw.first and first < raw.last
+    ]
+
+    def leaves_at_once(first: int, last: int) -> bool:
+        start, end = abs(accel[first - 1] - accel[first]), abs(accel[last + 1] - accel[last])
+        return bool(end > max(_JUMP * raw.peak, 2 * start))
+
+    crash = accel[raw.first : raw.last + 1]
+    resolution = max(float(np.diff(np.unique(crash)).min(initial=np.inf)), same)
+    for sign in (-1, 1):
+        below = (sign * crash).max() - sign * crash
+        top = raw.first + np.flatnonzero(below < resolution / 2)
+        ratio = top.size / (1 + np.count_nonzero(below < 3.5 * resolution) - top.size)
+        level = float(accel[top[0]])
+        single = [run for run in runs if run[0] <= top[0] and top[-1] <= run[1]]
+        held = bool(single) and leaves_at_once(*single[0])
+        stays = top.size >= _TOP and np.count_nonzero(np.diff(top) == 1) >= _RUN
+        if stays and ratio >= _AT_TOP and sign * level > 3 * _IN_CRASH * raw.peak and not held:
+            yield raw.fault("saturated", top[0], top[-1], level, ratio)
+    for first, last in runs:
+        sides = accel[max(first - 2, 0)], accel[min(last + 2, accel.size - 1)]
+        level, around = float(accel[first]), float(max(sides, key=lambda value: abs(value - accel[first])))
+        if abs(around - level) > max(0.4 * _JUMP * raw.peak, 6 * resolution):
+            lost = abs(level) < _JUMP * abs(around)
+            yield raw.fault("lost" if lost else "held", first, last, around if lost else level, np.inf)
+
+
+class _Spans(NamedTuple):
+    """Spans of one length, at each sample: first sample, mean, range, and how far off the signal is on both sides."""
+
+    first: npt.NDArray[np.int_]
+    mean: FloatArray
+    range: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+
+def _spans(band: _Signal, length: int, gap_s: float) -> _Spans:
+    """All spans within the crash that have a sample so far off on both sides."""
+    gap = max(length // 2, band.samples(gap_s))
+    first = np.arange(max(gap, band.first + 1), min(band.accel.size - length - gap, band.last - length))
+    first = first[: first.size * (length >= _FEWEST)]
+    views = sliding_window_view(band.accel, length + 1)[first]
+    mean = views.mean(axis=1)
+    return _Spans(
+        first, mean, np.ptp(views, axis=1), band.accel[first - gap] - mean, band.accel[first + length + gap] - mean
+    )
+
+
+def _flat_top(band: _Signal) -> Iterator[SensorFault]:
+    """The best flat stretch at the extreme, from which the signal falls on both sides; sound: 0.5."""
+    best = (0.0, 0, 0)
+    extremes = float(band.accel.min()), float(band.accel.max())
+    for lasts_s in (3, 4, 6, 9, 14, 20, 30):
+        length = band.samples(lasts_s * MS)
+        spans = _spans(band, length, 2 * MS)
+        if not spans.first.size:
+            continue
+        sign = np.sign(spans.mean)
+        at_top = np.abs(spans.mean) > 0.97 * np.where(sign < 0, -extremes[0], extremes[1])
+        fall = np.minimum(-sign * spans.before, -sign * spans.after)
+        high = at_top & (np.abs(spans.mean) > 3 * _IN_CRASH * band.peak)
+        score = high * fall / np.maximum(spans.range, _FLOOR * band.peak)
+        place = int(score.argmax())
+        best = max(best, (float(score[place]), int(spans.first[place]), length))
+    score_, first, length = best
+    if score_:
+        level = float(band.accel[first : first + length + 1].mean())
+        flat = np.flatnonzero(np.abs(band.accel - level) < 0.02 * abs(level))
+        yield band.fault("saturated", flat[0], flat[-1], level, score_ / _FLAT)
+
+
+def _lost(band: _Signal) -> Iterator[SensorFault]:
+    """The best flat stretch about zero, among what is far from it on one side of zero; sound: 0.5."""
+    best = (0.0, 0, 0, 0.0)
+    for lasts_s in (1.6, 2, 2.5, 3, 4):
+        length = band.samples(lasts_s * MS)
+        spans = _spans(band, length, 2 * MS)
+        if not spans.first.size:
+            continue
+        around = np.minimum(np.abs(spans.before), np.abs(spans.after))
+        gap = (np.abs(spans.mean) < _ZERO * around) & (spans.before * spans.after > 0) & (around > 0.2 * band.peak)
+        score = gap * around / np.maximum(spans.range, 2 * _FLOOR * band.peak)
+        place = int(score.argmax())
+        both = float(spans.before[place] + spans.after[place]) / 2
+        best = max(best, (float(score[place]), int(spans.first[place]), length, both))
+    score_, first, length, around_ = best
+    if score_:
+        away = np.abs(band.accel) > abs(around_) / 2
+        start = first - int(np.argmax(away[first::-1]))
+        end = first + length + int(np.argmax(away[first + length :]))
+        yield band.fault("lost", start, end, around_, score_ / _LOST)
+
+
+def _left_at_once(raw: _Signal) -> Iterator[SensorFault]:
+    """The best nearly flat 3 ms that the signal leaves within two samples, as a raw one does; sound: 0.5."""
+    length, leap = raw.samples(3 * MS), max(raw.samples(0.3 * MS), 2)
+    first = np.arange(raw.first + 1, min(raw.last - length, raw.accel.size - length - leap))
+    if not first.size or length < _FEWEST:
+        return
+    views = sliding_window_view(raw.accel, length + 1)[first]
+    mean, ends = views.mean(axis=1), raw.accel[first + length + leap]
+    jump = np.abs(ends - raw.accel[first + length])
+    score = jump * (jump > _JUMP * raw.peak) / np.maximum(np.ptp(views, axis=1), _FLOOR * raw.peak)
+    place = int(score.argmax())
+    level, around, start = float(mean[place]), float(ends[place]), int(first[place])
+    if abs(level) < _ZERO * abs(around):
+        yield raw.fault("lost", start, start + length, around, score[place] / _LEAP)
+    elif abs(level) > _IN_CRASH * raw.peak:
+        top = abs(level) > 0.97 * float((np.sign(level) * raw.accel).max())
+        yield raw.fault("saturated" if top else "held", start, start + length, level, score[place] / _LEAP)
+
+
+def _held(band: _Signal) -> Iterator[SensorFault]:
+    """The best flat stretch of 3 ms that the signal leaves at once on one side; sound: 0.8."""
+    length = band.samples(3 * MS)
+    spans = _spans(band, length, 1.5 * MS)
+    if not spans.first.size:
+        return
+    leap = np.maximum(np.abs(spans.before), np.abs(spans.after))
+    score = leap * (leap > _JUMP * band.peak) * (np.abs(spans.mean) > _IN_CRASH * band.peak)
+    score = score / np.maximum(spans.range, _HELD_FLOOR * band.peak)
+    place = int(score.argmax())
+    first = int(spans.first[place])
+    yield band.fault("held", first, first + length, spans.mean[place], score[place] / _HELD)
+
+
+def _spike(raw: _Signal, band: _Signal) -> Iterator[SensorFault]:
+    """The highest peak above a running median, if it is narrow and alone; sound: 0.2."""
+    best = None
+    for signal, half_s, widest_s, limit, rest_s in (
+        (raw, 2.5 * MS, _SPIKE_S, _SPIKE, 2 * MS),
+        (band, 4 * MS, _BUMP_S, _BUMP, 6 * MS),
+    ):
+        half = signal.samples(half_s)
+        median = np.median(sliding_window_view(np.pad(signal.accel, half, mode="edge"), 2 * half + 1), axis=1)
+        off = signal.accel - median
+        crash = np.arange(off.size)
+        in_crash = (crash >= signal.first - half) & (crash <= signal.last + half)
+        top = int(np.argmax(np.abs(off) * in_crash))
+        height = float(off[top])
+        low = np.abs(off) < abs(height) / 2
+        first = top - int(np.argmax(np.r_[low[top::-1], True]))
+        last = top + int(np.argmax(np.r_[low[top:], True]))
+        away = np.abs(crash - top)
+        others = np.abs(off[(away > signal.samples(rest_s)) & (away < signal.samples(_AROUND_S))])
+        score = (abs(height) / max(others.max(initial=0.0), 0.02 * raw.peak) - 1) / (limit - 1)
+        narrow = (last - first - 1) * signal.step_s <= widest_s
+        if narrow and abs(height) > _SPIKE_MPS2 and (best is None or score > best.strength):
+            best = signal.fault("spike", top, top, height, score)
+    if best is not None:
+        yield best
+
+
+def _noise(raw: _Signal, hidden: FloatArray) -> Iterator[SensorFault]:
+    """A moment in the crash from which on there is steadily more above CFC 60 than before; sound: 0.1."""
+    block = raw.samples(_BLOCK_S)
+    power = np.concatenate([[0.0], np.cumsum(hidden**2)])
+    rms = np.sqrt(np.maximum(power[block:] - power[:-block], 0.0) / block)
+    best = (0.0, 0, 0.0)
+    for start in range(raw.first + block, min(raw.last, rms.size - 2 * block), max(block // 16, 1)):
+        before, after = rms[raw.first : start - block + 1 : block // 2 or 1], rms[start :: block // 2 or 1]
+        quiet, loud = float(before.max()), float(after.min())
+        if loud > _NOISE_MPS2 and after.max() < _STEADY * loud:
+            best = max(best, (loud / max(quiet, _FLOOR * raw.peak), start, float(np.sqrt(np.mean(after**2)))))
+    score, start, size = best
+    if score:
+        yield raw.fault("noise", start, raw.accel.size - 1, size, (score - 1) / (_NOISE - 1))

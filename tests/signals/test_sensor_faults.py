@@ -1,0 +1,141 @@
+"""Faults of a sensor in a crash are found with their time and size, raw and filtered; sound records have none."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.sensor_faults import SensorFault, confirmed, sensor_faults
+from crashfuse.units import MS, G
+from tests.conftest import SHARED, needs_shared
+
+RATES = [10_000, 12_500, 20_000]
+Break = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+def crash(time_s: FloatArray, *, noise_g: float = 0.3) -> FloatArray:
+    """A pulse with three humps, of 26 g at most, in m/s²."""
+    t = time_s / MS
+    humps = np.zeros_like(t)
+    for size_g, at_ms, width_ms in ((14, 12, 9), (26, 42, 14), (16, 68, 10)):
+        humps += size_g * np.exp(-(((t - at_ms) / width_ms) ** 2))
+    accel: FloatArray = G * (np.random.default_rng(3).normal(0, noise_g, t.size) - humps)
+    return accel
+
+
+def saturated(_: FloatArray, accel: FloatArray) -> FloatArray:
+    """The sensor ends at 18 g."""
+    """The sensor ends at 18 g."""
+    return np.maximum(accel, -18 * G)
+
+
+def held(time_s: FloatArray, accel: FloatArray) -> FloatArray:
+    """The value at 50 ms stays for 5 ms."""
+    within = (time_s >= 50 * MS) & (time_s < 55 * MS)
+    return np.where(within, accel[within.argmax()], accel)
+
+
+def lost(time_s: FloatArray, accel: FloatArray) -> FloatArray:
+    """No signal for 5 ms."""
+    return np.where((time_s >= 50 * MS) & (time_s < 55 * MS), 0.0, accel)
+
+
+def spiked(time_s: FloatArray, accel: FloatArray) -> FloatArray:
+    """60 g within one millisecond."""
+    height: FloatArray = 60 * G * np.maximum(1 - np.abs(time_s / MS - 52) / 0.5, 0.0)
+    return accel + height
+
+
+def noisy(time_s: FloatArray, accel: FloatArray) -> FloatArray:
+    """A cable that breaks at 40 ms."""
+    return accel + (time_s >= 40 * MS) * np.random.default_rng(7).normal(0, 25 * G, time_s.size)
+
+
+def found(change: Break | None, rate: int, *, filtered: bool, sign: int = 1) -> list[SensorFault]:
+    """What a record shows alone, once it was broken and, perhaps, filtered with CFC 60 and rounded."""
+    time_s = np.arange(-0.02, 0.15, 1 / rate)
+    accel = crash(time_s) if change is None else change(time_s, crash(time_s))
+    if filtered:
+        accel = np.round(cfc_filter(accel, cfc=60, dt_s=1 / rate), 3)
+    return [fault for fault in sensor_faults(time_s, sign * accel) if fault.strength >= 1]
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize(
+    ("change", "kind", "start_ms", "end_ms", "size_g"),
+    [
+        (saturated, "saturated", 33.5, 51.4, -18.0),
+        (lost, "lost", 50.0, 55.0, -18.0),
+        (spiked, "spike", 52.0, 52.0, 57.0),
+        (noisy, "noise", 40.0, 150.0, 25.0),
+    ],
+)
+def test_a_fault_is_named_with_its_time_and_size(
+    change: Break, kind: str, start_ms: float, end_ms: float, size_g: float, rate: int, *, filtered: bool
+) -> None:
+    """One fault, the right one; filtered, edges are known to 2 ms, and what CFC 60 took of spikes and noise is gone."""
+    (fault,) = found(change, rate, filtered=filtered)
+    assert fault.kind == kind
+    assert fault.start_s / MS == pytest.approx(start_ms, abs=3.5 if kind == "noise" else 2.5)
+    assert fault.end_s / MS == pytest.approx(end_ms, abs=2.5)
+    if not (filtered and kind in ("spike", "noise")):
+        assert fault.size_mps2 / G == pytest.approx(size_g, rel=0.25)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_a_held_value_is_found_to_the_sample(rate: int) -> None:
+    """The value, from when to when."""
+    (fault,) = found(held, rate, filtered=False)
+    assert fault.kind == "held"
+    assert fault.start_s == pytest.approx(0.05, abs=2 / rate)
+    assert fault.end_s == pytest.approx(0.055, abs=2 / rate)
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("change", [saturated, lost, spiked, noisy])
+def test_the_sign_of_a_record_does_not_matter(change: Break, rate: int, *, filtered: bool) -> None:
+    """A file may write deceleration as positive numbers."""
+    kept, turned = (found(change, rate, filtered=filtered, sign=sign) for sign in (1, -1))
+    assert [(one.kind, one.start_s) for one in kept] == [(one.kind, one.start_s) for one in turned]
+    sizes = [[abs(one.size_mps2) for one in faults] for faults in (kept, turned)]
+    assert sizes[0] == pytest.approx(sizes[1])
+
+
+@pytest.mark.parametrize("rate", [1_000, *RATES])
+@pytest.mark.parametrize("filtered", [False, True])
+def test_a_sound_record_has_no_fault(rate: int, *, filtered: bool) -> None:
+    """Noise, rounding and smooth humps are none, nor is a crash of nothing."""
+    assert not found(None, rate, filtered=filtered)
+    still = np.zeros(rate // 10)
+    assert not sensor_faults(np.arange(still.size) / rate, still)
+
+
+def test_a_likely_fault_is_one_if_other_records_do_not_show_it() -> None:
+    """A flat top that all tests have is the structure; one that hides a peak of the others is the sensor."""
+    time_s = np.arange(0, 0.1, 1e-4)
+    whole = crash(time_s, noise_g=0.0)
+    cut = np.maximum(whole, -18 * G)
+    likely = SensorFault("saturated", 0.034, 0.05, -18 * G, 0.6)
+    assert confirmed([likely], time_s, cut, whole)[0].strength == 1
+    assert confirmed([likely], time_s, cut, cut) == ()
+    sure = SensorFault("saturated", 0.034, 0.05, -18 * G, 2.0)
+    assert confirmed([sure], time_s, cut, cut) == (sure,)
+
+
+@needs_shared
+def test_measured_and_simulated_records_are_sound() -> None:
+    """A real car, raw and at CFC 60, and measured impacts."""
+    table = pd.read_csv(SHARED / "real" / "nhtsa_10146_camry2018" / "tidy_10kHz_raw_and_cfc60.csv")
+    records = [(table["t_s"], table[name]) for name in table.columns[1:]]
+    for path in (SHARED / "real" / "impacts").glob("*/tests/*.csv"):
+        record = pd.read_csv(path)
+        records.append((record["time_ms"] * MS, record["acceleration_g"]))
+    assert len(records) > 50
+    assert not any(
+        fault.strength >= 1 for time, accel in records for fault in sensor_faults(time.to_numpy(), accel.to_numpy() * G)
+    )
