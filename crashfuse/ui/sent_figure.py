@@ -31,7 +31,8 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
     def __init__(self, figure: go.Figure) -> None:
         super().__init__()
         digest, parts = hashlib.sha256(), figure.layout.to_plotly_json()
-        data = [_spaced(_fewer(_plain(trace.to_plotly_json(), digest.update))) for trace in figure.data]
+        traces = [{k: part for k, part in trace.to_plotly_json().items() if k != "meta"} for trace in figure.data]
+        data = [_spaced(_fewer(_plain(trace, digest.update))) for trace in traces]
         layout = {name: _plain(part) for name, part in parts.items() if name != "template"}
         for name, axis in layout.items():
             if name[1:5] == "axis" and "title" in axis:
