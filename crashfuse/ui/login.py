@@ -70,7 +70,7 @@ def require(page: str) -> None:
     st.markdown("This server is for people who are known to it." if auth else "Nobody can log in at the moment.")
     for provider in _providers(auth):
         name = f" with {provider}" if provider else ""
-        st.button(f"Log in{name}", type="primary", icon=":material/login:", on_click=st.login, args=(provider,))
+        st.button(f"Log in{plain(name)}", type="primary", icon=":material/login:", on_click=st.login, args=(provider,))
     st.stop()
 
 

@@ -24,7 +24,11 @@ from crashfuse.ui import journal, login
 from crashfuse.ui.starting import start_importing
 from crashfuse.ui.visitors import BROWSER
 
-_NO_FRAMING = {"X-Frame-Options": "DENY", "Content-Security-Policy": "frame-ancestors 'none'"}
+_POLICY = {  # no page around this one, and nothing that this one shows, a laboratory's text say, fetches from elsewhere
+    "X-Frame-Options": "DENY",
+    "Content-Security-Policy": "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; "
+    "connect-src 'self' data: blob: ws: wss:",  # older browsers do not count a WebSocket as 'self'
+}
 _A_YEAR_S = 365 * 24 * 3600
 _ANOTHER_NAME = PlainTextResponse(
     "crashfuse does not answer under this name. If it should, start it with crashfuse app --allow-host NAME, or add "
@@ -41,6 +45,8 @@ PagesManager.uses_pages_directory = False
 
 class Guard:
     """Lets no other page embed the dashboard, so that nobody clicks in it unknowingly, and names each browser.
+
+    Nor do its pages fetch anything from other servers.
 
     Of other names than the allowed ones Streamlit refuses the WebSocket only; here all is refused, and why is said. It
     lets in any page of this machine, whichever program serves it; here the WebSocket is for pages of this server alone.
@@ -69,7 +75,7 @@ class Guard:
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                headers.update(_NO_FRAMING)
+                headers.update(_POLICY)
                 if not is_known and headers.get("content-type", "").startswith("text/html"):
                     secure = "; Secure" if scope["scheme"] == "https" else ""
                     cookie = f"{BROWSER}={secrets.token_urlsafe()}; Path=/; Max-Age={_A_YEAR_S}; HttpOnly; SameSite=Lax"

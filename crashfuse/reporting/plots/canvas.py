@@ -18,6 +18,7 @@ AXIS_TITLE = {"font": {"size": _FONT_PX}}
 """Look of an axis' title, by default a fifth larger than all other words."""
 _TEMPLATE = go.layout.Template(layout={"xaxis": {"title": AXIS_TITLE}, "yaxis": {"title": AXIS_TITLE}})
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
+_LINK = re.compile(r"(?:<|\\u003c)(?=/?\s*a\b)", re.IGNORECASE)
 _BAND_POINTS = 320  # 0.32 ms apart: one to three pixels
 _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
 _USUAL_NAMES = 6  # of the approaches and the test
@@ -133,6 +134,11 @@ def darkened(figure: go.Figure) -> go.Figure:
     """The same figure in the colours of a dark page, or notebook; a report, which is meant for print, stays light."""
     drawn = figure.to_plotly_json()
     return go.Figure([_in_the_dark(trace) for trace in drawn["data"]], _in_the_dark(drawn["layout"]))
+
+
+def without_links(text: str) -> str:
+    """Words of a figure, or all of it as JSON, in which Plotly makes no link of what a laboratory wrote."""
+    return _LINK.sub("&lt;", text)
 
 
 def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -> None:
