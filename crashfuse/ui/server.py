@@ -22,6 +22,7 @@ from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
 from crashfuse.execution.memory import share_one_heap
 from crashfuse.ui import journal, login
 from crashfuse.ui.starting import start_importing
+from crashfuse.ui.text import plain
 from crashfuse.ui.visitors import BROWSER
 
 _POLICY = {  # no page around this one, and nothing that this one shows, a laboratory's text say, fetches from elsewhere
@@ -103,11 +104,11 @@ async def lifespan(_: object) -> AsyncIterator[None]:
 
 
 def tell(error: Exception) -> bool:
-    """Say in a sentence that memory ran out while a page was drawn; other errors are Streamlit's to show."""
-    if out_of_memory(error):
-        st.error(OUT_OF_MEMORY, icon=":material/memory:")
-        return True
-    return False
+    """Say in a sentence what stopped a page: memory, data, the cache; what is a fault is Streamlit's to show."""
+    if not (out_of_memory(error) or isinstance(error, CrashfuseError)):
+        return False
+    st.error(OUT_OF_MEMORY if out_of_memory(error) else plain(error), icon=":material/error:")
+    return True
 
 
 def prepare() -> tuple[Middleware, ...]:

@@ -1,6 +1,6 @@
 """Two people on one server: what belongs to whom, and which folders pages may touch."""
 
-import os
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -70,9 +70,9 @@ def test_others_learn_whose_a_computation_is_and_not_what(visit: Visit) -> None:
 @pytest.fixture
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The one folder that pages may open and write to."""
-    folder = tmp_path / "allowed"
+    folder = tmp_path / "a:b"  # one folder, whatever its name
     folder.mkdir()
-    monkeypatch.setenv(journal.ROOTS, os.pathsep.join([str(folder), ""]))
+    monkeypatch.setenv(journal.ROOTS, f"{folder}\n")
     return folder
 
 
@@ -81,9 +81,9 @@ def test_pages_open_what_is_inside_the_root_and_nothing_else(root: Path, campaig
     inside = root / "car"
     campaign_folder.rename(inside)
     assert campaigns.allowed(inside) == inside.resolve()
-    (tmp_path / "allowed-too").mkdir()
+    (tmp_path / "a:b-too").mkdir()
     (root / "link").symlink_to(tmp_path)
-    ways = ["/", "/nowhere", str(tmp_path), f"{root}/..", f"{root}/car/../../allowed-too", f"{root}/link", "~"]
+    ways = ["/", "/nowhere", str(tmp_path), f"{root}/..", f"{root}/car/../../a:b-too", f"{root}/link", "~"]
     for way in ways:
         with pytest.raises(DataError, match=rf"expected a path inside {root}, found one outside; this server opens"):
             campaigns.allowed(Path(way))
@@ -106,6 +106,28 @@ def test_a_folder_that_leads_elsewhere_by_a_link_in_it_is_refused(
         campaigns.open_folder(inside)
 
 
+@pytest.mark.parametrize("leads_out", ["tests/T1.csv", "campaign.toml", "notes.csv", "criteria.toml", ""])
+def test_a_link_made_after_opening_is_followed_by_no_read_and_no_write(
+    leads_out: str, root: Path, campaign_folder: Path, tmp_path: Path, visit: Visit
+) -> None:
+    """A pulse, the settings, a table, or all of the folder: neither is read nor written, and the page says why."""
+    inside, outside = campaign_folder.rename(root / "car"), tmp_path / "outside"
+    for file in ("campaign.toml", "criteria.toml"):
+        (inside / file).touch()
+    (inside / "notes.csv").write_text("test,start_ms,end_ms,text\n")
+    name = campaigns.open_folder(inside)
+    session = visit(campaign=name)
+    (inside / leads_out).rename(outside)
+    (inside / leads_out).symlink_to(outside)
+    before = content_of(tmp_path)
+    session.app.button_group(key="tests in use").set_value(["T1", "T2", "T3"])
+    session.run()
+    assert session.tables[0]["Found"].str.contains("a link to elsewhere|one outside").all()
+    with pytest.raises(DataError, match="this server opens and writes nothing else"):
+        campaigns.load(name)
+    assert content_of(tmp_path) == before
+
+
 @pytest.mark.slow
 def test_the_page_says_what_may_be_opened(root: Path, visit: Visit, campaign_folder: Path) -> None:
     """A folder beside the root is refused in a sentence."""
@@ -121,3 +143,33 @@ def test_without_a_root_every_folder_may_be_opened(tmp_path: Path, monkeypatch: 
     """As on the desk of one user."""
     monkeypatch.delenv(journal.ROOTS, raising=False)
     assert campaigns.allowed(tmp_path) == tmp_path.resolve()
+
+
+def test_lists_are_read_while_others_add_to_them(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Campaigns open on the server, as others upload theirs; links that wait for a log-in, as others follow theirs."""
+    monkeypatch.setattr(campaigns, "visitor", lambda: ANNA)
+    monkeypatch.setattr(campaigns, "read", lambda _: None)
+    failed: list[Exception] = []
+    done = threading.Event()
+
+    def upload() -> None:
+        for _ in range(2000):
+            campaigns.open_uploaded(campaign_folder)
+        done.set()
+
+    def look() -> None:
+        try:
+            while not done.is_set():
+                campaigns.open_campaigns()
+        except Exception as error:
+            failed.append(error)
+
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    threads = [threading.Thread(target=task) for task in (upload, look, look)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    sys.setswitchinterval(usual)
+    assert failed == []
