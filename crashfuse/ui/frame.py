@@ -1,5 +1,6 @@
 """Frame of every page: page set-up, the sidebar's choices, and the notice that a campaign is synthetic."""
 
+import tempfile
 from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Literal
@@ -7,6 +8,7 @@ from typing import Literal
 import streamlit as st
 from streamlit.navigation.page import Page
 
+from crashfuse.execution.cache import default_folder
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui import address, campaigns, login, uploads
 from crashfuse.ui.chosen import ASKED, NOT_FOUND, View, choose_campaign
@@ -109,6 +111,8 @@ def show_head(
 
     Of the notice, where there are settings, only the words before its colon: the rest unfolds from them.
     """
+    if lost := _not_kept():
+        st.warning(plain(lost), icon=":material/save:")
     with st.container(horizontal=True, vertical_alignment="center", key="head"):
         st.title(title, width="content", anchor=False)
         if detail:
@@ -126,6 +130,21 @@ def show_head(
             st.badge(plain(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
         elif notice:
             st.caption(f":material/science: {plain(notice)}", width="content")
+
+
+@st.cache_data(ttl=60, show_spinner=False)
+def _not_kept() -> str:
+    """A sentence if nothing can be kept in the cache folder; empty if it can."""
+    folder = default_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return (
+            f"Results are not kept: {folder} cannot be written ({error.strerror or error}). They are lost when the "
+            "server ends. Make the folder writable, or name another by CRASHFUSE_CACHE."
+        )
 
 
 def offer_sample() -> None:

@@ -1,11 +1,14 @@
 """What the dashboard's server adds to Streamlit's, whichever command starts it."""
 
+import asyncio
 import secrets
 import signal
 import sys
+import time
 import webbrowser
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, cast
 
 import streamlit as st
 from starlette.datastructures import MutableHeaders
@@ -15,6 +18,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 from streamlit import net_util
+from streamlit.runtime import Runtime
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
@@ -25,11 +29,15 @@ from crashfuse.ui.starting import start_importing
 from crashfuse.ui.text import plain
 from crashfuse.ui.visitors import BROWSER
 
+if TYPE_CHECKING:
+    from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
+
 _POLICY = {  # no page around this one, and nothing that this one shows, a laboratory's text say, fetches from elsewhere
     "X-Frame-Options": "DENY",
     "Content-Security-Policy": "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; "
     "connect-src 'self' data: blob: ws: wss:",  # older browsers do not count a WebSocket as 'self'
 }
+_LOOK_S, _PATIENCE_S = 5.0, 20.0  # for tabs that were closed, and for their browser to come back
 _A_YEAR_S = 365 * 24 * 3600
 _ANOTHER_NAME = PlainTextResponse(
     "crashfuse does not answer under this name. If it should, start it with crashfuse app --allow-host NAME, or add "
@@ -93,14 +101,32 @@ def _is_own_page(connection: HTTPConnection) -> bool:
     return origin is None or origin in known or origin.partition("://")[2] == host
 
 
+async def _forget_closed_tabs() -> None:
+    """Free what lies in upload fields of tabs that were closed: Streamlit keeps it until it is asked about something.
+
+    A browser that was cut off for some seconds finds it again.
+    """
+    gone: dict[str, float] = {}
+    while True:
+        await asyncio.sleep(_LOOK_S)
+        runtime, now = Runtime.instance(), time.monotonic()
+        files = cast("MemoryUploadedFileManager", runtime.uploaded_file_mgr)
+        absent = [session for session in list(files.file_storage) if not runtime.is_active_session(session)]
+        gone = {session: gone.get(session, now) for session in absent}
+        for session in [session for session, since in gone.items() if now - since >= _PATIENCE_S]:
+            files.remove_session_files(session)
+
+
 @asynccontextmanager
 async def lifespan(_: object) -> AsyncIterator[None]:
     """As the server starts, import what pages need, and open the browser as ``streamlit run`` does for scripts."""
     start_importing()
+    forgetting = asyncio.create_task(_forget_closed_tabs())
     if not st.get_option("server.headless"):
         address = st.get_option("browser.serverAddress") or "localhost"
         webbrowser.open(f"http://{address}:{st.get_option('server.port')}")
     yield
+    forgetting.cancel()
 
 
 def tell(error: Exception) -> bool:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import FIGURE, MAIN, QUICK
+from tests.browser.conftest import FIGURE, MAIN
 
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
@@ -31,7 +31,9 @@ def foreign(campaign_on_disk: Path, tmp_path: Path) -> Path:
     table = [f'{head},"{PICTURE}",{LINK}', f'{first},"{TAGS}",www.crash.test', *(f"{row},rear,{LINK}" for row in rows)]
     (folder / "tests.csv").write_text("\n".join(table).replace("T2,", "www.T2.test,", 1), encoding="utf-8")
     (folder / "tests" / "T2.csv").rename(folder / "tests" / "www.T2.test.csv")
-    (folder / "campaign.toml").write_text(f'name = "{PICTURE} {LINK}"\nnotice = "{LINK}: {PICTURE}"\n', encoding="utf-8")
+    (folder / "campaign.toml").write_text(
+        f'name = "{PICTURE} {LINK}"\nnotice = "{LINK}: {PICTURE}"\n', encoding="utf-8"
+    )
     (folder / "notes.csv").write_text(f'test,start_ms,end_ms,text\nT1,30,,"{LINK} {TAGS}"\n', encoding="utf-8")
     criterion = f'[[criterion]]\nname = "{LINK} {PICTURE}"\nmetric = "max_crush"\nat_most = 700\n'
     (folder / "criteria.toml").write_text(criterion, encoding="utf-8")

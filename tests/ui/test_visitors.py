@@ -1,16 +1,23 @@
 """Two people on one server: what belongs to whom, and which folders pages may touch."""
 
+import asyncio
+import os
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
+from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
+from streamlit.runtime.uploaded_file_manager import UploadedFileRec
 
 from crashfuse.errors import DataError
 from crashfuse.files.archive import zipped
-from crashfuse.ui import campaigns, journal
+from crashfuse.ui import campaigns, journal, server, uploads
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.visitors import Visitor
 from tests.conftest import content_of
@@ -173,3 +180,40 @@ def test_lists_are_read_while_others_add_to_them(campaign_folder: Path, monkeypa
         thread.join()
     sys.setswitchinterval(usual)
     assert failed == []
+
+
+def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not those of one that runs, nor what is of somebody else."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    running = uploads._scratch()
+    killed, other = tmp_path / "crashfuse-uploads-x", tmp_path / "crashfuse-y"
+    for folder in (killed, other):
+        folder.mkdir()
+        (folder / ".lock").touch()
+    for folder in (running, killed, other):
+        os.utime(folder / ".lock", (0, 0))
+    uploads.sweep()
+    assert running.is_dir()
+    assert other.is_dir()
+    assert not killed.exists()
+
+
+def test_what_lies_in_the_field_of_a_closed_tab_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a while in which its browser may come back; that of an open tab stays."""
+    files = MemoryUploadedFileManager("/upload")
+    for session in ("open", "closed"):
+        files.add_file(session, UploadedFileRec("1", "a.csv", "text/csv", b"time"))
+    runtime = SimpleNamespace(uploaded_file_mgr=files, is_active_session=lambda session: session == "open")
+    monkeypatch.setattr(server, "Runtime", SimpleNamespace(instance=lambda: runtime))
+    monkeypatch.setattr(server, "_LOOK_S", 0.01)
+
+    async def watched(patience_s: float) -> set[str]:
+        monkeypatch.setattr(server, "_PATIENCE_S", patience_s)
+        with suppress(TimeoutError):
+            await asyncio.wait_for(server._forget_closed_tabs(), 0.2)
+        return {*files.file_storage}
+
+    assert asyncio.run(watched(60.0)) == {"open", "closed"}
+    assert asyncio.run(watched(0.05)) == {"open"}
