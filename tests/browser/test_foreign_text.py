@@ -40,35 +40,39 @@ def foreign(campaign_on_disk: Path, tmp_path: Path) -> Path:
     return folder
 
 
+def made(user: "User") -> list[str]:
+    """The links to elsewhere, and the pictures from there, that are on the page."""
+    return [str(html) for html in user.browser.execute_script(MADE)]
+
+
 def test_no_page_makes_anything_of_it(server: "Server", user: "User", foreign: Path) -> None:
     """No link, no picture, in text, fields, tables and figures; a heading is read as it is written."""
-    made = lambda: user.browser.execute_script(MADE)  # noqa: E731
     user.open_folder(server, foreign)
-    assert made() == []
+    assert made(user) == []
     for tab in ("Conditions", "CAE model", "Tests"):
         user.open_tab(tab)
         user.find(FIGURE)
-        assert made() == []
+        assert made(user) == []
     user.go("Train")
     user.choose_approaches("CAE", "Displacement domain")
     user.go("Compare")
     user.starts("Predict test", FIGURE)
-    assert made() == []
+    assert made(user) == []
     user.press("Notes and marks on", "summary")
     user.sees("Log in again")
-    assert made() == []
+    assert made(user) == []
     for tab in ("Why", "Ratings and metrics", "Over displacement"):
         user.open_tab(tab)
         user.find(MAIN)
-        assert made() == []
+        assert made(user) == []
     user.go("Predict")
     user.starts("Predict", FIGURE)
     user.press("Pin this prediction")
     user.press("1 pinned")
-    assert made() == []
+    assert made(user) == []
     user.go("Certify")
     user.sees("Criteria and conditions")
-    assert made() == []
+    assert made(user) == []
     user.go("History")
     user.sees("History")
-    assert made() == []
+    assert made(user) == []

@@ -69,7 +69,7 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
     else:
         shown = figure_table(figure)
     names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]
-    written = pulses_table([("T2", Estimate("fused", prediction, {}, 0.0))])
+    written = pulses_table([Estimate("fused", prediction, {}, 0.0)])
     assert (
         csv_bytes(shown[["Time (ms)", *names]]).splitlines()[1:]
         == (csv_bytes(written[["time_ms", "acceleration_g", "lower_g", "upper_g"]]).splitlines()[1:])
