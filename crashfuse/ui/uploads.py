@@ -30,7 +30,7 @@ from crashfuse.ui.visitors import visitor
 
 T = TypeVar("T")
 
-_SCRATCH, _LOCK = "crashfuse-uploads-", ".lock"
+_SCRATCH, _LOCK = "crashfuse-uploads-", ".lock"  # of the folder, and beside it
 _STARTING_S = 10  # between making a lock file and locking it
 _MOST_BYTES = 8 << 30
 _IN_USE_S = 4 * 3600.0  # since somebody looked at it; a session may pause over noon
@@ -150,7 +150,7 @@ def _opened() -> dict[tuple[str, str], str]:
 @st.cache_resource(show_spinner=False)
 def _scratch() -> Path:
     folder = Path(tempfile.mkdtemp(prefix=_SCRATCH))
-    lock = FileLock(folder / _LOCK, thread_local=False)
+    lock = FileLock(folder.with_suffix(_LOCK), thread_local=False)
     lock.acquire()
     atexit.register(_remove, folder, lock)
     return folder
@@ -158,14 +158,15 @@ def _scratch() -> Path:
 
 def sweep() -> None:
     """Delete the uploads of servers that were killed: the system has freed their locks."""
-    for file in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*/{_LOCK}"):
+    for file in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*{_LOCK}"):
         with suppress(OSError, Timeout):  # another user's, or of a server that runs
             if time.time() - file.stat().st_mtime > _STARTING_S:
                 lock = FileLock(file, thread_local=False)
                 lock.acquire(timeout=0)
-                _remove(file.parent, lock)
+                _remove(file.with_suffix(""), lock)
 
 
 def _remove(folder: Path, lock: FileLock) -> None:
     lock.release()
     shutil.rmtree(folder, ignore_errors=True)
+    folder.with_suffix(_LOCK).unlink(missing_ok=True)

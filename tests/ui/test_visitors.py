@@ -191,13 +191,13 @@ def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
     killed, other = tmp_path / "crashfuse-uploads-x", tmp_path / "crashfuse-y"
     for folder in (killed, other):
         folder.mkdir()
-        (folder / ".lock").touch()
+        folder.with_suffix(".lock").touch()
     for folder in (running, killed, other):
-        os.utime(folder / ".lock", (0, 0))
+        os.utime(folder.with_suffix(".lock"), (0, 0))
     uploads.sweep()
     assert running.is_dir()
     assert other.is_dir()
-    assert not killed.exists()
+    assert sorted(tmp_path.glob("crashfuse-uploads-*")) == [running, running.with_suffix(".lock")]
 
 
 def test_what_lies_in_the_field_of_a_closed_tab_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
