@@ -17,7 +17,7 @@ from crashfuse.ui import journal
 from crashfuse.ui.visitors import visitor
 
 SAMPLE = "sample"
-_opening = threading.Lock()
+_opening = threading.Lock()  # with the list in hand: to make it takes the lock
 
 
 @dataclass(frozen=True)
@@ -139,17 +139,19 @@ def open_uploaded(folder: Path) -> str:
     read(folder)
     token = secrets.token_urlsafe(12)
     name = f"{folder.name}-{token}"
-    opened = _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})", visitors={visitor().key})
+    opened, one = opened_here(), _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})")
+    one.visitors.add(visitor().key)
     with _opening:
-        opened_here()[name] = opened
+        opened[name] = one
     journal.note(visitor(), f"uploaded {label(name)}")
     return name
 
 
 def close(name: str) -> None:
     """Forget an open campaign, whose folder goes."""
+    opened = opened_here()
     with _opening:
-        opened_here().pop(name, None)
+        opened.pop(name, None)
 
 
 def label(name: str) -> str:

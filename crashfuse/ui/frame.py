@@ -123,13 +123,18 @@ def show_head(
             st.badge(label, color=colour, help="As chosen on the page Train.")
             if view.campaign.unused:
                 names = ", ".join(test for test, _ in view.campaign.unused)
-                st.badge(f"without {plain(names)}", color="orange", help=plain(view.campaign.remarks[0]))
+                st.badge(f"without {_in_badge(names)}", color="orange", help=plain(view.campaign.remarks[0]))
             if by_group:
                 st.badge("All at its speed left out", color="orange")
         if (notice := view.campaign.notice) and config is not None:
-            st.badge(plain(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
+            st.badge(_in_badge(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
         elif notice:
             st.caption(f":material/science: {plain(notice)}", width="content")
+
+
+def _in_badge(text: str) -> str:
+    """Text that a badge shows literally: it escapes brackets itself."""
+    return plain(text).replace(r"\[", "[").replace(r"\]", "]")
 
 
 @st.cache_data(ttl=60, show_spinner=False)
