@@ -18,7 +18,7 @@ TABS = {
 }
 
 view = frame.enter_with_campaign(
-    "Compare", lambda view: f"Test {plain(view.held_out.id)}: {view.display.condition(view.held_out.condition)}"
+    "Compare", lambda view: f"Test {plain(view.held_out.id)}: {plain(view.held_out.condition)}"
 )
 test, campaign, config = view.held_out, view.campaign, chosen_config()
 stop_with_a_single_test(campaign)

@@ -3,6 +3,7 @@
 import argparse
 import io
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 
@@ -16,6 +17,7 @@ __all__ = ["main", "parser"]
 
 DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED, CUT_OFF = 0, 1, 2, 130, 141
 _LONGEST_LINE = 2000
+_SURROGATE = re.compile("[\ud800-\udfff]")  # stands for a byte of a name that is not UTF-8
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,6 +29,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser().parse_args(argv)
     if any(argument == "" or (argument.startswith("--") and argument.endswith("=")) for argument in argv):
         _say("crashfuse: one of the arguments is empty; was a variable not set?")
+        return WRONG_USAGE
+    if foreign := [argument for argument in argv if _SURROGATE.search(argument)]:
+        _say(f"crashfuse: {_not_utf8(foreign[0])}")
         return WRONG_USAGE
     command: Callable[[argparse.Namespace], None] = arguments.run
     share_one_heap()
@@ -50,6 +55,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         _say(f"crashfuse: {_about_the_system(error)}")
         return WRONG_DATA
+    except UnicodeEncodeError as error:  # a file in a folder
+        if not _SURROGATE.search(error.object):
+            raise
+        _say(f"crashfuse: {_not_utf8(error.object)}")
+        return WRONG_DATA
     except (MemoryError, RuntimeError) as error:
         if not out_of_memory(error):
             raise
@@ -61,6 +71,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         return INTERRUPTED
     return DONE
+
+
+def _not_utf8(name: str) -> str:
+    return f"the name {printable(name, 200)} is not UTF-8; rename the file or folder."
 
 
 def _with_directions(argv: Sequence[str]) -> list[str]:

@@ -56,7 +56,7 @@ def parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="DIR",
-        help="let the pages open and write to this folder, and what is in it, only; may be given several times",
+        help="let the pages open and write to this folder, and what is in it, only; one option a folder",
     )
     app.add_argument("--log", type=Path, metavar="FILE", help="append the log to this file (default: standard error)")
     app.add_argument(

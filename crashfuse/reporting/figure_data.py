@@ -1,7 +1,7 @@
-"""The numbers that a figure shows, as a table: its visible curves and bands, in its own units.
+"""The numbers that a figure was drawn from, as a table: of its visible curves and bands, in its own units.
 
-Whatever the figure is about, it is read from what Plotly draws: a curve that is hidden, by a click in the legend, say,
-is not in the table.
+A trace's arrays are its data; where it draws less, or elsewhere, its ``meta`` has them. A curve that is hidden, by a
+click in the legend, say, is not in the table.
 """
 
 import base64
@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import plotly.graph_objects as go
 
-from crashfuse.reporting.plots.canvas import BAND
 from crashfuse.signals.pulse import FloatArray
 
 _TAG = re.compile(r"<[^>]*>")
@@ -31,7 +31,6 @@ class _Shown:
     x: pd.Series
     y: dict[str, FloatArray]
     is_band: bool = False
-    broken: bool = False  # a band with gaps
     beside: dict[str, Sequence[object]] = field(default_factory=dict)
     plot: str = ""  # heading of its plot, of several above each other
 
@@ -41,21 +40,21 @@ class _Shown:
         return {"Curve": self.name, **({"Plot": self.plot} if self.plot else {})}
 
 
-def figure_table(drawn: Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
-    """What a figure shows, one row a position on its x axis; units are in the names of the columns.
+def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
+    """The numbers of a figure, one row a position on its x axis; units are in the names of the columns.
 
     Curves over the same positions stand side by side, one column each and two for a band. Where positions differ, or
     points carry names, the table is long: the first column names the curve, the next its plot, of several.
-    A heat map is a table of its cells. The edges of a band are drawn through fewer points than its curve; between these
-    they are interpolated, as they are drawn.
+    A heat map is a table of its cells.
 
     Parameters
     ----------
-    drawn : mapping
-        What Plotly draws: ``figure.to_plotly_json()``, or a figure read from a report.
+    figure : Figure or mapping
+        Any figure of this library, or one read from a report.
     hidden : collection of int
         Places of traces that the reader has hidden.
     """
+    drawn = figure.to_plotly_json() if isinstance(figure, go.Figure) else figure
     layout, traces = drawn["layout"], drawn["data"]
     shown = [
         trace
@@ -66,7 +65,7 @@ def figure_table(drawn: Mapping[str, Any], hidden: Collection[int] = ()) -> pd.D
         if trace["type"] == "heatmap":
             return _matrix(trace)
     shown = list(_named(shown))
-    read = [_band(trace, layout) if trace.get("meta") == BAND else _points(trace, layout) for trace in shown]
+    read = [_band(trace, layout) if "lower" in trace else _points(trace, layout) for trace in shown]
     headings = _headings(layout)
     curves = _named_apart([replace(curve, plot=headings.get(curve.axis, "")) for curve in read if len(curve.x)])
     return _side_by_side(curves) if _have_one_axis(curves) else _long(curves)
@@ -80,7 +79,7 @@ def _named(traces: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
             listed.setdefault(trace["legendgroup"], _name(trace))
     for trace in traces:
         whose, name = listed.get(trace.get("legendgroup", ""), ""), _name(trace)
-        yield {**trace, "name": name if whose in ("", name) else f"{whose}: {name}"}
+        yield {**trace, **trace.get("meta", {}), "name": name if whose in ("", name) else f"{whose}: {name}"}
 
 
 def _name(trace: Mapping[str, Any]) -> str:
@@ -130,14 +129,10 @@ def _title(layout: Mapping[str, Any], reference: str) -> str:
 
 
 def _positions(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> pd.Series:
-    """Positions on the x axis, by name where the axis has names."""
-    axis, values = _axis(layout, trace.get("xaxis") or "x"), _values(trace.get("x"))
+    """Positions on the x axis, numbers or names."""
+    values = _values(trace.get("x"))
     if values.dtype.kind not in "fiu":
         values = np.array([_text(each) for each in values], dtype=object)
-    elif axis.get("ticktext") is not None:
-        ticks = _numbers(axis["tickvals"])
-        nearest = np.abs(values[:, None] - ticks).argmin(axis=1)
-        values = np.array([_text(axis["ticktext"][place]) for place in nearest], dtype=object)
     return pd.Series(values, name=_title(layout, trace.get("xaxis") or "x"))
 
 
@@ -176,14 +171,10 @@ def _interval(error: Mapping[str, Any], values: FloatArray) -> tuple[FloatArray,
 
 
 def _band(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
-    """A band, from its outline: forth along its lower edge and back along the upper, stretch by stretch."""
-    axis, x, y = trace.get("yaxis") or "y", _numbers(trace["x"]), _numbers(trace["y"])
-    runs = [run[~np.isnan(x[run])] for run in np.split(np.arange(x.size), np.flatnonzero(np.isnan(x)))]
-    halves = [np.split(run, 2) for run in runs] if trace.get("fill") else list(zip(runs[::2], runs[1::2], strict=True))
-    forth, back = (np.concatenate(places) for places in zip(*((f, b[::-1]) for f, b in halves), strict=True))
-    ends = np.minimum(y[forth], y[back]), np.maximum(y[forth], y[back])
-    at = pd.Series(_values(trace["x"])[forth], name=_title(layout, trace.get("xaxis") or "x"))
-    return _Shown(trace["name"], axis, at, _ends(_title(layout, axis), *ends), True, broken=len(halves) > 1)
+    """A band by its ends."""
+    axis = trace.get("yaxis") or "y"
+    ends = _ends(_title(layout, axis), _numbers(trace["lower"]), _numbers(trace["upper"]))
+    return _Shown(trace["name"], axis, _positions(trace, layout), ends, is_band=True)
 
 
 def _ends(title: str, lower: FloatArray, upper: FloatArray) -> dict[str, FloatArray]:
@@ -222,10 +213,7 @@ def _side_by_side(curves: Sequence[_Shown]) -> pd.DataFrame:
     columns: dict[str, pd.Series] = {}
     for curve in curves:
         for title, values in curve.y.items():
-            drawn = pd.Series(values, index=curve.x)
-            if curve.is_band and not curve.broken:
-                drawn = drawn.reindex(longest).interpolate("index", limit_area="inside")
-            columns[f"{curve.name}: {title}" if curve.name else title] = drawn
+            columns[f"{curve.name}: {title}" if curve.name else title] = pd.Series(values, index=curve.x)
     table = pd.DataFrame(columns).reindex(longest)
     return table.rename_axis(longest.name).reset_index()
 

@@ -1,7 +1,7 @@
 """The figures of a report as files: SVG, PNG, slides, and their numbers as CSV.
 
 A report holds its figures as data, so they are read from it, whichever command wrote it, and drawn as on the page: by
-Plotly itself, in a browser of this machine that shows no window and reaches no network.
+Plotly itself, in a browser of this machine that shows no window and reaches no network, whoever wrote the report.
 """
 
 import asyncio
@@ -21,6 +21,7 @@ from typing import Any, Literal, get_args
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
+from crashfuse.reporting.plots.canvas import without_links
 
 FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
@@ -30,6 +31,10 @@ _CALL = re.compile(r'Plotly\.newPlot\(\s*"figure-\d+",\s*')
 _HEADINGS = ("h1", "h2", "h3")
 _WIDTH_PX, _HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
+_POLICY = (  # the page loads its scripts and nothing that a figure names, from this machine neither, past any proxy
+    "<meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src file: 'unsafe-inline' "
+    "'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:\">"
+)
 _MOST_BYTES = 256 << 20
 
 
@@ -109,6 +114,7 @@ class _Reader(HTMLParser):
             decode = json.JSONDecoder().raw_decode
             traces, end = decode(data, call.end())
             layout, _ = decode(data, data.index("{", end))
+            traces, layout = json.loads(without_links(json.dumps([traces, layout])))
             title = ": ".join(text for text in (self.text("h2"), self.text("h3")) if text)
             self.figures.append(ReportFigure(title or self.text("h1"), {"data": traces, "layout": layout}))
 
@@ -184,11 +190,15 @@ def _numbers(figure: ReportFigure) -> bytes:
 def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:
     """Every figure in every kind, drawn in one browser."""
     from choreographer.errors import BrowserClosedError, BrowserFailedError
-    from kaleido import Kaleido
+    from kaleido import Kaleido, PageGenerator
     from kaleido.errors import JavascriptError, KaleidoError
 
+    class Page(PageGenerator):  # type: ignore[misc]  # Kaleido has no types
+        def generate_index(self) -> str:
+            return str(super().generate_index()).replace("<head>", f"<head>{_POLICY}", 1)
+
     async def drawn() -> dict[str, list[bytes]]:
-        async with Kaleido(n=1, mathjax=False, proxy_server=_NO_NETWORK) as browser:
+        async with Kaleido(n=1, page_generator=Page(mathjax=False), proxy_server=_NO_NETWORK) as browser:
             return {kind: [await browser.calc_fig(each, opts=_size(each, kind)) for each in figures] for kind in kinds}
 
     try:

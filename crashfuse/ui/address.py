@@ -5,6 +5,7 @@ written to the address, which the browser remembers one by one; they are read ba
 Forward.
 """
 
+import math
 from collections.abc import Collection, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -61,6 +62,8 @@ class Choice:
         try:
             value: Value = texts[-1] == "true" if self.kind is bool else self.kind(texts[-1])
         except ValueError:
+            return self.default
+        if isinstance(value, float) and not math.isfinite(value):
             return self.default
         return value if not self.options or value in self.options else self.default
 

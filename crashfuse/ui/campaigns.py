@@ -3,6 +3,7 @@
 import os
 import secrets
 import threading
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from crashfuse.ui import journal
 from crashfuse.ui.visitors import visitor
 
 SAMPLE = "sample"
-_opening = threading.Lock()
+_opening = threading.Lock()  # with the list in hand: to make it takes the lock
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,8 @@ def open_campaigns() -> dict[str, Path | None]:
     if linked is not None and not linked.for_all and me not in linked.visitors:
         linked.visitors.add(me)
         journal.note(visitor(), f"followed a link to {label(name)}")
-    return {name: one.folder for name, one in opened.items() if one.for_all or me in one.visitors}
+    with _opening:  # another visitor may be opening one
+        return {name: one.folder for name, one in opened.items() if one.for_all or me in one.visitors}
 
 
 def at_start() -> str | None:
@@ -59,16 +61,17 @@ def at_start() -> str | None:
 def allowed(path: Path) -> Path:
     """The path with links resolved, if pages may open or write to it; else a DataError that says what they may.
 
-    Nothing outside the folders of ``CRASHFUSE_ROOT`` is looked at; without that variable all folders are allowed.
+    Nothing outside the folders of ``CRASHFUSE_ROOT`` is looked at; without that variable all folders are allowed. What
+    was allowed is asked again before each read and write: a link may have been made since.
     """
     asked = path
     try:
         path = path.expanduser().resolve()
+        outside = [] if may_open(path) else [path]
+        if roots() and not outside and path.is_dir():
+            outside = [link for link in _links_in(path) if not may_open(link.resolve())]
     except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
         raise _unreadable(path, error) from error
-    outside = [] if may_open(path) else [path]
-    if roots() and not outside and path.is_dir():
-        outside = [link for link in path.rglob("*") if link.is_symlink() and not may_open(link.resolve())]
     if outside:
         journal.note(visitor(), f"was refused {outside[0]}, outside {' and '.join(map(str, roots()))}")
         expected = f"a path inside {' or '.join(map(str, roots()))}"
@@ -96,12 +99,31 @@ def typed_folder(text: str, where: str, expected: str) -> Path:
 
 def roots() -> list[Path]:
     """The folders that pages may open and write to, with all in them; none for no restriction."""
-    return [Path(root).resolve() for root in os.environ.get(journal.ROOTS, "").split(os.pathsep) if root]
+    return [Path(root).resolve() for root in os.environ.get(journal.ROOTS, "").splitlines() if root]
 
 
 def may_open(path: Path) -> bool:
     """True if a path, links resolved, lies where pages may open and write."""
     return not roots() or any(path.is_relative_to(root) for root in roots())
+
+
+def still_allowed(path: Path) -> Path:
+    """The same path; a DataError if it was allowed as one inside the roots and a link now leads out of them.
+
+    What the server was started with, the sample and uploads may lie outside.
+    """
+    if roots() and may_open(path):
+        allowed(path)
+    return path
+
+
+def _links_in(folder: Path) -> Iterator[Path]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_symlink():
+                yield Path(entry.path)
+            elif entry.is_dir():
+                yield from _links_in(Path(entry.path))
 
 
 def open_folder(folder: Path) -> str:
@@ -117,15 +139,19 @@ def open_uploaded(folder: Path) -> str:
     read(folder)
     token = secrets.token_urlsafe(12)
     name = f"{folder.name}-{token}"
-    opened_here()[name] = _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})", visitors={visitor().key})
+    opened, one = opened_here(), _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})")
+    one.visitors.add(visitor().key)
+    with _opening:
+        opened[name] = one
     journal.note(visitor(), f"uploaded {label(name)}")
     return name
 
 
 def close(name: str) -> None:
     """Forget an open campaign, whose folder goes."""
+    opened = opened_here()
     with _opening:
-        opened_here().pop(name, None)
+        opened.pop(name, None)
 
 
 def label(name: str) -> str:
@@ -148,8 +174,9 @@ def fingerprint_of(name: str) -> str:
 
 
 def folder_of(name: str) -> Path:
-    """The folder of the open campaign of this name."""
-    return opened_here()[name].folder or _sample_folder()
+    """The folder of the open campaign of this name; a DataError if pages may not open it any more."""
+    folder = opened_here()[name].folder
+    return _sample_folder() if folder is None else still_allowed(folder)
 
 
 def read(folder: Path) -> Campaign:

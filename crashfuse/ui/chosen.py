@@ -8,7 +8,7 @@ import streamlit as st
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.display import Display
-from crashfuse.ui import address
+from crashfuse.ui import address, campaigns
 
 NOT_FOUND = "not found"
 """Session key: what the link asked for and was not found."""
@@ -20,12 +20,17 @@ REFUSED = "refused"
 
 @dataclass(frozen=True)
 class View:
-    """The user's choices in the sidebar, and the folder of the campaign."""
+    """The user's choices in the sidebar, and the name of the campaign in its list."""
 
     campaign: Campaign
-    folder: Path
+    name: str
     held_out: CrashTest
     display: Display
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the campaign; a DataError if pages may not open it any more."""
+        return campaigns.folder_of(self.name)
 
 
 def choose_campaign(name: str) -> None:

@@ -2,6 +2,7 @@
 
 import threading
 from abc import ABC, abstractmethod
+from collections import defaultdict
 from collections.abc import Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -49,10 +50,10 @@ _PATIENCE_S = 3.0  # to read from the cache; after that, progress is shown
 
 
 class _Lookups:
-    """Lookups in the disk cache: one at a time, and each key again only after another job has ended."""
+    """Lookups in the disk cache: one at a time of a key, and each key again only after another job has ended."""
 
     def __init__(self) -> None:
-        self.lock = threading.Lock()
+        self.locks: defaultdict[Hashable, threading.Lock] = defaultdict(threading.Lock)
         self.ended_before: dict[Hashable, int] = {}
 
 
@@ -124,7 +125,7 @@ class Request(ABC, Generic[T]):
         """The job, if any; it is started at once if the slow part of its result is in the disk cache."""
         if (job := jobs().get(self.key)) is not None:
             return job
-        with _lookups().lock:  # a second caller waits for the answer
+        with _lookups().locks[self.key]:  # a second caller of the same waits for the answer
             if _lookups().ended_before.get(self.key) == jobs().ended:
                 return jobs().get(self.key)
             with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # starting the job shows it

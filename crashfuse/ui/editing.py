@@ -71,8 +71,8 @@ def show_tests_in_use(view: View) -> None:
     address.put(_USED, list(used))
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.pills(
-            "Tests in use", sorted((*used, *unused)), selection_mode="multi", key=_USED, on_change=_change_use,
-            args=(view, used), width="content", wrap=True,
+            "Tests in use", sorted((*used, *unused)), selection_mode="multi", format_func=plain, key=_USED,
+            on_change=_change_use, args=(view, used), width="content", wrap=True,
             help="A click leaves a test out of use, another one uses it again. It stays in the folder, but nothing "
             "learns from it and it is not rated: `unused` in campaign.toml.",
         )  # fmt: skip

@@ -236,6 +236,6 @@ def offer_files(figure: go.Figure, caption: Caption, key: str) -> None:
     asked = st.session_state.get(key, {}).get("csv")
     data: dict[str, object] = asdict(caption)
     if asked:
-        table = figure_table(figure.to_plotly_json(), [int(place) for place in asked["hidden"]])
+        table = figure_table(figure, [int(place) for place in asked["hidden"]])
         data |= {"at": asked["at"], "csv": csv_bytes(table).decode()}
     _tools(data=data, key=key, on_csv_change=lambda: None)

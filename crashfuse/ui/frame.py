@@ -1,5 +1,6 @@
 """Frame of every page: page set-up, the sidebar's choices, and the notice that a campaign is synthetic."""
 
+import tempfile
 from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Literal
@@ -7,6 +8,7 @@ from typing import Literal
 import streamlit as st
 from streamlit.navigation.page import Page
 
+from crashfuse.execution.cache import default_folder
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui import address, campaigns, login, uploads
 from crashfuse.ui.chosen import ASKED, NOT_FOUND, View, choose_campaign
@@ -109,6 +111,8 @@ def show_head(
 
     Of the notice, where there are settings, only the words before its colon: the rest unfolds from them.
     """
+    if lost := _not_kept():
+        st.warning(plain(lost), icon=":material/save:")
     with st.container(horizontal=True, vertical_alignment="center", key="head"):
         st.title(title, width="content", anchor=False)
         if detail:
@@ -119,13 +123,33 @@ def show_head(
             st.badge(label, color=colour, help="As chosen on the page Train.")
             if view.campaign.unused:
                 names = ", ".join(test for test, _ in view.campaign.unused)
-                st.badge(f"without {plain(names)}", color="orange", help=plain(view.campaign.remarks[0]))
+                st.badge(f"without {_in_badge(names)}", color="orange", help=plain(view.campaign.remarks[0]))
             if by_group:
                 st.badge("All at its speed left out", color="orange")
         if (notice := view.campaign.notice) and config is not None:
-            st.badge(plain(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
+            st.badge(_in_badge(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
         elif notice:
             st.caption(f":material/science: {plain(notice)}", width="content")
+
+
+def _in_badge(text: str) -> str:
+    """Text that a badge shows literally: it escapes brackets itself."""
+    return plain(text).replace(r"\[", "[").replace(r"\]", "]")
+
+
+@st.cache_data(ttl=60, show_spinner=False)
+def _not_kept() -> str:
+    """A sentence if nothing can be kept in the cache folder; empty if it can."""
+    folder = default_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return (
+            f"Results are not kept: {folder} cannot be written ({error.strerror or error}). They are lost when the "
+            "server ends. Make the folder writable, or name another by CRASHFUSE_CACHE."
+        )
 
 
 def offer_sample() -> None:

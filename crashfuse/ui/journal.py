@@ -8,7 +8,7 @@ import time
 from crashfuse.errors import printable
 from crashfuse.ui.visitors import Visitor, names
 
-ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, separated as in PATH
+ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, one a line
 LOG = "CRASHFUSE_LOG"  # environment variable: file to append to, instead of standard error
 _LINE = "%(asctime)s %(message)s"
 _LONGEST, _LONGEST_ADDRESS = 1000, 200

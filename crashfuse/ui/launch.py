@@ -60,7 +60,7 @@ def launch(
     }
     os.environ |= {name: str(Path(path).resolve()) for name, path in given.items() if path is not None}
     if roots:
-        os.environ[journal.ROOTS] = os.pathsep.join(str(root.resolve()) for root in roots)
+        os.environ[journal.ROOTS] = "\n".join(str(root.resolve()) for root in roots)
     options = [  # includes the security settings of config.toml, which the user's own settings can't override here
         ("server.address", "127.0.0.1"),
         ("server.port", port),

@@ -21,6 +21,7 @@ _SHORTEST = 32  # characters of the secret that signs the cookies
 _MOST_LINKS = 1000
 _NOTED = "log-in noted"  # session key
 _insisted = threading.Event()
+_linking = threading.Lock()
 
 
 def check(files: Sequence[str | Path], *, required: bool = False) -> bool:
@@ -63,14 +64,15 @@ def require(page: str) -> None:
     if page:
         from crashfuse.ui import address  # takes seconds, and the server starts with this module
 
-        while len(_links()) >= _MOST_LINKS:
-            _links().pop(next(iter(_links())))
-        _links()[browser()] = page, address.given()
+        with _linking:
+            while len(_links()) >= _MOST_LINKS:
+                _links().pop(next(iter(_links())))
+            _links()[browser()] = page, address.given()
     st.title("crashfuse")
     st.markdown("This server is for people who are known to it." if auth else "Nobody can log in at the moment.")
     for provider in _providers(auth):
         name = f" with {provider}" if provider else ""
-        st.button(f"Log in{name}", type="primary", icon=":material/login:", on_click=st.login, args=(provider,))
+        st.button(f"Log in{plain(name)}", type="primary", icon=":material/login:", on_click=st.login, args=(provider,))
     st.stop()
 
 

@@ -84,11 +84,12 @@ def _put_back(view: View, notes: Sequence[Note], note: Note) -> None:
 
 def _store(view: View, notes: Sequence[Note]) -> None:
     """Keep the notes in the folder, else in the session."""
-    if can_be_edited(view.folder):
-        try:
+    try:
+        if can_be_edited(view.folder):
             write_notes(view.folder, notes)
-        except OSError as error:
-            st.session_state[_REFUSED] = f"{FILE} was not written: {error.strerror or error}."
+            return
+    except (DataError, OSError) as error:
+        st.session_state[_REFUSED] = f"{FILE} was not written: {getattr(error, 'strerror', None) or error}."
         return
     st.session_state[_KEPT] = {**st.session_state.get(_KEPT, {}), view.folder: tuple(notes)}
 

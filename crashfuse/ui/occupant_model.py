@@ -13,6 +13,7 @@ from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseEx
 from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.downloads import download_bytes
+from crashfuse.ui.text import plain
 from crashfuse.units import MS
 
 _HELP = (
@@ -51,7 +52,7 @@ def offer_pulses(
             else:
                 export = PulseExport((form,), draws, seed, curve=_curve())
         except UsageError as error:
-            st.warning(str(error), icon=":material/warning:")
+            st.warning(plain(error), icon=":material/warning:")
             return
         files = f"{approach}-{form}.zip"
         download_bytes(files, lambda: zipped(export.files(campaign, [estimate], remarks)[form]), campaign.name)

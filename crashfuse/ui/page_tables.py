@@ -20,6 +20,7 @@ from crashfuse.study.next_test import NextTest, next_tests_table
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.ui.look import fill
+from crashfuse.ui.tables import literal
 from crashfuse.wording import UnitSystem
 
 TEST_COLUMN = "Test"
@@ -99,9 +100,9 @@ def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
     table = rating_table(study, rows)
     bold = best(table).reset_index(drop=True).map(lambda is_best: "font-weight: 700" if is_best else "")
     shown = table.map("{:.3f}".format, na_action="ignore").fillna("–").reset_index()
-    marks = bold.reindex(columns=shown.columns, fill_value="")
+    marks = bold.reindex(columns=shown.columns, fill_value="").to_numpy()
     shown["Test"] = shown["Test"].where(~shown["Test"].duplicated(), "")  # each named once, as in the paper
-    return _plain(shown).apply(lambda _: marks, axis=None)
+    return literal(shown).apply(lambda _: marks, axis=None)
 
 
 def metrics(
@@ -123,7 +124,7 @@ def metrics(
     for heading, names in missed_by(columns).items():
         css.loc[[name in names for name in headings], heading] = missed
     parts = (main, [not each for each in main])
-    first, second = (_plain(table[part]).apply(lambda _, part=part: css[part], axis=None) for part in parts)
+    first, second = (literal(table[part]).apply(lambda _, part=part: css[part].to_numpy(), axis=None) for part in parts)
     return first, second
 
 
@@ -148,7 +149,7 @@ def next_tests(ranked: Sequence[NextTest], display: Display) -> Styler:
             if name.split()[0] in digits
         }
     )
-    return _plain(texts.astype(str))
+    return literal(texts.astype(str))
 
 
 def _coloured(table: pd.DataFrame) -> Styler:
@@ -158,8 +159,4 @@ def _coloured(table: pd.DataFrame) -> Styler:
         colour = GRADE_COLOURS.get(str(cell).rpartition(" ")[2])
         return fill(colour) if colour else ""
 
-    return _plain(table).map(style)
-
-
-def _plain(table: pd.DataFrame) -> Styler:
-    return table.style.hide(axis="index")
+    return literal(table).map(style)

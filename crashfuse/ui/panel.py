@@ -69,7 +69,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
 def show_end(job: Job[Any]) -> None:
     """Show in one line how a job ended."""
     if job.state == "failed":
-        st.error(job.message, icon=":material/error:")
+        st.error(plain(job.message), icon=":material/error:")
     elif job.state == "cancelled":
         st.warning(
             "Cancelled. Whatever was finished is kept; starting again continues from there.", icon=":material/cancel:"
@@ -121,7 +121,7 @@ def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> N
                     _show_step(name, step)
         told = [(name, step) for name, step in steps if in_full and step.learns]
         for column, (name, step) in zip(st.columns(max(len(told), 1)), told, strict=False):
-            column.caption(name)
+            column.caption(plain(name))
             with column:
                 show_figure(step.plot(), alt=f"{name}, so far", key=f"{name} {id(job)}")
 
@@ -152,7 +152,7 @@ def _show_bar(job: Job[Any], steps: Sequence[tuple[str, Step]]) -> None:
     """One bar for the whole job, its time left, and what it is doing."""
     if not steps:
         return
-    doing = next((name for name, step in reversed(steps) if not step.finished), steps[-1][0])
+    doing = plain(next((name for name, step in reversed(steps) if not step.finished), steps[-1][0]))
     left = time_left(job)
     st.progress(job.share, text=f"About {left} left · {doing}" if left else doing)
 
@@ -166,9 +166,9 @@ def time_left(job: Job[Any]) -> str:
 def _show_step(name: str, step: Step) -> None:
     progress = step.progress
     if step.finished:
-        st.caption(f":material/check: {name}, {duration(step.updated - step.started)}")
+        st.caption(f":material/check: {plain(name)}, {duration(step.updated - step.started)}")
     else:
-        st.caption(f":material/hourglass_top: {name}: {progress.done:,} of {progress.total:,}")
+        st.caption(f":material/hourglass_top: {plain(name)}: {progress.done:,} of {progress.total:,}")
 
 
 def duration(seconds: float) -> str:

@@ -7,6 +7,7 @@ import streamlit as st
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.ui.chosen import View
+from crashfuse.ui.text import plain
 
 _MOST = 6  # each takes ten megabytes, and a column of the table
 
@@ -47,7 +48,7 @@ def show_pins(view: View, condition: Condition, remember: Callable[[], None]) ->
     with st.popover(f"{len(texts)} pinned", key="pinned"):
         for text, other in texts.items():
             st.button(
-                view.display.briefly(other), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
+                plain(view.display.briefly(other)), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
                 args=(text,), help="Unpin", type="tertiary",
             )  # fmt: skip
 

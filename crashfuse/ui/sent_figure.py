@@ -13,7 +13,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.reporting.figure_data import unpacked
-from crashfuse.reporting.plots.canvas import AXIS_TITLE, band_points, room_above
+from crashfuse.reporting.plots.canvas import AXIS_TITLE, band_points, room_above, without_links
 from crashfuse.signals.pulse import FloatArray
 
 _DIGITS = 5  # of the largest value of a curve, on a screen of thousands of pixels
@@ -31,7 +31,8 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
     def __init__(self, figure: go.Figure) -> None:
         super().__init__()
         digest, parts = hashlib.sha256(), figure.layout.to_plotly_json()
-        data = [_spaced(_fewer(_plain(trace.to_plotly_json(), digest.update))) for trace in figure.data]
+        traces = [{k: part for k, part in trace.to_plotly_json().items() if k != "meta"} for trace in figure.data]
+        data = [_spaced(_fewer(_plain(trace, digest.update))) for trace in traces]
         layout = {name: _plain(part) for name, part in parts.items() if name != "template"}
         for name, axis in layout.items():
             if name[1:5] == "axis" and "title" in axis:
@@ -51,6 +52,8 @@ def _plain(part: Any, take: Callable[[bytes], object] = bytes) -> Any:  # noqa: 
     if isinstance(part, Mapping) and "bdata" in part:
         part = unpacked(part)
     if isinstance(part, np.ndarray):
+        if part.dtype.kind not in "biuf":
+            return _plain(part.tolist(), take)
         take(np.ascontiguousarray(part).tobytes() if part.dtype.kind == "f" else repr(part.tolist()).encode())
         return _listed(part)
     if isinstance(part, Mapping):
@@ -59,7 +62,7 @@ def _plain(part: Any, take: Callable[[bytes], object] = bytes) -> Any:  # noqa: 
     if isinstance(part, list | tuple):
         return [_plain(own, take) for own in part]
     take(repr(part).encode())
-    return part
+    return without_links(part) if isinstance(part, str) else part
 
 
 def _listed(values: np.ndarray[Any, Any]) -> list[Any]:

@@ -1,11 +1,14 @@
 """What the dashboard's server adds to Streamlit's, whichever command starts it."""
 
+import asyncio
 import secrets
 import signal
 import sys
+import time
 import webbrowser
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, cast
 
 import streamlit as st
 from starlette.datastructures import MutableHeaders
@@ -15,6 +18,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 from streamlit import net_util
+from streamlit.runtime import Runtime
 from streamlit.runtime.pages_manager import PagesManager
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
@@ -22,9 +26,18 @@ from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
 from crashfuse.execution.memory import share_one_heap
 from crashfuse.ui import journal, login
 from crashfuse.ui.starting import start_importing
+from crashfuse.ui.text import plain
 from crashfuse.ui.visitors import BROWSER
 
-_NO_FRAMING = {"X-Frame-Options": "DENY", "Content-Security-Policy": "frame-ancestors 'none'"}
+if TYPE_CHECKING:
+    from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
+
+_POLICY = {  # no page around this one, and nothing that this one shows, a laboratory's text say, fetches from elsewhere
+    "X-Frame-Options": "DENY",
+    "Content-Security-Policy": "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; "
+    "connect-src 'self' data: blob: ws: wss:",  # older browsers do not count a WebSocket as 'self'
+}
+_LOOK_S, _PATIENCE_S = 5.0, 20.0  # for tabs that were closed, and for their browser to come back
 _A_YEAR_S = 365 * 24 * 3600
 _ANOTHER_NAME = PlainTextResponse(
     "crashfuse does not answer under this name. If it should, start it with crashfuse app --allow-host NAME, or add "
@@ -41,6 +54,8 @@ PagesManager.uses_pages_directory = False
 
 class Guard:
     """Lets no other page embed the dashboard, so that nobody clicks in it unknowingly, and names each browser.
+
+    Nor do its pages fetch anything from other servers.
 
     Of other names than the allowed ones Streamlit refuses the WebSocket only; here all is refused, and why is said. It
     lets in any page of this machine, whichever program serves it; here the WebSocket is for pages of this server alone.
@@ -69,7 +84,7 @@ class Guard:
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                headers.update(_NO_FRAMING)
+                headers.update(_POLICY)
                 if not is_known and headers.get("content-type", "").startswith("text/html"):
                     secure = "; Secure" if scope["scheme"] == "https" else ""
                     cookie = f"{BROWSER}={secrets.token_urlsafe()}; Path=/; Max-Age={_A_YEAR_S}; HttpOnly; SameSite=Lax"
@@ -86,22 +101,40 @@ def _is_own_page(connection: HTTPConnection) -> bool:
     return origin is None or origin in known or origin.partition("://")[2] == host
 
 
+async def _forget_closed_tabs() -> None:
+    """Free what lies in upload fields of tabs that were closed: Streamlit keeps it until it is asked about something.
+
+    A browser that was cut off for some seconds finds it again.
+    """
+    gone: dict[str, float] = {}
+    while True:
+        await asyncio.sleep(_LOOK_S)
+        runtime, now = Runtime.instance(), time.monotonic()
+        files = cast("MemoryUploadedFileManager", runtime.uploaded_file_mgr)
+        absent = [session for session in list(files.file_storage) if not runtime.is_active_session(session)]
+        gone = {session: gone.get(session, now) for session in absent}
+        for session in [session for session, since in gone.items() if now - since >= _PATIENCE_S]:
+            files.remove_session_files(session)
+
+
 @asynccontextmanager
 async def lifespan(_: object) -> AsyncIterator[None]:
     """As the server starts, import what pages need, and open the browser as ``streamlit run`` does for scripts."""
     start_importing()
+    forgetting = asyncio.create_task(_forget_closed_tabs())
     if not st.get_option("server.headless"):
         address = st.get_option("browser.serverAddress") or "localhost"
         webbrowser.open(f"http://{address}:{st.get_option('server.port')}")
     yield
+    forgetting.cancel()
 
 
 def tell(error: Exception) -> bool:
-    """Say in a sentence that memory ran out while a page was drawn; other errors are Streamlit's to show."""
-    if out_of_memory(error):
-        st.error(OUT_OF_MEMORY, icon=":material/memory:")
-        return True
-    return False
+    """Say in a sentence what stopped a page: memory, data, the cache; what is a fault is Streamlit's to show."""
+    if not (out_of_memory(error) or isinstance(error, CrashfuseError)):
+        return False
+    st.error(OUT_OF_MEMORY if out_of_memory(error) else plain(error), icon=":material/error:")
+    return True
 
 
 def prepare() -> tuple[Middleware, ...]:

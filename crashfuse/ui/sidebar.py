@@ -125,7 +125,7 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
             help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
         )  # fmt: skip
     display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
-    return View(campaign, campaigns.folder_of(name), tests[state["test"]], display)
+    return View(campaign, name, tests[state["test"]], display)
 
 
 def _note(sentence: str, asked: str) -> None:

@@ -53,7 +53,9 @@ def _import(done: Future[None]) -> None:
     finally:
         sys.setswitchinterval(usual)
     from crashfuse.execution.code_digest import code_digest
+    from crashfuse.ui.uploads import sweep
 
+    sweep()
     code_digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
     gc.freeze()  # what was imported is never garbage: to look for some in it took 0.2 s every dozen answers
 

@@ -12,7 +12,7 @@ from pandas.io.formats.style import Styler
 
 from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
-from crashfuse.ui.text import plain
+from crashfuse.ui.text import as_read, plain
 
 BUTTON_CSS = """
 .row { display: flex; gap: 0.4rem }
@@ -57,16 +57,18 @@ _GRADED = re.compile(rf"\d\.\d+ ({'|'.join(GRADE_COLOURS)})")
 
 def show_table(table: Styler | pd.DataFrame, key: str) -> None:
     """Show a table without its index, and below it a button that copies it; the key is unique on the page."""
-    styler = aligned(table if isinstance(table, Styler) else table.style.hide(axis="index"))
+    styler = aligned(table if isinstance(table, Styler) else literal(table))
     st.table(styler, border="horizontal")
-    _copy_button(data=spreadsheet_text(styler.data), key=f"copy {key}")
+    _copy_button(data=spreadsheet_text(styler.data.rename(columns=as_read)), key=f"copy {key}")
+
+
+def literal(table: pd.DataFrame) -> Styler:
+    """A table without its index, whose headings are shown literally: they may be a laboratory's."""
+    return table.rename(columns=plain).style.hide(axis="index")
 
 
 def aligned(styler: Styler) -> Styler:
-    """The same table with numbers at the right, their digits under each other and their intervals lighter.
-
-    Texts of cells are shown literally: they may be a laboratory's.
-    """
+    """A :func:`literal` table with numbers at the right, their digits under each other and their intervals lighter."""
     forms: dict[Hashable, Callable[[object], object]] = dict.fromkeys(styler.columns, _literally)
     right = []
     for place, name in enumerate(styler.columns):

@@ -1,5 +1,6 @@
 """Text on a page: untrusted text, such as a file's name or a table cell, and sentences in the reader's units."""
 
+import re
 import string
 from dataclasses import replace
 
@@ -8,6 +9,9 @@ import streamlit as st
 from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem, said, unbroken
 
 _MARKS = {ord(char): f"\\{char}" for char in string.punctuation}
+_ADDRESS = re.compile(r"(https?:(?=//)|www(?=\.)|@(?=[-\w]))", re.IGNORECASE)
+_JOINER = "\u2060"  # takes no room: without it an address becomes a link, escaped or not
+_ESCAPED = re.compile(rf"\\([{re.escape(string.punctuation)}])")
 
 
 def plain(text: object) -> str:
@@ -15,7 +19,13 @@ def plain(text: object) -> str:
 
     A sentence, a condition or a quantity is said in the units that were chosen in the sidebar.
     """
-    return unbroken(" ".join(said(text, chosen_units()).split())).translate(_MARKS)
+    shown = unbroken(" ".join(said(text, chosen_units()).split()))
+    return _ADDRESS.sub(rf"\1{_JOINER}", shown).translate(_MARKS)
+
+
+def as_read(markdown: str) -> str:
+    """The text of which :func:`plain` made this."""
+    return _ESCAPED.sub(r"\1", markdown).replace(_JOINER, "").replace("\N{NO-BREAK SPACE}", " ")
 
 
 def show_label(label: str) -> None:

@@ -1,4 +1,4 @@
-"""Uploads from the browser, stored in a temporary folder that is deleted when the server ends.
+"""Uploads from the browser, in a temporary folder that is deleted when the server ends, else as the next one starts.
 
 Beyond 8 GiB, those go that nobody has looked at for longest.
 """
@@ -15,6 +15,7 @@ from pathlib import Path, PurePath
 from typing import Protocol, TypeVar
 
 import streamlit as st
+from filelock import FileLock, Timeout
 
 from crashfuse.campaign_folder.condition_tables import TABLES
 from crashfuse.campaign_folder.sample_folder import is_sample
@@ -29,6 +30,8 @@ from crashfuse.ui.visitors import visitor
 
 T = TypeVar("T")
 
+_SCRATCH, _LOCK = "crashfuse-uploads-", ".lock"  # of the folder, and beside it
+_STARTING_S = 10  # between making a lock file and locking it
 _MOST_BYTES = 8 << 30
 _IN_USE_S = 4 * 3600.0  # since somebody looked at it; a session may pause over noon
 
@@ -146,6 +149,24 @@ def _opened() -> dict[tuple[str, str], str]:
 
 @st.cache_resource(show_spinner=False)
 def _scratch() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="crashfuse-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    folder = Path(tempfile.mkdtemp(prefix=_SCRATCH))
+    lock = FileLock(folder.with_suffix(_LOCK), thread_local=False)
+    lock.acquire()
+    atexit.register(_remove, folder, lock)
     return folder
+
+
+def sweep() -> None:
+    """Delete the uploads of servers that were killed: the system has freed their locks."""
+    for file in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*{_LOCK}"):
+        with suppress(OSError, Timeout):  # another user's, or of a server that runs
+            if time.time() - file.stat().st_mtime > _STARTING_S:
+                lock = FileLock(file, thread_local=False)
+                lock.acquire(timeout=0)
+                _remove(file.with_suffix(""), lock)
+
+
+def _remove(folder: Path, lock: FileLock) -> None:
+    lock.release()
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.with_suffix(_LOCK).unlink(missing_ok=True)

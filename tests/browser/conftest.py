@@ -264,7 +264,7 @@ def press_tool(user: User, which: str) -> None:
 
 def bands(user: User) -> dict[str, bool]:
     """The bands of the page's first figure by what they are of, and whether they are filled; others are outlined."""
-    asked = "return (document.querySelector('.js-plotly-plot')?.data ?? []).filter(each => each.meta === 'band')"
+    asked = "return (document.querySelector('.js-plotly-plot')?.data ?? []).filter(each => each.hoverinfo === 'skip')"
     drawn: list[list[str]] = user.browser.execute_script(f"{asked}.map(each => [each.legendgroup, each.fill ?? ''])")
     return {name: fill == "toself" for name, fill in drawn}
 

@@ -842,3 +842,12 @@ def test_a_bad_list_of_candidates_is_named_cell_by_cell(
     assert cli.main(command) == cli.WRONG_DATA
     assert "candidates.csv" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_name_that_is_not_utf_8_is_one_sentence(
+    campaign_folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """It names the file, and says what to do."""
+    name = os.fsdecode(b"b\xff")
+    assert cli.main(["check", str(campaign_folder.rename(tmp_path / name))]) == 2
+    assert "is not UTF-8; rename the file or folder." in capsys.readouterr().err

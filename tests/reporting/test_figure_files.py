@@ -4,7 +4,6 @@ import io
 import re
 import struct
 import threading
-from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,8 +14,6 @@ import pytest
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.reporting import figure_files as module
 from crashfuse.reporting.figure_files import (
-    FiguresOfReport,
-    ReportFigure,
     figure_files,
     figures_of,
     missing_for,
@@ -109,10 +106,10 @@ def test_figures_become_files_in_every_format() -> None:
 @needs_browser
 @pytest.mark.slow
 def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a figure, or the browser itself, would fetch goes to a proxy that is not there, but for this test."""
+    """Nothing that a figure names is fetched, not even from this machine; what the browser would goes to no proxy."""
     asked: list[str] = []
 
-    class Proxy(BaseHTTPRequestHandler):
+    class Server(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             asked.append(self.path)
             self.send_error(404)
@@ -123,18 +120,29 @@ def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
         def log_message(self, *_: object) -> None:
             return
 
-    image = {"source": "http://crash.test/picture.png", "xref": "paper", "yref": "paper", "sizex": 1, "sizey": 1}
-    figure = ReportFigure("F", {"data": [], "layout": {"height": 200, "images": [image]}})
-    with HTTPServer(("127.0.0.1", 0), Proxy) as proxy:
-        thread = threading.Thread(target=proxy.serve_forever)
+    with HTTPServer(("127.0.0.1", 0), Server) as server:
+        thread = threading.Thread(target=server.serve_forever)
         thread.start()
         assert module._NO_NETWORK == "127.0.0.1:9"
-        monkeypatch.setattr(module, "_NO_NETWORK", f"127.0.0.1:{proxy.server_port}")
-        with suppress(CrashfuseError):  # a picture that cannot be loaded may end the drawing
-            figure_files(FiguresOfReport("T", "", (figure,)), ("svg",))
-        proxy.shutdown()
+        monkeypatch.setattr(module, "_NO_NETWORK", here := f"127.0.0.1:{server.server_port}")
+        place = {"xref": "paper", "yref": "paper", "sizex": 1, "sizey": 1}
+        images = [{**place, "source": f"http://{host}/mine.png"} for host in (here, "crash.test")]
+        linked = {"type": "scatter", "x": [0, 1], "y": [0, 1], "name": f'<a href="http://{here}/mine">c</a>'}
+        figures = [
+            go.Figure([linked], {"images": images, "showlegend": True}),
+            go.Figure([{"type": "image", "source": f"http://{here}/mine.jpg"}]),
+        ]
+        report = figures_of(page(*(div(figure, number) for number, figure in enumerate(figures, 1))))
+        files = figure_files(report, ("svg",))
+        with pytest.raises(CrashfuseError, match="did not draw"):  # a map, which would be fetched
+            figure_files(
+                figures_of(page(div(go.Figure([{"type": "scattergeo", "lon": [0], "lat": [0]}]), 1))), ("svg",)
+            )
+        server.shutdown()
         thread.join()
-    assert "http://crash.test/picture.png" in asked
+    assert not [path for path in asked if "mine" in path or "json" in path]
+    assert len(files) == 2
+    assert not any("<a" in svg.decode() for svg in files.values())
 
 
 def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

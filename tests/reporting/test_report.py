@@ -214,8 +214,8 @@ def test_what_users_typed_is_text(study: Study) -> None:
 
 
 def test_the_figures_are_light(text: str) -> None:
-    """All but Plotly itself stays below 100 kB a figure."""
-    assert len(text) - len(get_plotlyjs()) < 100_000 * figures(text)
+    """All but Plotly itself stays below 150 kB a figure, the numbers that it was drawn from among them."""
+    assert len(text) - len(get_plotlyjs()) < 150_000 * figures(text)
 
 
 def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:

@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 import pytest
 
 import crashfuse
-from crashfuse import Campaign, Display, Note, PredictedPulse, Study, StudyConfig, UsageError
+from crashfuse import Campaign, Display, Note, PredictedPulse, Study, StudyConfig, UsageError, figure_table
 from crashfuse.condition import Condition
 from crashfuse.reporting.campaign_figures import FIGURES
 from crashfuse.reporting.plots import pulses as plots
@@ -51,21 +51,21 @@ def names(figure: go.Figure) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OF_A_TEST)
 def test_every_figure_of_a_test_is_one_call(study: Study, name: str) -> None:
-    """It draws something, in the colours and units of the pages."""
-    assert len(study.plot("T2", name, unit="m/s2", units="kph-kg").data) > 0
+    """It draws something, in the colours and units of the pages, and has a table."""
+    assert len(figure_table(study.plot("T2", name, unit="m/s2", units="kph-kg"))) > 0
 
 
 @pytest.mark.parametrize("name", OF_ALL_TESTS)
 def test_every_figure_of_a_study_is_one_call(study: Study, name: str) -> None:
     """Of all held-out tests; of one approach alone too."""
-    assert len(study.plot(figure=name).data) > 0
-    assert len(study.plot(figure=name, approaches=["fused"]).data) > 0
+    assert len(figure_table(study.plot(figure=name))) > 0
+    assert len(figure_table(study.plot(figure=name, approaches=["fused"]))) > 0
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_of_a_campaign_is_one_call(campaign: Campaign, name: str) -> None:
     """One test of it may be marked."""
-    assert len(campaign.plot(name, held_out="T2", units="kph-kg").data) > 0
+    assert len(figure_table(campaign.plot(name, held_out="T2", units="kph-kg"))) > 0
 
 
 @pytest.mark.parametrize("name", ["motion", "acceleration", "displacement", "energy", "integration"])
@@ -73,6 +73,7 @@ def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, nam
     """Without a test; one may be put beside it."""
     drawn = elsewhere.plot(name, also=["T3"])
     assert names(drawn) == ["Fused", "T3 · 26.0 mph"]
+    assert "T3 · 26.0 mph" in figure_table(drawn).to_csv()
 
 
 def test_the_options_are_those_of_the_pages(study: Study, elsewhere: PredictedPulse) -> None:

@@ -16,15 +16,10 @@ from streamlit.testing.v1 import AppTest
 
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.starting import start_importing
+from crashfuse.ui.text import as_read
 
 APP = Path(__file__).parents[2] / "app.py"
 SOON = 60.0
-_ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # punctuation that is kept from being Markdown
-
-
-def as_read(text: str) -> str:
-    """Markdown as it is read, with spaces for those where no line ends."""
-    return _ESCAPED.sub(r"\1", text).replace("\N{NO-BREAK SPACE}", " ")
 
 
 @dataclass(frozen=True)
@@ -67,7 +62,8 @@ class Session:
     def tables(self) -> list[pd.DataFrame]:
         """All tables of the page, their text as it is read."""
         return [
-            table.value.map(lambda cell: as_read(cell) if isinstance(cell, str) else cell) for table in self.app.table
+            table.value.rename(columns=as_read).map(lambda cell: as_read(cell) if isinstance(cell, str) else cell)
+            for table in self.app.table
         ]
 
     @property

@@ -7,7 +7,8 @@ import pytest
 
 from crashfuse.ui.beside import Shown, unlike_usual
 from crashfuse.ui.captions import Caption
-from tests.ui.conftest import Session, as_read
+from crashfuse.ui.text import as_read
+from tests.ui.conftest import Session
 
 Visit = Callable[..., Session]
 ONE = {"campaign": "campaign", "approaches": "cae"}

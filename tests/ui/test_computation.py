@@ -1,6 +1,7 @@
 """What the pages have computed: once, for whatever list of tests it was asked first."""
 
 import io
+import threading
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
@@ -116,3 +117,27 @@ def test_a_fit_on_all_tests_can_be_taken_home_as_models(campaign: Campaign, tmp_
     condition = campaign.tests[0].condition
     own = job.result.estimates(condition)[0].prediction.accel_mps2
     assert model.estimate(condition).prediction.accel_mps2.tobytes() == own.tobytes()
+
+
+def test_a_page_that_waits_for_what_is_kept_lets_another_visitor_go_on(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only who asks for the same waits with it."""
+    slow, gate = threading.Event(), threading.Event()
+
+    def in_cache(request: StudyRequest) -> bool:
+        if request.held_out == ("T1",):
+            slow.set()
+            gate.wait(SOON)
+        return False
+
+    monkeypatch.setattr(StudyRequest, "in_cache", in_cache)
+    waiting = threading.Thread(target=StudyRequest(campaign, ("T1",), CONFIG).find)
+    waiting.start()
+    assert slow.wait(SOON)
+    other = threading.Thread(target=StudyRequest(campaign, ("T2",), CONFIG).find)
+    other.start()
+    other.join(SOON)
+    assert not other.is_alive()
+    gate.set()
+    waiting.join(SOON)

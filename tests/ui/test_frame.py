@@ -11,7 +11,7 @@ import streamlit as st
 from streamlit.runtime.context import ContextProxy, StreamlitTheme
 
 from crashfuse.reporting.plots.palette import IN_THE_DARK, PAPER
-from crashfuse.ui import campaigns
+from crashfuse.ui import campaigns, frame
 from crashfuse.ui.text import plain
 
 if TYPE_CHECKING:
@@ -231,3 +231,23 @@ def test_what_a_page_shows_already_is_not_sent_over_what_is_just_being_chosen(vi
     assert widgets
     again = [widget.key or "" for widget in widgets if widget.proto.set_value]
     assert not [key for key in again if not key.endswith(" here")]  # those of a popover, see kept_choice
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_cache_that_cannot_be_written_is_said(
+    visit: Callable[..., "Session"], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With its folder, and what to do."""
+    (tmp_path / "file").touch()
+    frame._not_kept.clear()
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path / "file" / "cache"))
+    assert f"Results are not kept: {tmp_path / 'file' / 'cache'} cannot be written" in visit("train").words
+    frame._not_kept.clear()
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.parametrize("number", ["nan", "inf", "-1e999", "1e300"])
+def test_a_link_with_no_number_shows_the_default(visit: Callable[..., "Session"], number: str) -> None:
+    """A page is shown, not an error."""
+    session = visit("predict", speed_mph=number)
+    assert 0 < cast(float, session.app.number_input[0].value) < 200

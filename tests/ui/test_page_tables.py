@@ -19,6 +19,7 @@ from crashfuse.signals.metrics import Metric, pulse_metrics
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.next_test import NextTest
 from crashfuse.ui import page_tables
+from crashfuse.ui.text import as_read
 from crashfuse.units import LB, MPH, G
 from crashfuse.wording import KPH_KG, AccelerationUnit
 
@@ -69,7 +70,7 @@ def show(campaign: Campaign, found: tuple[Metric, ...], unit: AccelerationUnit) 
 
 def test_ratings_and_range_come_before_weights_and_factors(campaign: Campaign) -> None:
     """What lies beyond the edge of a narrow page is what can be done without."""
-    columns = page_tables.conditions(campaign, Display()).data.columns.tolist()
+    columns = list(map(as_read, page_tables.conditions(campaign, Display()).data))
     assert columns[:2] == ["Test", "Speed (mph)"]
     assert columns[2:6] == ["0–20 ms", "0–40 ms", "0–60 ms", "In CAE range"]
     assert {"Front weight (lb)", "Rear weight (lb)", "Paired run"} <= set(columns[6:])
@@ -83,13 +84,13 @@ def test_the_next_tests_show_their_gain_first_and_equal_digits() -> None:
             Condition.of_vector([31.5 * MPH, 2000 * LB, 1500 * LB]), 3.5 * 9.80665, 3.09 * 9.80665, ("Extrapolation.",)
         ),
     ]
-    table = page_tables.next_tests(ranked, Display()).data
+    table = page_tables.next_tests(ranked, Display()).data.rename(columns=as_read)
     assert table.columns[:4].tolist() == ["Rank", "Speed (mph)", "Gain (%)", "Extrapolation"]
     assert table["Band then (± g)"].tolist() == ["3.10", "3.09"]
     assert table["Speed (mph)"].tolist() == ["30.0", "31.5"]
     assert table["Gain (%)"].tolist() == ["11.4", "11.7"]
     assert table["Extrapolation"].tolist() == ["no", "yes"]
-    metric = page_tables.next_tests(ranked, Display(unit="m/s²", system=KPH_KG)).data
+    metric = page_tables.next_tests(ranked, Display(unit="m/s²", system=KPH_KG)).data.rename(columns=as_read)
     assert metric["Speed (km/h)"].tolist() == ["48.3", "50.7"]
     assert metric["Front weight (kg)"].tolist() == ["907", "907"]
     assert metric["Band then (± m/s²)"].tolist() == ["30.40", "30.30"]
@@ -97,7 +98,7 @@ def test_the_next_tests_show_their_gain_first_and_equal_digits() -> None:
 
 def test_conditions_are_in_the_chosen_units_alone(campaign: Campaign) -> None:
     """One column for each speed and weight, not one in each unit."""
-    table = page_tables.conditions(campaign, Display(system=KPH_KG)).data.set_index("Test")
+    table = page_tables.conditions(campaign, Display(system=KPH_KG)).data.rename(columns=as_read).set_index("Test")
     assert table.columns[0] == "Speed (km/h)"
     assert table.loc["T1", ["Speed (km/h)", "Front weight (kg)", "Rear weight (kg)"]].tolist() == ["24.1", "907", "658"]
     assert not [name for name in table.columns if "mph" in name or "lb" in name]

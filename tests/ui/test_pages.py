@@ -36,9 +36,9 @@ from crashfuse.study.study import Study
 from crashfuse.ui import computation
 from crashfuse.ui import learning_curve as panel
 from crashfuse.ui.sent_figure import SentFigure
+from crashfuse.ui.text import as_read
 from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
-from tests.ui.conftest import as_read
 
 APP = ROOT / "app.py"
 PAGES = ("data", "train", "compare", "study", "predict", "certify")

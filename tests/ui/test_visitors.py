@@ -1,16 +1,23 @@
 """Two people on one server: what belongs to whom, and which folders pages may touch."""
 
+import asyncio
 import os
+import sys
+import tempfile
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
+from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
+from streamlit.runtime.uploaded_file_manager import UploadedFileRec
 
 from crashfuse.errors import DataError
 from crashfuse.files.archive import zipped
-from crashfuse.ui import campaigns, journal
+from crashfuse.ui import campaigns, journal, server, uploads
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.visitors import Visitor
 from tests.conftest import content_of
@@ -70,9 +77,9 @@ def test_others_learn_whose_a_computation_is_and_not_what(visit: Visit) -> None:
 @pytest.fixture
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The one folder that pages may open and write to."""
-    folder = tmp_path / "allowed"
+    folder = tmp_path / "a:b"  # one folder, whatever its name
     folder.mkdir()
-    monkeypatch.setenv(journal.ROOTS, os.pathsep.join([str(folder), ""]))
+    monkeypatch.setenv(journal.ROOTS, f"{folder}\n")
     return folder
 
 
@@ -81,9 +88,9 @@ def test_pages_open_what_is_inside_the_root_and_nothing_else(root: Path, campaig
     inside = root / "car"
     campaign_folder.rename(inside)
     assert campaigns.allowed(inside) == inside.resolve()
-    (tmp_path / "allowed-too").mkdir()
+    (tmp_path / "a:b-too").mkdir()
     (root / "link").symlink_to(tmp_path)
-    ways = ["/", "/nowhere", str(tmp_path), f"{root}/..", f"{root}/car/../../allowed-too", f"{root}/link", "~"]
+    ways = ["/", "/nowhere", str(tmp_path), f"{root}/..", f"{root}/car/../../a:b-too", f"{root}/link", "~"]
     for way in ways:
         with pytest.raises(DataError, match=rf"expected a path inside {root}, found one outside; this server opens"):
             campaigns.allowed(Path(way))
@@ -106,6 +113,28 @@ def test_a_folder_that_leads_elsewhere_by_a_link_in_it_is_refused(
         campaigns.open_folder(inside)
 
 
+@pytest.mark.parametrize("leads_out", ["tests/T1.csv", "campaign.toml", "notes.csv", "criteria.toml", ""])
+def test_a_link_made_after_opening_is_followed_by_no_read_and_no_write(
+    leads_out: str, root: Path, campaign_folder: Path, tmp_path: Path, visit: Visit
+) -> None:
+    """A pulse, the settings, a table, or all of the folder: neither is read nor written, and the page says why."""
+    inside, outside = campaign_folder.rename(root / "car"), tmp_path / "outside"
+    for file in ("campaign.toml", "criteria.toml"):
+        (inside / file).touch()
+    (inside / "notes.csv").write_text("test,start_ms,end_ms,text\n")
+    name = campaigns.open_folder(inside)
+    session = visit(campaign=name)
+    (inside / leads_out).rename(outside)
+    (inside / leads_out).symlink_to(outside)
+    before = content_of(tmp_path)
+    session.app.button_group(key="tests in use").set_value(["T1", "T2", "T3"])
+    session.run()
+    assert session.tables[0]["Found"].str.contains("a link to elsewhere|one outside").all()
+    with pytest.raises(DataError, match="this server opens and writes nothing else"):
+        campaigns.load(name)
+    assert content_of(tmp_path) == before
+
+
 @pytest.mark.slow
 def test_the_page_says_what_may_be_opened(root: Path, visit: Visit, campaign_folder: Path) -> None:
     """A folder beside the root is refused in a sentence."""
@@ -121,3 +150,70 @@ def test_without_a_root_every_folder_may_be_opened(tmp_path: Path, monkeypatch: 
     """As on the desk of one user."""
     monkeypatch.delenv(journal.ROOTS, raising=False)
     assert campaigns.allowed(tmp_path) == tmp_path.resolve()
+
+
+def test_lists_are_read_while_others_add_to_them(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Campaigns open on the server, as others upload theirs; links that wait for a log-in, as others follow theirs."""
+    monkeypatch.setattr(campaigns, "visitor", lambda: ANNA)
+    monkeypatch.setattr(campaigns, "read", lambda _: None)
+    failed: list[Exception] = []
+    done = threading.Event()
+
+    def upload() -> None:
+        for _ in range(2000):
+            campaigns.open_uploaded(campaign_folder)
+        done.set()
+
+    def look() -> None:
+        try:
+            while not done.is_set():
+                campaigns.open_campaigns()
+        except Exception as error:
+            failed.append(error)
+
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    threads = [threading.Thread(target=task) for task in (upload, look, look)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    sys.setswitchinterval(usual)
+    assert failed == []
+
+
+def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not those of one that runs, nor what is of somebody else."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    running = uploads._scratch()
+    killed, other = tmp_path / "crashfuse-uploads-x", tmp_path / "crashfuse-y"
+    for folder in (killed, other):
+        folder.mkdir()
+        folder.with_suffix(".lock").touch()
+    for folder in (running, killed, other):
+        os.utime(folder.with_suffix(".lock"), (0, 0))
+    uploads.sweep()
+    assert running.is_dir()
+    assert other.is_dir()
+    assert sorted(tmp_path.glob("crashfuse-uploads-*")) == [running, running.with_suffix(".lock")]
+
+
+def test_what_lies_in_the_field_of_a_closed_tab_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a while in which its browser may come back; that of an open tab stays."""
+    files = MemoryUploadedFileManager("/upload")
+    for session in ("open", "closed"):
+        files.add_file(session, UploadedFileRec("1", "a.csv", "text/csv", b"time"))
+    runtime = SimpleNamespace(uploaded_file_mgr=files, is_active_session=lambda session: session == "open")
+    monkeypatch.setattr(server, "Runtime", SimpleNamespace(instance=lambda: runtime))
+    monkeypatch.setattr(server, "_LOOK_S", 0.01)
+
+    async def watched(patience_s: float) -> set[str]:
+        monkeypatch.setattr(server, "_PATIENCE_S", patience_s)
+        with suppress(TimeoutError):
+            await asyncio.wait_for(server._forget_closed_tabs(), 0.2)
+        return {*files.file_storage}
+
+    assert asyncio.run(watched(60.0)) == {"open", "closed"}
+    assert asyncio.run(watched(0.05)) == {"open"}

@@ -18,6 +18,7 @@ AXIS_TITLE = {"font": {"size": _FONT_PX}}
 """Look of an axis' title, by default a fifth larger than all other words."""
 _TEMPLATE = go.layout.Template(layout={"xaxis": {"title": AXIS_TITLE}, "yaxis": {"title": AXIS_TITLE}})
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
+_LINK = re.compile(r"(?:<|\\u003c)(?=/?\s*a\b)", re.IGNORECASE)
 _BAND_POINTS = 320  # 0.32 ms apart: one to three pixels
 _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
 _USUAL_NAMES = 6  # of the approaches and the test
@@ -29,10 +30,6 @@ _FEW_RUNS = 150  # more are a cloud, in which tests have to be seen
 
 # tools that Plotly puts beside a figure: one would upload its pulses to somebody's cloud, the others are of no use
 _UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
-
-BAND = "band"
-"""In a trace's ``meta``: its outline runs forth along a lower edge and back along an upper one, with a gap between them
-unless it is filled."""
 
 
 def tick_name(name: str) -> str:
@@ -139,8 +136,13 @@ def darkened(figure: go.Figure) -> go.Figure:
     return go.Figure([_in_the_dark(trace) for trace in drawn["data"]], _in_the_dark(drawn["layout"]))
 
 
+def without_links(text: str) -> str:
+    """Words of a figure, or all of it as JSON, in which Plotly makes no link of what a laboratory wrote."""
+    return _LINK.sub("&lt;", text)
+
+
 def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -> None:
-    """Draw one curve, as float32.
+    """Draw one curve.
 
     All rows of stacked plots use the same x axis, so that one cursor runs through all of them; a lower row
     is selected by its ``yaxis``, such as ``"y2"``. The cursor reads y in ``yhoverformat``: a template's own format
@@ -161,11 +163,13 @@ def add_band(
 ) -> None:
     """Shade between two curves, or draw their edges, with a gap where either is unknown (NaN).
 
-    The edges are smooth: few points suffice.
+    The edges are smooth: few points suffice to draw them; the trace's ``meta`` has all.
     """
+    lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
+    is_finite = np.isfinite(lower) & np.isfinite(upper)
+    meta = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}
     some = band_points(x.size)
-    x, lower, upper = x[some], lower[some], upper[some]
-    known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
+    x, lower, upper, known = x[some], lower[some], upper[some], np.flatnonzero(is_finite[some])
     if not known.size:
         return
     outline: list[FloatArray] = []
@@ -178,7 +182,7 @@ def add_band(
     if filled:
         alpha = f"rgba{(*hex_to_rgb(colour), _BAND_ALPHA)}"
         look = {"line": {"width": 0, "color": colour}, "fill": "toself", "fillcolor": alpha}
-    _add(figure, across, up, {"hoverinfo": "skip", "meta": BAND, **look, **style})
+    _add(figure, across.astype(np.float32), up.astype(np.float32), {"hoverinfo": "skip", "meta": meta, **look, **style})
 
 
 def band_points(size: int) -> npt.NDArray[np.intp]:
@@ -214,11 +218,7 @@ def share_y_range(figures: Iterable[go.Figure]) -> None:
 def _add(figure: go.Figure, x: FloatArray, y: FloatArray, style: dict[str, Any]) -> None:
     """Add a curve; one given as a dict is checked once, by ``add_scatter`` twice."""
     panel = {name: style.pop(name) for name in ("row", "col") if name in style}
-    figure.add_trace({"type": "scatter", "mode": "lines", "x": _single(x), "y": _single(y), **style}, **panel)
-
-
-def _single(values: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
-    return values.astype(np.float32)
+    figure.add_trace({"type": "scatter", "mode": "lines", "x": x, "y": y, **style}, **panel)
 
 
 def _in_the_dark(part: dict[str, Any]) -> dict[str, Any]:

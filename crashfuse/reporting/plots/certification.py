@@ -124,7 +124,7 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
         )  # fmt: skip
     some = slice(None, None, -(-len(campaign.cae) // _MAX_RUNS))
     figure.add_scatter(
-        x=np.float32(display.speeds(campaign.cae.vectors[some, 0])), y=np.float32(display.weights(run_masses[some])),
+        x=display.speeds(campaign.cae.vectors[some, 0]), y=display.weights(run_masses[some]),
         mode="markers", hoverinfo="skip",
         name=f"{len(campaign.cae):,} CAE runs", marker=marks_of_runs(len(run_masses[some])),
     )  # fmt: skip
@@ -133,8 +133,8 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
         own = [(i, row) for i, row in rows if worst(row) == word]
         if own:
             figure.add_scatter(
-                x=np.array([display.speeds(row[0].condition.speed_mps) for _, row in own], dtype=np.float32),
-                y=np.array([display.weights(row[0].condition.mass_kg) for _, row in own], dtype=np.float32),
+                x=[display.speeds(row[0].condition.speed_mps) for _, row in own],
+                y=[display.weights(row[0].condition.mass_kg) for _, row in own],
                 mode="markers",
                 name=f"Worst verdict: {word} ({len(own)})",
                 marker={
@@ -147,8 +147,8 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
                 hovertemplate="<b>%{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
             )
     figure.add_scatter(
-        x=np.array([display.speeds(test.condition.speed_mps) for test in campaign.tests], dtype=np.float32),
-        y=np.array([display.weights(test.condition.mass_kg) for test in campaign.tests], dtype=np.float32),
+        x=[display.speeds(test.condition.speed_mps) for test in campaign.tests],
+        y=[display.weights(test.condition.mass_kg) for test in campaign.tests],
         mode="markers",
         name=f"{len(campaign.tests)} tests",
         marker={"symbol": "cross-thin", "size": 11, "line": {"width": 2, "color": MEASURED_COLOUR}},

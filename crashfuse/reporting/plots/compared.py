@@ -28,6 +28,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
         colour = COLOURS.get(name, AXIS)
         figure.add_scatter(
             x=[*(tests.index(test) + shift for test in gains.index), len(tests) + shift],
+            meta={"x": [*gains.index, "Mean"]},
             y=[*gains, mean["difference"]],
             error_y={"array": error, "width": 0, "thickness": 1.5},
             mode="markers",

@@ -38,7 +38,7 @@ def condition_space(
     figure.update_xaxes(title=display.title("Impact speed", "mph"), row=2)
     figure.update_yaxes(other_style)
     runs = display.vectors(library.vectors)
-    some = runs[:: -(-len(runs) // _MAX_RUNS)].astype(np.float32)
+    some = runs[:: -(-len(runs) // _MAX_RUNS)]
     low, high = map(display.vectors, library.range)
     points = display.vectors(np.array([test.condition.vector for test in tests]).reshape(-1, 3))
     everything = np.vstack([runs, points])
@@ -52,8 +52,8 @@ def condition_space(
             hoverinfo="skip", marker=marks_of_runs(len(some)), **place,
         )  # fmt: skip
         figure.add_scatter(
-            x=np.array([low[0], high[0], high[0], low[0], low[0]], dtype=np.float32),
-            y=np.array([low[row], low[row], high[row], high[row], low[row]], dtype=np.float32),
+            x=[low[0], high[0], high[0], low[0], low[0]],
+            y=[low[row], low[row], high[row], high[row], low[row]],
             mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
             line={"color": CURSOR, "width": 1.5, "dash": "dash"}, **place,
         )  # fmt: skip
@@ -88,8 +88,8 @@ def _draw_tests(
     ):
         if chosen:
             figure.add_scatter(
-                x=points[chosen, 0].astype(np.float32),
-                y=points[chosen, row].astype(np.float32),
+                x=points[chosen, 0],
+                y=points[chosen, row],
                 mode="markers+text",
                 cliponaxis=False,
                 name=name,
@@ -103,7 +103,7 @@ def _draw_tests(
             )
     for i in [i for i, test in enumerate(tests) if test.id == held_out]:
         figure.add_scatter(
-            x=points[[i], 0].astype(np.float32), y=points[[i], row].astype(np.float32), mode="markers",
+            x=points[[i], 0], y=points[[i], row], mode="markers",
             name=f"{held_out}: held out", legendgroup="held out", hoverinfo="skip",
             marker={"color": MEASURED_COLOUR, "symbol": "circle-open", "size": 17, "line": {"width": 1.5}},
             **place,

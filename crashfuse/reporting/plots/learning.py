@@ -28,7 +28,7 @@ def learning_curves(
     """
     figure = new_figure(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
-        done, values = np.array(points, dtype=np.float32).T
+        done, values = np.array(points, dtype=np.float64).T
         figure.add_scatter(
             x=done, y=values, name=_NAMES.get(name, name), mode="lines", line={"color": colour, "width": 2}
         )
@@ -52,7 +52,7 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     figure = new_figure(height=260)
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):
         figure.add_scatter(
-            x=list(values), y=np.array(list(values.values()), dtype=np.float32), name=name, mode="lines+markers",
+            x=list(values), y=list(values.values()), name=name, mode="lines+markers",
             line={"color": colour, "width": 2}, marker={"size": 9}, hovertemplate="%{y:.3f}",
         )  # fmt: skip
     place = list(errors).index(chosen)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.crash_test import CrashTest
@@ -26,8 +25,8 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
     weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
     wide, units = 1 / display.units.in_si("g"), display.units
     figure.add_scatter(
-        x=np.array([display.speeds(c.condition.speed_mps) for _, c in by_speed], dtype=np.float32),
-        y=np.array([100 * c.gain for _, c in by_speed], dtype=np.float32),
+        x=[display.speeds(c.condition.speed_mps) for _, c in by_speed],
+        y=[100 * c.gain for _, c in by_speed],
         text=[f"{rank}" if rank <= BEST else "" for rank, _ in by_speed],
         customdata=[
             [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
@@ -49,8 +48,8 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
         f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
     )
     figure.add_scatter(
-        x=np.array([display.speeds(test.condition.speed_mps) for test in tests], dtype=np.float32),
-        y=np.zeros(len(tests), dtype=np.float32),
+        x=[display.speeds(test.condition.speed_mps) for test in tests],
+        y=[0.0] * len(tests),
         text=[test.id for test in tests],
         name="Tests that were run",
         mode="markers",

@@ -50,7 +50,7 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go
 
 def _level(figure: go.Figure, name: str, rating: float, end: int) -> None:
     figure.add_scatter(
-        x=[0, end], y=np.array([rating, rating], dtype=np.float32), mode="lines+markers",
+        x=[0, end], y=[rating, rating], mode="lines+markers",
         name=f"{LABELS[name]}, without any test",
         line={"color": COLOURS[name], "width": 2, "dash": DASHES[name]}, marker={"size": [9, 0.1]},
         hovertemplate=f"{rating:.3f}<extra>{LABELS[name]}, without any test</extra>",
@@ -62,8 +62,9 @@ def _points(figure: go.Figure, name: str, own: pd.DataFrame, way: str, symbol: s
         return
     joined = "lines+markers" if symbol == "circle" else "markers"
     figure.add_scatter(
-        x=np.float32(own["n_tests"] + shift), y=np.float32(own["rating"]), mode=joined, name=f"{LABELS[name]}, {way}",
-        error_y={"array": np.float32(own["error"].fillna(0.0)), "width": 0, "thickness": 1.5, "color": COLOURS[name]},
+        x=own["n_tests"] + shift, y=own["rating"], mode=joined, name=f"{LABELS[name]}, {way}",
+        meta={"x": own["n_tests"].tolist()},
+        error_y={"array": own["error"].fillna(0.0), "width": 0, "thickness": 1.5, "color": COLOURS[name]},
         line={"color": COLOURS[name], "width": 2}, marker={"color": COLOURS[name], "symbol": symbol, "size": 9},
         hovertemplate=f"{_RATING}<extra>{LABELS[name]}, {way}</extra>",
     )  # fmt: skip
@@ -73,9 +74,9 @@ def _widths(figure: go.Figure, name: str, even: pd.DataFrame, display: Display) 
     if even["half_width_g"].isna().all():
         return
     figure.add_scatter(
-        x=np.float32(even["n_tests"]), y=np.float32(even["half_width_g"] * display.units.factor("g")), yaxis="y2",
+        x=even["n_tests"], y=even["half_width_g"] * display.units.factor("g"), yaxis="y2",
         mode="lines+markers", name=LABELS[name], showlegend=False, line={"color": COLOURS[name], "width": 2},
-        marker={"size": 9}, customdata=np.float32(100 * even["inside"]),
+        marker={"size": 9}, customdata=100 * even["inside"],
         hovertemplate=f"%{{x:.0f}} tests: ± %{{y:.1f}} {display.unit}, %{{customdata:.0f}} % of a(t) inside"
         f"<extra>{LABELS[name]}</extra>",
     )  # fmt: skip
@@ -85,7 +86,7 @@ def _decided(figure: go.Figure, name: str, even: pd.DataFrame) -> None:
     if "decided" not in even or even["decided"].isna().all():
         return
     figure.add_scatter(
-        x=np.float32(even["n_tests"]), y=np.float32(100 * even["decided"]), yaxis="y3", mode="lines+markers",
+        x=even["n_tests"], y=100 * even["decided"], yaxis="y3", mode="lines+markers",
         name=LABELS[name], showlegend=False, line={"color": COLOURS[name], "width": 2}, marker={"size": 9},
         hovertemplate=f"%{{x:.0f}} tests: %{{y:.0f}} % of verdicts decided<extra>{LABELS[name]}</extra>",
     )  # fmt: skip
@@ -97,11 +98,11 @@ def _expected(figure: go.Figure, curve: LearningCurve, more: OneMore) -> None:
     gain, lower, upper = (signed(value, 3) for value in (more.gain, more.lower, more.upper))
     last = curve.by_test(name).iloc[:, -1]
     figure.add_scatter(
-        x=[last.name, more.n_tests + 1], y=np.array([last.mean(), more.rating], dtype=np.float32), mode="lines+markers",
+        x=[last.name, more.n_tests + 1], y=[last.mean(), more.rating], mode="lines+markers",
         name=f"{LABELS[name]}, expected with one test more", line={"color": COLOURS[name], "width": 2, "dash": "dot"},
         error_y={
-            "array": np.array([0, more.upper - more.gain], dtype=np.float32),
-            "arrayminus": np.array([0, more.gain - more.lower], dtype=np.float32),
+            "array": [0, more.upper - more.gain],
+            "arrayminus": [0, more.gain - more.lower],
             "width": 4,
             "color": COLOURS[name],
         },

@@ -6,14 +6,12 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.colors import hex_to_rgb
 
-from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.base import Prediction, central_interval
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import (
-    BAND,
     add_band,
     add_line,
-    band_points,
     height_under_names,
     new_figure,
     room_for_names,
@@ -24,7 +22,6 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
-from crashfuse.signals.pulse import motion as integrals
 from crashfuse.signals.rating_scores import INNER_CORRIDOR, OUTER_CORRIDOR
 from crashfuse.units import MS
 from crashfuse.wording import number
@@ -118,13 +115,12 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
     inside = measured.time_s < display.window_ms * MS
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
     largest = np.abs(accel).max()
-    outline = np.concatenate([time, time[::-1]]).astype(np.float32)
     for name, share, alpha in (("outer", OUTER_CORRIDOR, 0.16), ("inner", INNER_CORRIDOR, 0.36)):
         half = share * largest
-        figure.add_scatter(
-            x=outline, y=np.concatenate([accel - half, (accel + half)[::-1]]).astype(np.float32), mode="lines",
-            line={"width": 0, "color": CORRIDOR}, fill="toself", fillcolor=f"rgba{(*hex_to_rgb(CORRIDOR), alpha)}",
-            name=f"Corridor of the rating, {name} (± {half:.1f} {display.unit})", hoverinfo="skip", meta=BAND,
+        add_band(
+            figure, time, accel - half, accel + half, colour=CORRIDOR,
+            fillcolor=f"rgba{(*hex_to_rgb(CORRIDOR), alpha)}",
+            name=f"Corridor of the rating, {name} (± {half:.1f} {display.unit})",
             zorder=-1,  # below the curves, which were drawn before
         )  # fmt: skip
     return figure
@@ -194,11 +190,10 @@ def _accelerations(
     curves = {}
     base, scale = np.zeros_like(_GRID_MS) if minus is None else minus.accel_mps2, display.accel_scale
     for name, prediction in predictions.items():
-        accel, draws, ends = (prediction.accel_mps2 - base) * scale, prediction.draws_mps2, None
-        if draws is not None:
-            time, *edges = _central(draws[:, band_points(draws.shape[1])])
-            lower, upper = ((edge - base[band_points(base.size)]) * scale for edge in edges)
-            ends = time, lower, upper
+        accel, ends = (prediction.accel_mps2 - base) * scale, None
+        if (band := prediction.band()) is not None:
+            lower, upper = ((edge - base) * scale for edge in band)
+            ends = _GRID_MS, lower, upper
         rms = np.sqrt(np.mean(accel[display.window_ms > _GRID_MS] ** 2))
         curves[name] = Curve(_GRID_MS, accel, ends, "" if minus is None else f", RMS {rms:.1f} {display.unit}")
     if measured is not None:
@@ -215,8 +210,8 @@ def _integrals(
         v_band = s_band = None
         speed = prediction.condition.speed_mps
         if prediction.draws_mps2 is not None:
-            drawn_v, drawn_s = _moved(prediction.draws_mps2, speed)
-            v_band, s_band = _central(drawn_v, display.speeds(1.0)), _central(drawn_s, 1 / _MM)
+            drawn = kinematics(prediction.draws_mps2.astype(np.float64), speed, DT_S)
+            v_band, s_band = _central(display.speeds(drawn.velocity_mps)), _central(drawn.displacement_m / _MM)
         own = kinematics(prediction.accel_mps2, speed, DT_S)
         velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
         displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
@@ -227,39 +222,9 @@ def _integrals(
     return velocities, displacements
 
 
-def _moved(draws_mps2: FloatArray, speed_mps: float) -> tuple[FloatArray, FloatArray]:
-    """Velocity and displacement of draws where a band is drawn, from all samples: a stretch between two points at once.
-
-    The numbers are those of the trapezoidal rule, in half the time.
-    """
-    some, draws = band_points(draws_mps2.shape[1]), draws_mps2.astype(np.float64)
-    every, last = int(some[1]), int(some[-2])
-    sample = np.arange(every)
-    later = np.where(sample, every - sample - 0.5, (every - 1) / 2)  # what a sample adds to the sum of v over a stretch
-    stretches = draws[:, :last].reshape(len(draws), -1, every)
-    velocity = speed_mps + DT_S * (_up_to(stretches @ np.ones(every)) + (draws[:, some[:-1]] - draws[:, :1]) / 2)
-    travelled = _up_to(every * velocity[:, :-1] + DT_S * (stretches @ later))
-    displacement = DT_S * (travelled + (velocity - speed_mps) / 2)
-    end_v, further = integrals(draws[:, last:], velocity[:, -1], DT_S)
-    return np.hstack([velocity, end_v[:, -1:]]), np.hstack([displacement, displacement[:, -1:] + further[:, -1:]])
-
-
-def _up_to(values: FloatArray) -> FloatArray:
-    """Sum of each row before each place, and of all of it."""
-    return np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
-
-
-def _central(draws: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Time in ms and the central 95 % of draws where a band is drawn; sorting is quickest for both edges."""
-    ordered = np.sort(draws.astype(np.float32), axis=0)
-    lower, upper = (scale * _between(ordered, share * (len(draws) - 1)) for share in (0.025, 0.975))
-    return _GRID_MS[band_points(_GRID_MS.size)], lower, upper
-
-
-def _between(ordered: FloatArray, place: float) -> FloatArray:
-    """Rows that stand in order, linear between them, at a place counted in rows."""
-    low = int(place)
-    return np.asarray(ordered[low] + (place - low) * (ordered[min(low + 1, len(ordered) - 1)] - ordered[low]))
+def _central(draws: FloatArray) -> Band:
+    lower, upper = central_interval(draws)
+    return _GRID_MS, lower, upper
 
 
 def _join_hover(figure: go.Figure, display: Display, bands: Mapping[str, Band | None]) -> None:

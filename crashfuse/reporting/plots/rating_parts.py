@@ -30,7 +30,7 @@ def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
     for name, rating in ratings.items():
         scores = [getattr(rating, part) for part in WEIGHTS]
         figure.add_bar(
-            x=parts, y=np.array(scores, dtype=np.float32), name=LABELS[name], marker={"color": COLOURS[name]},
+            x=parts, y=scores, name=LABELS[name], marker={"color": COLOURS[name]},
             text=[f"{score:.2f}" for score in scores], textposition="outside", textangle=0, textfont={"size": 11},
             constraintext="none", cliponaxis=False, hovertemplate="%{y:.3f}",
         )  # fmt: skip

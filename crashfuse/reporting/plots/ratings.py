@@ -37,7 +37,7 @@ def rating_heatmap(
     text = [["" if np.isnan(value) else graded(value) for value in row] for row in z]
     figure = new_figure(height=_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     figure.add_heatmap(
-        z=z.astype(np.float32),
+        z=z,
         x=names,
         y=rows,
         text=text,
@@ -83,6 +83,7 @@ def rating_spread(
     if known := [(i, repeats[test]) for i, test in enumerate(tests) if repeats and test in repeats]:
         figure.add_bar(
             x=[i for i, _ in known],
+            meta={"x": [tests[i] for i, _ in known]},
             base=[repeat.lower for _, repeat in known],
             y=[repeat.upper - repeat.lower for _, repeat in known],
             width=0.7,
@@ -94,9 +95,10 @@ def rating_spread(
     approaches = [name for name in LABELS if any(name in own for own in ratings.values())]
     for place, name in enumerate(approaches):
         own = [(i, *ratings[test][name]) for i, test in enumerate(tests) if name in ratings[test]]
-        number, overall, lower, upper = np.array(own, dtype=np.float32).T
+        number, overall, lower, upper = np.array(own).T
         figure.add_scatter(
             x=number + 0.18 * (place - (len(approaches) - 1) / 2),
+            meta={"x": [tests[i] for i, *_ in own]},
             y=overall,
             error_y={"array": upper - overall, "arrayminus": overall - lower, "width": 0, "thickness": 1.5},
             mode="markers",
@@ -129,7 +131,7 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
     )  # fmt: skip
     for name, shares in observed.items():
         figure.add_scatter(
-            x=np.float32(100 * levels), y=np.float32(100 * shares), mode="lines+markers", name=LABELS[name],
+            x=100 * levels, y=100 * shares, mode="lines+markers", name=LABELS[name],
             line={"color": COLOURS[name], "width": 2}, marker={"size": 5}, hovertemplate="%{y:.0f} %",
         )  # fmt: skip
     figure.update_xaxes(

@@ -67,8 +67,8 @@ def _points(figure: go.Figure, campaign: Campaign, metric: str, display: Display
     measured = ((test, own) for test in campaign.tests for own in campaign.metrics_of(test) if own.name == metric)
     found = [(test, display.metric(own)) for test, own in measured]
     figure.add_scatter(
-        x=np.array([display.speeds(test.condition.speed_mps) for test, _ in found], dtype=np.float32),
-        y=np.array([own.value for _, own in found], dtype=np.float32),
+        x=[display.speeds(test.condition.speed_mps) for test, _ in found],
+        y=[own.value for _, own in found],
         name="Tests (each with its own weights)",
         mode="markers",
         marker={"color": MEASURED_COLOUR, "size": 9},

@@ -120,6 +120,7 @@ def _draw_trials(
         value, lower, upper = factor * _numbers([(t.verdict.value, t.verdict.lower, t.verdict.upper) for t in own])
         figure.add_scatter(
             x=[_place(trial, tests) for trial in own],
+            meta={"x": [trial.held_out for trial in own]},
             y=value,
             error_y={"array": upper - value, "arrayminus": value - lower, "width": 0, "color": _INTERVAL},
             mode="markers",
@@ -142,6 +143,7 @@ def _draw_trials(
     ):
         figure.add_scatter(
             x=[_place(trial, tests) for trial in some],
+            meta={"x": [trial.held_out for trial in some]},
             y=factor * np.array([trial.measured for trial in some], dtype=np.float64),
             mode="markers",
             name=name,

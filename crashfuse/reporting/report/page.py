@@ -14,6 +14,7 @@ from plotly.offline import get_plotlyjs
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.exports import spreadsheet_text
+from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
@@ -27,7 +28,8 @@ def _figure(context: Context, drawn: go.Figure) -> Markup:
     """A zoomable figure; Plotly itself is embedded once per page. Ids are numbered: equal results give equal files."""
     name = f"figure-{next(context['numbers'])}"
     config = {"displaylogo": False, "showSendToCloud": False, "responsive": True}  # the data go nowhere
-    return Markup(drawn.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=config))  # noqa: S704
+    html = drawn.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=config)
+    return Markup(without_links(html))  # noqa: S704
 
 
 @cache

@@ -105,7 +105,7 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
         address.default(key, [])
         address.put(key, [value for value in st.session_state[key] if value in known])
         chosen = column.multiselect(
-            name.capitalize(), known, key=key, placeholder="not given", persist_state="session",
+            plain(name.capitalize()), known, key=key, placeholder="not given", persist_state="session",
             help="Tests may differ by it; if it is not given, intervals cover every value.",
         )  # fmt: skip
         if chosen:

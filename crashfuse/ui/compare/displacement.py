@@ -4,6 +4,7 @@ import streamlit as st
 
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.figures import choose, show_cached_figure
+from crashfuse.ui.text import plain
 
 _CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
 _PARTS, _CHECK = "Parts of the bias", "Check of the integration"
@@ -68,7 +69,7 @@ def _show_bias(comparison: Comparison) -> None:
     )
     st.caption(
         "What has to be added to the CAE model to get each test. The displacement domain is fitted to these; "
-        f"{test.id} is held out: drawn here, not used in the fit. The steep ends are at zero velocity."
+        f"{plain(test.id)} is held out: drawn here, not used in the fit. The steep ends are at zero velocity."
     )
 
 
@@ -85,8 +86,8 @@ def _show_parts(comparison: Comparison) -> None:
         name="parts of the bias",
     )
     st.caption(
-        f"What the other {len(comparison.others.tests)} tests predict of the bias in {test.id}. Parts can cancel each "
-        "other: their sum is better known than each of them. Shared: the same in every test; ratio: the CAE model's "
-        "pulse, its trend and its humps, times a factor. The test's own part, its repeatability, can't be predicted, "
-        "only its size. The measured bias is drawn for comparison only."
+        f"What the other {len(comparison.others.tests)} tests predict of the bias in {plain(test.id)}. Parts can "
+        "cancel each other: their sum is better known than each of them. Shared: the same in every test; ratio: the "
+        "CAE model's pulse, its trend and its humps, times a factor. The test's own part, its repeatability, can't be "
+        "predicted, only its size. The measured bias is drawn for comparison only."
     )

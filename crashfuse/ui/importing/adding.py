@@ -69,7 +69,7 @@ def counted_each(settled: Sequence[Settled]) -> str:
 def _ask_folder(notice: str) -> None:
     open_one = _open_folder()
     if open_one is not None:
-        labels = {"open": f"{st.session_state['campaign']}, which is open", "folder": "Another folder"}
+        labels = {"open": f"{plain(st.session_state['campaign'])}, which is open", "folder": "Another folder"}
         st.radio(
             "Into",
             list(labels),

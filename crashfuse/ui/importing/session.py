@@ -17,6 +17,7 @@ from crashfuse.importing.table_forms import TableForm, table_forms
 from crashfuse.importing.unpacking import is_archive
 from crashfuse.readers.formats import TABLES
 from crashfuse.readers.record import Record
+from crashfuse.ui import campaigns
 from crashfuse.ui.visitors import visitor
 
 _KEY, _SOURCE = "import", "import source"  # session keys, like the next; the first stands in the address
@@ -116,12 +117,13 @@ def _begun() -> dict[str, tuple[Source, dict[str, Any]]]:
 @st.cache_resource(max_entries=4, show_spinner="Looking at the tables …")
 def forms_of(source: Source) -> tuple[TableForm, ...]:
     """Tables of a source, grouped by header."""
-    return table_forms(tables_of(source.path))
+    return table_forms(tables_of(campaigns.still_allowed(source.path)))
 
 
 @st.cache_resource(max_entries=4, show_spinner="Reading …")
-def records_of(source: Source, reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]]:  # noqa: ARG001
+def records_of(source: Source, reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]]:
     """Records of a source, from :func:`read_each`; the source is part of the key, so each import reads anew."""
+    campaigns.still_allowed(source.path)
     return read_each(reading)
 
 

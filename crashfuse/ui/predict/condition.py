@@ -27,7 +27,7 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
         if st.session_state.get(key := f"factor_{name}") not in values:  # left from another campaign
             address.put(key, None)
         factors[name] = column.selectbox(
-            name.capitalize(), values, index=None, placeholder="not given", key=key, persist_state="session",
+            plain(name.capitalize()), values, index=None, placeholder="not given", key=key, persist_state="session",
             help="Tests may differ by it; if it is not given, the band covers every value.",
         )  # fmt: skip
     runs = campaign.cae.vectors.T

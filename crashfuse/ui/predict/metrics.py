@@ -37,4 +37,4 @@ def _show_beside(answer: Answer) -> None:
     for sentence in cautions(shown, display):
         st.caption(plain(sentence))
     of = display.briefly(answer.condition)
-    st.caption(f"Differences are from the first column, {of}, of values before they are rounded.")
+    st.caption(f"Differences are from the first column, {plain(of)}, of values before they are rounded.")

@@ -107,7 +107,7 @@ def show_next_test(answer: Answer) -> None:
     st.caption(NEXT_TEST_MEANING)
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if answer.condition.factors else ", of which there are most tests"
-    st.markdown(f"**The best {BEST}**" + (f", for {named}{usual_kind}" if named else ""))
+    st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
     show_table(page_tables.next_tests(found.ranked[:BEST], display), "next tests")
     with st.container(horizontal=True):
         download_table("next_tests.csv", lambda: found.table, campaign.name)

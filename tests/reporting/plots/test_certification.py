@@ -103,7 +103,7 @@ def test_beside_each_row_stands_the_answer_at_its_condition(campaign: Campaign) 
         assert list(figure.layout.yaxis2.ticktext) == told[part]
         assert list(figure.layout.yaxis2.tickvals) == list(figure.data[0].y)
         in_full = [text.replace("2 tests", "T2, T3") for text in told]
-        assert figure_table(figure.to_plotly_json())["A test there"].tolist() == in_full[part]
+        assert figure_table(figure)["A test there"].tolist() == in_full[part]
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_words_stand_above_their_numbers_and_grow_smaller_with_the_number_of_cri
     figure = verdict_matrix(replace(three, criteria=Criteria(criteria), verdicts=rows))
     assert figure.data[0].textfont.size == size
     assert figure.data[0].text[0][0] == text
-    assert "met 0.998" in figure_table(figure.to_plotly_json()).iloc[0].tolist()
+    assert "met 0.998" in figure_table(figure).iloc[0].tolist()
 
 
 def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> None:

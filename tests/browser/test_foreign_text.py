@@ -1,0 +1,78 @@
+"""What a laboratory wrote is shown as it is written, on every page: it makes no link and fetches nothing."""
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.browser.conftest import FIGURE, MAIN
+
+if TYPE_CHECKING:
+    from tests.browser.conftest import Server, User
+
+pytestmark = pytest.mark.slow
+
+PICTURE, LINK = "![p](http://crash.test/p.png)", "[Log in again](https://crash.test/in) www.crash.test me@crash.test"
+TAGS = "<a href='http://crash.test'>front</a> <img src='http://crash.test/i.png'>"
+MADE = """
+const place = e => e.href?.baseVal ?? e.href ?? e.src;  // a link, a link in a figure, a picture
+return [...document.querySelectorAll("a, img, image")]
+  .filter(e => /^\\w+:/.test(place(e)) && !/^(data|blob):/.test(place(e)) && new URL(place(e)).host !== location.host)
+  .map(e => e.outerHTML);
+"""
+
+
+@pytest.fixture
+def foreign(campaign_on_disk: Path, tmp_path: Path) -> Path:
+    """The small campaign with such words as name, notice, ids, factors and their values, notes and criteria."""
+    folder = shutil.copytree(campaign_on_disk, tmp_path / "www.crash.test")
+    head, first, *rows = (folder / "tests.csv").read_text(encoding="utf-8").splitlines()
+    table = [f'{head},"{PICTURE}",{LINK}', f'{first},"{TAGS}",www.crash.test', *(f"{row},rear,{LINK}" for row in rows)]
+    (folder / "tests.csv").write_text("\n".join(table).replace("T2,", "www.T2.test,", 1), encoding="utf-8")
+    (folder / "tests" / "T2.csv").rename(folder / "tests" / "www.T2.test.csv")
+    (folder / "campaign.toml").write_text(
+        f'name = "{PICTURE} {LINK}"\nnotice = "{LINK}: {PICTURE}"\n', encoding="utf-8"
+    )
+    (folder / "notes.csv").write_text(f'test,start_ms,end_ms,text\nT1,30,,"{LINK} {TAGS}"\n', encoding="utf-8")
+    criterion = f'[[criterion]]\nname = "{LINK} {PICTURE}"\nmetric = "max_crush"\nat_most = 700\n'
+    (folder / "criteria.toml").write_text(criterion, encoding="utf-8")
+    return folder
+
+
+def made(user: "User") -> list[str]:
+    """The links to elsewhere, and the pictures from there, that are on the page."""
+    return [str(html) for html in user.browser.execute_script(MADE)]
+
+
+def test_no_page_makes_anything_of_it(server: "Server", user: "User", foreign: Path) -> None:
+    """No link, no picture, in text, fields, tables and figures; a heading is read as it is written."""
+    user.open_folder(server, foreign)
+    assert made(user) == []
+    for tab in ("Conditions", "CAE model", "Tests"):
+        user.open_tab(tab)
+        user.find(FIGURE)
+        assert made(user) == []
+    user.go("Train")
+    user.choose_approaches("CAE", "Displacement domain")
+    user.go("Compare")
+    user.starts("Predict test", FIGURE)
+    assert made(user) == []
+    user.press("Notes and marks on", "summary")
+    user.sees("Log in again")
+    assert made(user) == []
+    for tab in ("Why", "Ratings and metrics", "Over displacement"):
+        user.open_tab(tab)
+        user.find(MAIN)
+        assert made(user) == []
+    user.go("Predict")
+    user.starts("Predict", FIGURE)
+    user.press("Pin this prediction")
+    user.press("1 pinned")
+    assert made(user) == []
+    user.go("Certify")
+    user.sees("Criteria and conditions")
+    assert made(user) == []
+    user.go("History")
+    user.sees("History")
+    assert made(user) == []
