@@ -69,12 +69,13 @@ def _folds() -> WeakValueDictionary[Hashable, Fold]:
 
 
 def chosen_config() -> StudyConfig:
-    """The settings made on the Train page, else the defaults."""
+    """The settings made on the Train page, else the defaults; also for a seed that is none, which that page tells."""
     state = st.session_state
+    seed = int(state.get("seed", 0))
     return StudyConfig(
         approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
         preset=state.get("preset", "fast"),
-        seed=int(state.get("seed", 0)),
+        seed=seed if seed in address.CHOICES["seed"].options else 0,
         leave_out=state.get("leave_out", "test"),
         device=state.get("device", "auto"),
     )

@@ -97,7 +97,7 @@ def _chosen_by_group(_: View) -> bool:
 
 def _require_a_seed() -> None:
     """Say where it is chosen if there is no such seed, instead of starting what can only fail."""
-    seed, seeds = chosen_config().seed, address.CHOICES["seed"].options
+    seed, seeds = st.session_state.get("seed", 0), address.CHOICES["seed"].options
     if seed not in seeds:
         st.error(f"There is no seed {seed}: it is from {seeds[0]} to {seeds[-1]}.", icon=":material/error:")
         show_link("train", "Choose another seed", ":material/tune:")

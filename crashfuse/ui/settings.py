@@ -1,5 +1,7 @@
 """Settings of the fits: approaches, preset, seed and device; other pages use the same settings."""
 
+from dataclasses import replace
+
 import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
@@ -55,7 +57,7 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
     if not chosen:
         return config, "Choose at least one approach."
     try:
-        config.check()
+        replace(config, seed=int(st.session_state["seed"])).check()
     except UsageError as error:
         return config, str(error)
     return config, ""
