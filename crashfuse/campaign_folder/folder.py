@@ -108,7 +108,7 @@ def _check_pulses(role: str, table: ConditionTable, accel: FloatArray, reader: P
     check_ends(role, table, accel, reader)
     check_band(role, accel, reader.warnings)
     if role == "tests":
-        check_tests_differ(table, accel, reader.problems)
+        check_tests_differ(table, accel, reader.ends_s, reader.problems, reader.warnings)
 
 
 def _common(classes: set[float | None]) -> float | None:
