@@ -70,8 +70,8 @@ def check_tests_differ(
             doubtful.append(f"{table.ids[one]} and {table.ids[other]} ({100 * share:.1f} %)")
     if doubtful:
         warnings.append(
-            f"tests.csv: shifted and scaled, the pulses of some tests hardly differ: {_some(doubtful)}. Good repeats can be "
-            "as alike; check that none is a copy of another test."
+            f"tests.csv: shifted and scaled, the pulses of some tests hardly differ: {_some(doubtful)}. Good repeats "
+            "can be as alike; check that none is a copy of another test."
         )
 
 
