@@ -10,6 +10,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
+from crashfuse.campaign_folder.gap import Gap, find_gap
 from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units, unlike_weights
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.quality_columns import failing
@@ -38,9 +39,12 @@ def read_folder(folder: str | Path) -> Campaign:
     pulses: dict[str, FloatArray] = {}
     ends_s: dict[str, float] = {}
     unused: tuple[tuple[str, Condition], ...] = ()
+    gap: Gap | None = None
     for role in ("tests", "cae"):
         table = read_what_can_be(folder / f"{role}.csv", role, problems)
-        reader = PulseFiles(folder, role, settings.channel_filter_class)
+        speeds = {} if table is None else dict(zip(table.ids, _speeds(table), strict=True))
+        gap_m = settings.cae_gap_m if role == "cae" else 0.0
+        reader = PulseFiles(folder, role, settings.channel_filter_class, gap_m, speeds)
         if table is None:
             reader.check()
         else:
@@ -48,7 +52,8 @@ def read_folder(folder: str | Path) -> Campaign:
                 table, unused = _without_unused(table, settings.unused, problems)
             passed_over = [test_id for test_id, _ in unused] if role == "tests" else []
             tables[role], pulses[role] = table, reader.read(table.ids, passed_over)
-            _check_pulses(role, table, pulses[role], reader)
+            beside = (_speeds(tables["tests"]), pulses["tests"]) if role == "cae" and "tests" in tables else None
+            gap = _check_pulses(role, table, pulses[role], reader, beside)
         if role == "tests":
             ends_s = reader.ends_s
         problems.extend(reader.problems)
@@ -61,10 +66,11 @@ def read_folder(folder: str | Path) -> Campaign:
     _check_counts(tables, len(left_out), problems, warnings)
     if problems:
         raise DataError(shortened(problems))
-    check_units(tables, pulses, warnings)
     warnings += _shortened(unlike_weights(tables))
-    known = {warning.partition(":")[0] for warning in warnings}  # a wrong speed or unit explains the rest
-    warnings += _shortened([told for told in unlike_others(tables, pulses) if told.partition(":")[0] not in known])
+    if gap is None:  # else nothing of a test can be seen against the CAE runs
+        check_units(tables, pulses, warnings)
+        known = {warning.partition(":")[0] for warning in warnings}  # a wrong speed or unit explains the rest
+        warnings += _shortened([told for told in unlike_others(tables, pulses) if told.partition(":")[0] not in known])
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
     cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, gone)
@@ -100,15 +106,31 @@ def _without_unused(
     return table.without(places), tuple((table.ids[place], table.conditions[place]) for place in places)
 
 
-def _check_pulses(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
-    """Check every pulse that could be read against its condition, and tests against each other."""
+def _speeds(table: ConditionTable) -> FloatArray:
+    return np.array([condition.speed_mps for condition in table.conditions])
+
+
+def _check_pulses(
+    role: str,
+    table: ConditionTable,
+    accel: FloatArray,
+    reader: PulseFiles,
+    tests: tuple[FloatArray, FloatArray] | None,
+) -> Gap | None:
+    """Check every pulse that could be read against its condition, and tests against each other.
+
+    Returns the gap before the barrier of CAE runs, if they have one by the speeds and pulses of ``tests``.
+    """
     if reader.unread:
         table, accel = table.without(reader.unread), np.delete(accel, reader.unread, axis=0)
-    check_physics(role, table, accel, reader.problems)
-    check_ends(role, table, accel, reader)
+    gap = None if tests is None else find_gap(_speeds(table), accel, *tests, reader.gap_m if reader.through_gap else 0.0)
+    reader.warnings += [gap.warning] if gap else []
+    check_physics(role, table, accel, reader.problems, gap.advice if gap else None)
+    check_ends(role, table, accel, reader.ends_s, reader.problems)
     check_band(role, accel, reader.warnings)
     if role == "tests":
         check_tests_differ(table, accel, reader.ends_s, reader.problems, reader.warnings)
+    return gap
 
 
 def _common(classes: set[float | None]) -> float | None:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import ConditionTable
-from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.errors import Problem
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import KPH, LB, MPH, G
@@ -27,8 +26,13 @@ _BESIDE = 0.05  # of a weight: so far beyond the CAE runs' it is still like thei
 _AT_ONCE = 2000  # pulses per batch
 
 
-def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems: list[Problem]) -> None:
-    """Compare each pulse's change of velocity with its stated impact speed, as far as that is known (not NaN)."""
+def check_physics(
+    role: str, table: ConditionTable, accel: FloatArray, problems: list[Problem], advice: str | None = None
+) -> None:
+    """Compare each pulse's change of velocity with its stated impact speed, as far as that is known (not NaN).
+
+    ``advice`` is what to do where its cause is not the usual one.
+    """
     low, high = STOPS[role]
     speed, biggest = _speeds(table), _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
@@ -37,17 +41,17 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems:
     if role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
         found = f"{typical:.2f} times it"
         expected = "changes of velocity near the impact speed, for half of the runs at least"
-        problems.append(Problem("cae.csv", expected, found, _likely_cause(typical, *_LIBRARY_STOPS)))
+        problems.append(Problem("cae.csv", expected, found, advice or _likely_cause(typical, *_LIBRARY_STOPS)))
         return
     for row in np.flatnonzero(np.isnan(speed) & (biggest > CREEP_MPS)):
         found = f"{signed(biggest[row] / MPH, 1)} mph ({signed(biggest[row] / KPH, 1)} km/h)"
-        advice, place = _likely_cause(-1.0, low, high), f"id {table.ids[row]}"
-        problems.append(Problem(f"{role}.csv", "a pulse that brakes", found, advice, place, table.rows[row]))
+        turn, place = _likely_cause(-1.0, low, high), f"id {table.ids[row]}"
+        problems.append(Problem(f"{role}.csv", "a pulse that brakes", found, turn, place, table.rows[row]))
     for row in np.flatnonzero(((ratio < low) | (ratio > high)) & moving):
         v0, delta_v = speed[row], biggest[row]
         found = f"a change of {signed(delta_v / MPH, 1)} mph ({signed(delta_v / KPH, 1)} km/h)"
         expected = f"a change of velocity near the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
-        cause, place = _likely_cause(float(ratio[row]), low, high), f"id {table.ids[row]}"
+        cause, place = advice or _likely_cause(float(ratio[row]), low, high), f"id {table.ids[row]}"
         problems.append(Problem(f"{role}.csv", expected, found, cause, place, table.rows[row]))
 
 
@@ -89,18 +93,20 @@ def unlike_weights(tables: Mapping[str, ConditionTable]) -> list[str]:
     return warnings
 
 
-def check_ends(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
+def check_ends(
+    role: str, table: ConditionTable, accel: FloatArray, ends_s: Mapping[str, float], problems: list[Problem]
+) -> None:
     """Reject a record that ends while the vehicle is still moving: the rest of its pulse would be invented."""
     for row, run_id in enumerate(table.ids):
-        if run_id not in reader.ends_s:
+        if run_id not in ends_s:
             continue
-        speed, end = table.conditions[row].speed_mps, reader.ends_s[run_id]
+        speed, end = table.conditions[row].speed_mps, ends_s[run_id]
         velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
         if velocity > MOVING * speed:
             found = f"{velocity / MPH:.1f} mph ({velocity / KPH:.1f} km/h) at its end, {time_text(end)}"
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             place, number = f"id {run_id}", table.rows[row]
-            reader.problems.append(Problem(f"{role}.csv", expected, found, "export a longer record", place, number))
+            problems.append(Problem(f"{role}.csv", expected, found, "export a longer record", place, number))
 
 
 def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:

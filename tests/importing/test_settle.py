@@ -10,11 +10,13 @@ import pytest
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, Settled, settle
 from crashfuse.importing.detection import UnknownUnit
-from crashfuse.readers.record import PartialCondition, RecordedChannel
+from crashfuse.readers.lsdyna.runs import read_lsdyna
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Kinematics
 from crashfuse.units import KPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, said, signed
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import (
     CONDITION,
     CRUSH_M,
@@ -499,3 +501,39 @@ def test_changes_of_velocity_are_said_in_the_units_of_the_reader() -> None:
     assert re.search(r"is −61\.6 km/h \(−38\.3 mph\)\.$", told)
     assert said(told, MPH_LB).endswith("is −38.3 mph.")
     assert said(told, KPH_KG).endswith("is −61.6 km/h.")
+
+
+@pytest.mark.parametrize("gap_mm", [100, 200, 450])
+@pytest.mark.parametrize("speed_kph", [30.0, 64.0])
+def test_a_gap_before_the_barrier_is_told_and_taken_out(gap_mm: int, speed_kph: float) -> None:
+    """Of a CAE run, whatever its speed; a run without one is left as it is, and so is one that begins before."""
+    condition = replace(CONDITION, speed_mps=speed_kph * KPH)
+    time_s = clock(start_s=0.0)
+    lasts_s = gap_mm * MS / condition.speed_mps  # mm in m, as ms in s
+
+    def run(after_s: float) -> Record:
+        accel_g = half_sine_g(time_s - after_s) * speed_kph / 56
+        return record(RecordedChannel("X", "Sensor X", time_s, accel_g, "g"), condition=condition)
+
+    (careful,) = [step for step in settle(run(lasts_s), role="cae").steps if "--gap-mm" in step]
+    assert int(careful.partition("--gap-mm ")[2].partition(")")[0]) == pytest.approx(gap_mm, abs=4)
+    settled = settle(run(lasts_s), Choices(gap_m=gap_mm * MS), role="cae")
+    assert settled.time_zero_s == pytest.approx(lasts_s)
+    assert not [step for step in settled.steps if "--gap-mm" in step]
+    for choices in (Choices(), Choices(gap_m=gap_mm * MS)):
+        settled = settle(run(0.0), choices, role="cae")
+        assert settled.time_zero_s == 0
+        assert not [step for step in settled.steps if "--gap-mm" in step]
+    assert settle(run(lasts_s), Choices(gap_m=3 * gap_mm * MS), role="cae").time_zero_s == 0
+
+
+@needs_shared
+def test_a_run_of_a_solver_that_begins_before_the_barrier() -> None:
+    """200 mm at 8.33 m/s: 24 ms later it is what the run would be at the barrier."""
+    (record,) = read_lsdyna(SHARED / "real" / "formats" / "lsdyna_gap")
+    choices = Choices(condition=PartialCondition(mass_kg=1500.0), front_share=0.58)
+    (careful,) = [step for step in settle(record, choices, role="cae").steps if "--gap-mm" in step]
+    assert "moves 208 mm" in careful
+    settled = settle(record, replace(choices, gap_m=0.2), role="cae")
+    assert settled.time_zero_s == pytest.approx(0.024, abs=1e-5)
+    assert motion(settled).t0_s == pytest.approx(0.0658, abs=2e-4)
