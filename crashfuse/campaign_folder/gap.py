@@ -90,8 +90,8 @@ def _free_travel(
     speeds_mps: FloatArray, accel: npt.NDArray[np.float32]
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
     """Speed, time of free travel, and whether that ends suddenly, of at most 500 pulses that are fast enough."""
-    fastest = float(speeds_mps.max(initial=0.0))
-    rows = np.flatnonzero(speeds_mps > max(CREEP_MPS, _FAST * fastest))
+    fastest = float(np.nanmax(speeds_mps, initial=0.0))
+    rows = np.flatnonzero((speeds_mps > max(CREEP_MPS, _FAST * fastest)) & ~np.isnan(accel[:, 0]))  # NaN: unread
     rows = rows[:: max(-(-rows.size // _MOST_RUNS), 1)]
     pulses = [accel[row].astype(np.float64) for row in rows]
     begins = [onset(GRID_S, pulse) for pulse in pulses]

@@ -6,6 +6,7 @@ import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.errors import Problem
+from crashfuse.signals.filters import CFC60_NOISE, noise_share
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import KPH, LB, MPH, G
 from crashfuse.wording import signed, time_text
@@ -18,7 +19,7 @@ CREEP_MPS = 1.0
 """Below this speed ΔV/v0 is dominated by noise."""
 _LIBRARY_STOPS = (0.8, 1.6)  # for the median run: single runs may be odd, not half of them
 _BAND_HZ, _HIGH_SHARE = 250, 0.01
-_MOST_SPECTRA = 500  # pulses examined
+_MOST_SPECTRA, _MOST_NOISY = 500, 50  # pulses examined
 NEAR = 5
 """CAE runs at about a test's speed that it is compared with."""
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
@@ -110,18 +111,21 @@ def check_ends(
 
 
 def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
-    """Warn of pulses with much content above the band that the fast time-domain network resolves."""
+    """Warn of pulses with much content above the band that the fast time-domain network resolves, or with noise."""
     if not len(accel):
         return
     some = accel[:: -(-len(accel) // _MOST_SPECTRA)].astype(np.float64)
     power = np.abs(np.fft.rfft(some - some.mean(axis=1, keepdims=True), axis=1)) ** 2
     high = np.fft.rfftfreq(some.shape[1], DT_S) > _BAND_HZ
-    if power[:, high].sum() > _HIGH_SHARE * power.sum():
-        share = 100 * power[:, high].sum() / power.sum()
-        warnings.append(
-            f"{role}: {share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled; "
-            "set channel_filter_class = 60 in campaign.toml if they are not filtered."
-        )
+    share = power[:, high].sum() / max(power.sum(), 1e-300)
+    noise = np.median([noise_share(pulse, dt_s=DT_S) for pulse in some[:_MOST_NOISY]])
+    if share > _HIGH_SHARE:
+        told = f"{100 * share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled"
+    elif noise > CFC60_NOISE:
+        told = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more noise than CFC 60 leaves"
+    else:
+        return
+    warnings.append(f"{role}: {told}; set channel_filter_class = 60 in campaign.toml if they are not filtered.")
 
 
 def _likely_cause(ratio: float, low: float, high: float) -> str:

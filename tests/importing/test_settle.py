@@ -11,9 +11,10 @@ from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, Settled, settle
 from crashfuse.importing.detection import UnknownUnit
 from crashfuse.readers.lsdyna.runs import read_lsdyna
+from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.signals.filters import cfc_filter
-from crashfuse.signals.pulse import Kinematics
+from crashfuse.signals.filters import CFC60_NOISE, cfc_filter, noise_share
+from crashfuse.signals.pulse import FloatArray, Kinematics
 from crashfuse.units import KPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, said, signed
 from tests.conftest import SHARED, needs_shared
@@ -146,6 +147,37 @@ def test_only_what_went_through_cfc_60_is_left_as_it_is(cfc: int, again: float |
     noise = 4 * np.random.default_rng(0).standard_normal(time_s.size)
     values = cfc_filter(half_sine_g(time_s) + noise, cfc=cfc, dt_s=1e-4)
     assert settle(record(RecordedChannel("X", "X", time_s, values, "g"))).channel_filter_class == again
+
+
+@pytest.mark.parametrize(("noise_g", "again"), [(0.0, None), (0.1, 60.0), (0.2, 60.0), (0.3, 60.0)])
+def test_noise_that_cfc_60_would_take_away_is_no_filtered_record(noise_g: float, again: float | None) -> None:
+    """Noise of 4 g leaves 0.02 g above 250 Hz after CFC 60: a tenth of a g is more, though a 100,000th of the power."""
+    time_s = clock()
+    rng = np.random.default_rng(0)
+    smooth = cfc_filter(half_sine_g(time_s) + 4 * rng.standard_normal(time_s.size), cfc=60, dt_s=1e-4)
+    noisy = np.round(smooth, 1) + noise_g * rng.standard_normal(time_s.size)
+    assert settle(record(RecordedChannel("X", "X", time_s, noisy, "g"))).channel_filter_class == again
+
+
+@needs_shared
+def test_a_barrier_test_keeps_its_class() -> None:
+    """After CFC 60 it is left as it is, rounded, cut, padded or slowly sampled; after CFC 180 it is not."""
+    (camry,) = read_nhtsa(SHARED / "real" / "nhtsa_10146_camry2018")
+    raw = next(one for one in camry.channels if one.name == "93")
+    time_s, step = raw.time_s, float(raw.time_s[1] - raw.time_s[0])
+    smooth = cfc_filter(raw.values, cfc=60, dt_s=step)
+
+    def noise(values: FloatArray, part: slice = slice(None)) -> float:
+        return noise_share(values[part], dt_s=float(np.diff(time_s[part])[0]))
+
+    contact, stop = np.searchsorted(time_s, [0.0, 0.1]).tolist()
+    slow = slice(None, None, round(1e-3 / step))
+    padded = np.where(time_s > 0.08, 0.0, smooth)
+    for left in (noise(smooth), noise(smooth.round(1)), noise(smooth, slice(contact, stop)), noise(smooth, slow)):
+        assert left < 0.8 * CFC60_NOISE
+    assert noise(padded) < CFC60_NOISE
+    for cfc in (180, 600):
+        assert noise(cfc_filter(raw.values, cfc=cfc, dt_s=step)) > CFC60_NOISE
 
 
 def test_a_filtered_record_that_was_cut_before_the_stop_is_not_taken_for_a_raw_one() -> None:
