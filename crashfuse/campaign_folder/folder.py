@@ -1,6 +1,7 @@
 """The campaign folder: settings, both condition tables and both sets of pulses, checked as a whole."""
 
 import math
+import re
 from collections.abc import Collection
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
+from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
 from crashfuse.campaign_folder.gap import Gap, find_gap
 from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units, unlike_weights
@@ -19,9 +20,18 @@ from crashfuse.campaign_folder.unlike_others import unlike_others
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, printable, shortened
+from crashfuse.files.archive import left_by_the_system
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 
 _FEWEST_RUNS = 10
+PULSES = (".csv", ".parquet")
+"""Endings of tables of pulses."""
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv")
+"""The files of a campaign folder beside its pulses."""
+AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
+"""The files of a campaign folder that do not lie in a folder in it."""
+_ABOUT = re.compile(r"(?i)(readme|licen[cs]e)(\..*)?|.*\.md")
+_NAMED = 5
 
 
 def read_folder(folder: str | Path) -> Campaign:
@@ -87,6 +97,24 @@ def read_folder(folder: str | Path) -> Campaign:
         settings.occupant, _common({settings.tests_imported_with.get(test.id) for test in crash_tests}),
         tables["tests"].units, unused, settings.unused,
     )  # fmt: skip
+
+
+def unread_files(folder: Path) -> str:
+    """A sentence on the files of a campaign folder that nothing reads; empty if there are none, and for a zip."""
+    if not folder.is_dir():
+        return ""
+    unread = []
+    for path in sorted(folder.iterdir()):
+        if path.name in ("tests", "cae") and path.is_dir():
+            unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
+        elif path.name not in AT_THE_TOP:
+            unread.append(path.name + "/" * path.is_dir())
+    unread = [name for name in unread if not left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)]
+    if not unread:
+        return ""
+    more = f" and {len(unread) - _NAMED} more" if len(unread) > _NAMED else ""
+    named = ", ".join(printable(name, 60) for name in unread[:_NAMED])
+    return f"Not read, as no file of a campaign has such a name: {named}{more}."
 
 
 def _without_unused(

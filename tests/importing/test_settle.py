@@ -541,7 +541,7 @@ def test_a_gap_before_the_barrier_is_told_and_taken_out(gap_mm: int, speed_kph: 
     """Of a CAE run, whatever its speed; a run without one is left as it is, and so is one that begins before."""
     condition = replace(CONDITION, speed_mps=speed_kph * KPH)
     time_s = clock(start_s=0.0)
-    lasts_s = gap_mm * MS / condition.speed_mps  # mm in m, as ms in s
+    lasts_s = gap_mm * MS / (speed_kph * KPH)  # mm in m, as ms in s
 
     def run(after_s: float) -> Record:
         accel_g = half_sine_g(time_s - after_s) * speed_kph / 56
