@@ -62,8 +62,8 @@ def read_folder(folder: str | Path) -> Campaign:
                 table, unused = _without_unused(table, settings.unused, problems)
             passed_over = [test_id for test_id, _ in unused] if role == "tests" else []
             tables[role], pulses[role] = table, reader.read(table.ids, passed_over)
-            beside = (_speeds(tables["tests"]), pulses["tests"]) if role == "cae" and "tests" in tables else None
-            gap = _check_pulses(role, table, pulses[role], reader, beside)
+            measured = (_speeds(tables["tests"]), pulses["tests"]) if role == "cae" and "tests" in tables else None
+            gap = _check_pulses(role, table, pulses[role], reader, measured)
         if role == "tests":
             ends_s = reader.ends_s
         problems.extend(reader.problems)
@@ -151,8 +151,10 @@ def _check_pulses(
     """
     if reader.unread:
         table, accel = table.without(reader.unread), np.delete(accel, reader.unread, axis=0)
-    gap = None if tests is None else find_gap(_speeds(table), accel, *tests, reader.gap_m if reader.through_gap else 0.0)
-    reader.warnings += [gap.warning] if gap else []
+    gap = None
+    if tests is not None:
+        gap = find_gap(_speeds(table), accel, *tests, taken_m=reader.gap_m if reader.through_gap else 0.0)
+        reader.warnings += [gap.warning] if gap else []
     check_physics(role, table, accel, reader.problems, gap.advice if gap else None)
     check_ends(role, table, accel, reader.ends_s, reader.problems)
     check_band(role, accel, reader.warnings)
