@@ -2,6 +2,7 @@
 
 import streamlit as st
 
+from crashfuse.campaign_folder.folder import unread_files
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, earlier, editing, frame, page_tables
@@ -43,6 +44,8 @@ def show_summary(view: View) -> None:
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
     editing.offer_leaving_out(view)
+    if unread := unread_files(view.folder):
+        st.caption(plain(unread))
     editing.show_last_change(view)
     if asked:
         open_page("compare")

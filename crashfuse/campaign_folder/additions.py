@@ -227,7 +227,8 @@ def _check_differ(folder: Path) -> None:
         reader = PulseFiles(folder, "tests", settings.channel_filter_class)
         accel = reader.read(tests.ids, list(settings.unused))
         problems: list[Problem] = []
-        check_tests_differ(tests.without(reader.unread), np.delete(accel, reader.unread, axis=0), problems)
+        accel = np.delete(accel, reader.unread, axis=0)
+        check_tests_differ(tests.without(reader.unread), accel, reader.ends_s, problems, [])
         _refuse(problems)
 
 

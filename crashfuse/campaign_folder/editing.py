@@ -14,10 +14,10 @@ from typing import Any
 
 from crashfuse.campaign_folder.added import named
 from crashfuse.campaign_folder.condition_tables import read_what_can_be
+from crashfuse.campaign_folder.folder import FILES
 from crashfuse.campaign_folder.history import changing, taking_turns
 from crashfuse.campaign_folder.settings import read_settings, reason
 from crashfuse.campaign_folder.tidy_tables import append_to_table
-from crashfuse.campaign_folder.upload import FILES
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.files.toml_text import toml_text

@@ -1,6 +1,7 @@
 """The campaign folder: settings, both condition tables and both sets of pulses, checked as a whole."""
 
 import math
+import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -8,8 +9,9 @@ import numpy as np
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
+from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
+from crashfuse.campaign_folder.gap import Gap, find_gap
 from crashfuse.campaign_folder.plausibility import (
     check_band,
     check_ends,
@@ -25,10 +27,19 @@ from crashfuse.campaign_folder.unlike_others import confirmed_faults, unlike_oth
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, printable, shortened
+from crashfuse.files.archive import left_by_the_system
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault
 
 _FEWEST_RUNS = 10
+PULSES = (".csv", ".parquet")
+"""Endings of tables of pulses."""
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv")
+"""The files of a campaign folder beside its pulses."""
+AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
+"""The files of a campaign folder that do not lie in a folder in it."""
+_ABOUT = re.compile(r"(?i)(readme|licen[cs]e)(\..*)?|.*\.md")
+_NAMED = 5
 
 
 def read_folder(folder: str | Path) -> Campaign:
@@ -47,9 +58,12 @@ def read_folder(folder: str | Path) -> Campaign:
     ends_s: dict[str, float] = {}
     faults: Mapping[str, tuple[SensorFault, ...]] = {}
     unused: tuple[tuple[str, Condition], ...] = ()
+    gap: Gap | None = None
     for role in ("tests", "cae"):
         table = read_what_can_be(folder / f"{role}.csv", role, problems)
-        reader = PulseFiles(folder, role, settings.channel_filter_class)
+        speeds = {} if table is None else dict(zip(table.ids, _speeds(table), strict=True))
+        gap_m = settings.cae_gap_m if role == "cae" else 0.0
+        reader = PulseFiles(folder, role, settings.channel_filter_class, gap_m, speeds)
         if table is None:
             reader.check()
         else:
@@ -57,7 +71,8 @@ def read_folder(folder: str | Path) -> Campaign:
                 table, unused = _without_unused(table, settings.unused, problems)
             passed_over = [test_id for test_id, _ in unused] if role == "tests" else []
             tables[role], pulses[role] = table, reader.read(table.ids, passed_over)
-            _check_pulses(role, table, pulses[role], reader)
+            measured = (_speeds(tables["tests"]), pulses["tests"]) if role == "cae" and "tests" in tables else None
+            gap = _check_pulses(role, table, pulses[role], reader, measured)
         if role == "tests":
             ends_s, faults = reader.ends_s, reader.faults
         problems.extend(reader.problems)
@@ -72,7 +87,8 @@ def read_folder(folder: str | Path) -> Campaign:
         raise DataError(shortened(problems))
     faults = confirmed_faults(tables, pulses, faults)
     warnings += _shortened([f"tests.csv, {test}: {fault_advice(test, failed)}." for test, failed in faults.items()])
-    for findings in (check_units, unlike_weights, unlike_others):
+    # of tests against CAE runs that have a gap nothing can be seen
+    for findings in (check_units, unlike_weights, unlike_others) if gap is None else (unlike_weights,):
         explained = {warning.partition(":")[0] for warning in warnings}  # by a failed sensor, a wrong speed or unit
         warnings += _shortened([said for said in findings(tables, pulses) if said.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)
@@ -93,6 +109,24 @@ def read_folder(folder: str | Path) -> Campaign:
     )  # fmt: skip
 
 
+def unread_files(folder: Path) -> str:
+    """A sentence on the files of a campaign folder that nothing reads; empty if there are none, and for a zip."""
+    if not folder.is_dir():
+        return ""
+    unread = []
+    for path in sorted(folder.iterdir()):
+        if path.name in ("tests", "cae") and path.is_dir():
+            unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
+        elif path.name not in AT_THE_TOP:
+            unread.append(path.name + "/" * path.is_dir())
+    unread = [name for name in unread if not left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)]
+    if not unread:
+        return ""
+    more = f" and {len(unread) - _NAMED} more" if len(unread) > _NAMED else ""
+    named = ", ".join(printable(name, 60) for name in unread[:_NAMED])
+    return f"Not read, as no file of a campaign has such a name: {named}{more}."
+
+
 def _without_unused(
     table: ConditionTable, ids: Collection[str], problems: list[Problem]
 ) -> tuple[ConditionTable, tuple[tuple[str, Condition], ...]]:
@@ -110,15 +144,33 @@ def _without_unused(
     return table.without(places), tuple((table.ids[place], table.conditions[place]) for place in places)
 
 
-def _check_pulses(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
-    """Check every pulse that could be read against its condition, and tests against each other."""
+def _speeds(table: ConditionTable) -> FloatArray:
+    return np.array([condition.speed_mps for condition in table.conditions])
+
+
+def _check_pulses(
+    role: str,
+    table: ConditionTable,
+    accel: FloatArray,
+    reader: PulseFiles,
+    tests: tuple[FloatArray, FloatArray] | None,
+) -> Gap | None:
+    """Check every pulse that could be read against its condition, and tests against each other.
+
+    Returns the gap before the barrier of CAE runs, if they have one by the speeds and pulses of ``tests``.
+    """
     if reader.unread:
         table, accel = table.without(reader.unread), np.delete(accel, reader.unread, axis=0)
-    check_physics(role, table, accel, reader)
-    check_ends(role, table, accel, reader)
+    gap = None
+    if tests is not None:
+        gap = find_gap(_speeds(table), accel, *tests, taken_m=reader.gap_m if reader.through_gap else 0.0)
+        reader.warnings += [gap.warning] if gap else []
+    check_physics(role, table, accel, reader.faults, reader.problems, gap.advice if gap else "")
+    check_ends(role, table, accel, reader.ends_s, reader.faults, reader.problems)
     check_band(role, accel, reader.warnings)
     if role == "tests":
-        check_tests_differ(table, accel, reader.problems)
+        check_tests_differ(table, accel, reader.ends_s, reader.problems, reader.warnings)
+    return gap
 
 
 def _common(classes: set[float | None]) -> float | None:

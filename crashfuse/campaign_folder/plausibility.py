@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import ConditionTable
-from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.errors import Problem
+from crashfuse.signals.filters import CFC60_NOISE, noise_share
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.units import KPH, LB, MPH, G
 from crashfuse.wording import signed, time_text
+
+Faults = Mapping[str, tuple[SensorFault, ...]]
+"""What looks like a fault of a test's sensor, by the test's id."""
 
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
 """Limits of ΔV/v0. Tests: from "not yet stopped at 100 ms" to more rebound than any car has; one CAE run may be odd."""
@@ -21,7 +24,7 @@ CREEP_MPS = 1.0
 """Below this speed ΔV/v0 is dominated by noise."""
 _LIBRARY_STOPS = (0.8, 1.6)  # for the median run: single runs may be odd, not half of them
 _BAND_HZ, _HIGH_SHARE = 250, 0.01
-_MOST_SPECTRA = 500  # pulses examined
+_MOST_SPECTRA, _MOST_NOISY = 500, 50  # pulses examined
 NEAR = 5
 """CAE runs at about a test's speed that it is compared with."""
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
@@ -30,9 +33,13 @@ _MOST_FAULTS = 2  # in a sentence
 _AT_ONCE = 2000  # pulses per batch
 
 
-def check_physics(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
-    """Compare each pulse's change of velocity with its stated impact speed, as far as that is known (not NaN)."""
-    problems = reader.problems
+def check_physics(
+    role: str, table: ConditionTable, accel: FloatArray, faults: Faults, problems: list[Problem], advice: str = ""
+) -> None:
+    """Compare each pulse's change of velocity with its stated impact speed, as far as that is known (not NaN).
+
+    ``advice`` is what to do where one cause explains all of them.
+    """
     low, high = STOPS[role]
     speed, biggest = _speeds(table), _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
@@ -41,18 +48,18 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, reader: P
     if role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
         found = f"{typical:.2f} times it"
         expected = "changes of velocity near the impact speed, for half of the runs at least"
-        problems.append(Problem("cae.csv", expected, found, _likely_cause(typical, *_LIBRARY_STOPS)))
+        problems.append(Problem("cae.csv", expected, found, advice or _likely_cause(typical, *_LIBRARY_STOPS)))
         return
     for row in np.flatnonzero(np.isnan(speed) & (biggest > CREEP_MPS)):
         found = f"{signed(biggest[row] / MPH, 1)} mph ({signed(biggest[row] / KPH, 1)} km/h)"
-        advice, place = _likely_cause(-1.0, low, high), f"id {table.ids[row]}"
-        problems.append(Problem(f"{role}.csv", "a pulse that brakes", found, advice, place, table.rows[row]))
+        turn, place = _likely_cause(-1.0, low, high), f"id {table.ids[row]}"
+        problems.append(Problem(f"{role}.csv", "a pulse that brakes", found, turn, place, table.rows[row]))
     for row in np.flatnonzero(((ratio < low) | (ratio > high)) & moving):
         v0, delta_v = speed[row], biggest[row]
         found = f"a change of {signed(delta_v / MPH, 1)} mph ({signed(delta_v / KPH, 1)} km/h)"
         expected = f"a change of velocity near the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
-        place, faults = f"id {table.ids[row]}", reader.faults.get(table.ids[row], ())
-        cause = fault_advice(table.ids[row], faults) or _likely_cause(float(ratio[row]), low, high)
+        place, failed = f"id {table.ids[row]}", faults.get(table.ids[row], ())
+        cause = fault_advice(table.ids[row], failed) or advice or _likely_cause(float(ratio[row]), low, high)
         problems.append(Problem(f"{role}.csv", expected, found, cause, place, table.rows[row]))
 
 
@@ -96,34 +103,44 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
     return warnings
 
 
-def check_ends(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
+def check_ends(
+    role: str,
+    table: ConditionTable,
+    accel: FloatArray,
+    ends_s: Mapping[str, float],
+    faults: Faults,
+    problems: list[Problem],
+) -> None:
     """Reject a record that ends while the vehicle is still moving: the rest of its pulse would be invented."""
     for row, run_id in enumerate(table.ids):
-        if run_id not in reader.ends_s:
+        if run_id not in ends_s:
             continue
-        speed, end = table.conditions[row].speed_mps, reader.ends_s[run_id]
+        speed, end = table.conditions[row].speed_mps, ends_s[run_id]
         velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
         if velocity > MOVING * speed:
             found = f"{velocity / MPH:.1f} mph ({velocity / KPH:.1f} km/h) at its end, {time_text(end)}"
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             place, number = f"id {run_id}", table.rows[row]
-            advice = fault_advice(run_id, reader.faults.get(run_id, ())) or "export a longer record"
-            reader.problems.append(Problem(f"{role}.csv", expected, found, advice, place, number))
+            advice = fault_advice(run_id, faults.get(run_id, ())) or "export a longer record"
+            problems.append(Problem(f"{role}.csv", expected, found, advice, place, number))
 
 
 def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
-    """Warn of pulses with much content above the band that the fast time-domain network resolves."""
+    """Warn of pulses with much content above the band that the fast time-domain network resolves, or with noise."""
     if not len(accel):
         return
     some = accel[:: -(-len(accel) // _MOST_SPECTRA)].astype(np.float64)
     power = np.abs(np.fft.rfft(some - some.mean(axis=1, keepdims=True), axis=1)) ** 2
     high = np.fft.rfftfreq(some.shape[1], DT_S) > _BAND_HZ
-    if power[:, high].sum() > _HIGH_SHARE * power.sum():
-        share = 100 * power[:, high].sum() / power.sum()
-        warnings.append(
-            f"{role}: {share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled; "
-            "set channel_filter_class = 60 in campaign.toml if they are not filtered."
-        )
+    share = power[:, high].sum() / max(power.sum(), 1e-300)
+    noise = np.median([noise_share(pulse, dt_s=DT_S) for pulse in some[:_MOST_NOISY]])
+    if share > _HIGH_SHARE:
+        told = f"{100 * share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled"
+    elif noise > CFC60_NOISE:
+        told = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more noise than CFC 60 leaves"
+    else:
+        return
+    warnings.append(f"{role}: {told}; set channel_filter_class = 60 in campaign.toml if they are not filtered.")
 
 
 def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:

@@ -5,8 +5,8 @@ Tables are read in batches and their samples go straight into the float32 array 
 """
 
 import unicodedata
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.campaign_folder.columns import MOST_PROBLEMS
+from crashfuse.campaign_folder.gap import gap_s
 from crashfuse.campaign_folder.recorded_pulse import RecordedPulse, cover_trouble, ends_early, joined, time_trouble
 from crashfuse.campaign_folder.sample_tables import check_length, sample_batches, whole_record
 from crashfuse.errors import DataError, Problem, collecting, printable
@@ -34,12 +35,15 @@ _MOST_STRANGERS = 3  # named in the warning
 class PulseFiles:
     """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid.
 
-    With a channel filter class, whole records are filtered before they are cropped to the grid.
+    With a channel filter class, whole records are filtered before they are cropped to the grid. With a gap before the
+    barrier, a record begins where its run is through it, by its speed.
     """
 
     folder: Path
     role: str
     channel_filter_class: float | None
+    gap_m: float = 0.0
+    speeds_mps: Mapping[str, float] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     ends_s: dict[str, float] = field(default_factory=dict)
@@ -48,6 +52,8 @@ class PulseFiles:
     """Rows of the ids without a pulse that can be used."""
     faults: dict[str, tuple[SensorFault, ...]] = field(default_factory=dict)
     """What looks like a fault of a test's sensor in its record as stored, by id."""
+    through_gap: int = 0
+    """Records whose gap was taken out."""
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str], unused: Sequence[str] = ()) -> npt.NDArray[np.float32]:
@@ -71,6 +77,7 @@ class PulseFiles:
                 missing.remove(run_id)
                 if record is None:
                     continue
+                record = self._through_gap(record, run_id)
                 on_grid = self._on_grid(record, _named(run_id, where))
                 if on_grid is not None:
                     accel[row_of[run_id]] = on_grid
@@ -181,6 +188,15 @@ class PulseFiles:
             return
         if pending:
             yield pending_id, path.name, joined(pending)
+
+    def _through_gap(self, record: RecordedPulse, run_id: str) -> RecordedPulse:
+        """The record with its time zero where the run is through the gap, if it has one."""
+        time_s, accel = record.time_s, record.accel_mps2
+        if not self.gap_m or time_s.size < 2 or not (np.isfinite(time_s).all() and np.isfinite(accel).all()):
+            return record
+        lasts_s = gap_s(time_s, accel, self.speeds_mps[run_id], self.gap_m)
+        self.through_gap += lasts_s > 0
+        return replace(record, time_s=time_s - lasts_s)
 
     def _on_grid(self, record: RecordedPulse, where: str) -> FloatArray | None:
         """Resample a record to the study grid; where that is impossible, append a problem and return None."""

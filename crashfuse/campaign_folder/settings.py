@@ -10,9 +10,11 @@ from crashfuse.campaign_folder.quality_columns import QualitySettings, quality_s
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.toml_text import read_toml, shown
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
+from crashfuse.units import MS
 
 _MOST_MIB = 4  # some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
+_LARGEST_GAP_MM = 10_000
 LONGEST_REASON = 200
 """Characters of why a test is left out of use."""
 
@@ -22,7 +24,7 @@ class Settings:
     """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with.
 
     ``tests_imported_with`` holds the CFC of each imported test by its id, ``unused`` why tests are left out of use by
-    theirs, with no words if nobody says.
+    theirs, with no words if nobody says, ``cae_gap_m`` how far CAE runs move before they meet the barrier.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Settings:
     occupant: OccupantModel = USUAL_OCCUPANT
     tests_imported_with: Mapping[str, float] = field(default_factory=dict)
     unused: Mapping[str, str] = field(default_factory=dict)
+    cae_gap_m: float = 0.0
 
 
 def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
@@ -53,12 +56,13 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     imported = _imported_with(values.pop("imported", None))
     quality, occupant = quality_settings(values, problems), occupant_settings(values, problems)
     unused = _unused(values.pop("unused", []), problems)
+    gap_m = _gap(values, problems)
     name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
     notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
     if values:
         unknown = printable(", ".join(values), 200)
         warnings.append(f"{path.name}: {unknown} is not a setting that crashfuse knows; it is left alone.")
-    return Settings(name, notice, cfc, already, quality, occupant, imported, unused)
+    return Settings(name, notice, cfc, already, quality, occupant, imported, unused, gap_m)
 
 
 def own_filter_class(folder: Path) -> float | None:
@@ -123,3 +127,13 @@ def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> 
         problems.append(Problem("campaign.toml", expected, shown(cfc), "correct the value", key))
         return None
     return float(cfc)
+
+
+def _gap(values: dict[str, Any], problems: list[Problem]) -> float:
+    """Pop the gap before the barrier, in m."""
+    gap_mm = values.pop("cae_gap_mm", 0.0)
+    if isinstance(gap_mm, bool) or not isinstance(gap_mm, int | float) or not 0 <= gap_mm <= _LARGEST_GAP_MM:
+        expected = f"a distance in mm, at most {_LARGEST_GAP_MM:,}"
+        problems.append(Problem("campaign.toml", expected, shown(gap_mm), "correct the value", "cae_gap_mm"))
+        return 0.0
+    return gap_mm * MS

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.campaign_folder.condition_tables import TABLES, Role, read_what_can_be
-from crashfuse.campaign_folder.folder import read_folder
+from crashfuse.campaign_folder.folder import AT_THE_TOP, PULSES, read_folder
 from crashfuse.campaign_folder.ids import folded
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import (
@@ -28,12 +28,6 @@ from crashfuse.files.archive import (
 )
 
 _ROLES: tuple[Role, ...] = ("tests", "cae")
-_PULSES = (".csv", ".parquet")
-_ASKED = ("criteria.toml", "matrix.csv", "notes.csv")  # of a certification, and by readers
-FILES = (*TABLES, "campaign.toml", *_ASKED)
-"""The files of a campaign folder beside its pulses."""
-
-_AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
 _NOTES = (".md", ".txt")
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
 _ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory
@@ -157,7 +151,7 @@ def _strange(member: Member) -> Problem | None:
     ending = member.path.suffix.lower()
     if ending in _ARCHIVES:
         return Problem(member.where, "tables", "an archive in the upload", "unpack it first")
-    if ending in (*_PULSES, *_NOTES, ".toml"):
+    if ending in (*PULSES, *_NOTES, ".toml"):
         return None
     found = f"a file {printable(ending)}" if ending else "a file without an ending"
     expected = "a file of a campaign (.csv, .parquet, campaign.toml) or of a format to be imported"
@@ -167,9 +161,9 @@ def _strange(member: Member) -> Problem | None:
 def _in_a_campaign(path: PurePosixPath) -> bool:
     match path.parts:
         case (name,):
-            return name in _AT_THE_TOP or path.suffix in _PULSES
+            return name in AT_THE_TOP or path.suffix in PULSES
         case (role, _):
-            return role in _ROLES and path.suffix in _PULSES
+            return role in _ROLES and path.suffix in PULSES
     return False
 
 
@@ -179,12 +173,12 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Pro
     What is wrong with the tables is told when they are read. A pulse that is of no other role is of one whose table
     cannot be read.
     """
-    strays = [folder / path for path in at_the_top if path.name not in _AT_THE_TOP]
+    strays = [folder / path for path in at_the_top if path.name not in AT_THE_TOP]
     ids: dict[str, set[str]] = {}
     unread: list[str] = []
     for role in _ROLES if strays else ():
         table = read_what_can_be(folder / f"{role}.csv", role, [])
-        has_pulses = any((folder / f"{role}_pulses{ending}").is_file() for ending in _PULSES)
+        has_pulses = any((folder / f"{role}_pulses{ending}").is_file() for ending in PULSES)
         ids[role] = set() if table is None or has_pulses else set(table.ids)
         if table is None and not has_pulses:
             unread.append(role)

@@ -32,6 +32,7 @@ def sample(arguments: argparse.Namespace) -> None:
 
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
+    from crashfuse.campaign_folder.folder import unread_files
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.study.nearest import nearest_run
 
@@ -49,6 +50,8 @@ def check(arguments: argparse.Namespace) -> None:
             print(f"    {note}")
     for remark in campaign.remarks:
         print(f"Note: {remark}")
+    if unread := unread_files(arguments.campaign):
+        print(unread)
     verdict = campaign.quality
     for sentence in verdict.sentences:
         print(sentence)

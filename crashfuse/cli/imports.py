@@ -30,6 +30,7 @@ def import_(arguments: argparse.Namespace) -> None:
         unit=UNITS.get(arguments.unit, arguments.unit),
         deceleration_sign=arguments.deceleration_sign,
         time_zero_s=None if arguments.time_zero_ms is None else arguments.time_zero_ms * MS,
+        gap_m=arguments.gap_mm,
         channel_filter_class=arguments.channel_filter_class,
         condition=PartialCondition(**{name: getattr(arguments, name) for name in _CONDITION}),
         front_share=arguments.front_share,
@@ -76,6 +77,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--travel", choices=TRAVELS, help="direction of travel in the source's axes (default: found)")
     parser.add_argument("--time-zero-ms", type=number, metavar="T", help="first contact, in the source's own time")
+    parser.add_argument(
+        "--gap-mm", type=in_si(MS), metavar="G", help="distance to the barrier at the start of CAE runs"
+    )
     parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help='60, 180 or so, or "none"')
     for name, what in _CONDITION.items():
         group, metavar = parser.add_mutually_exclusive_group(), "V" if name == "speed_mps" else "W"

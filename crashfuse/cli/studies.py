@@ -157,14 +157,13 @@ def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
     """Write the series so far, and keep the results of earlier series in this folder."""
     import pandas as pd
 
-    from crashfuse.files.csv_output import csv_bytes, original
+    from crashfuse.files.csv_output import csv_bytes, read_csv_table
 
-    study, texts = ["campaign", "preset", "seed"], ["campaign", "held_out"]
+    study = ["campaign", "preset", "seed"]
     fresh, path = pd.concat(tables), folder / "studies.csv"
     kept = fresh.iloc[:0]
     with suppress(OSError, ValueError, KeyError):  # there is none, or it can't be read
-        older = pd.read_csv(path, dtype=dict.fromkeys(texts, str))
-        older[texts] = older[texts].map(original)
+        older = read_csv_table(path, fresh.select_dtypes("number").columns)
         kept = older[~pd.MultiIndex.from_frame(older[study]).isin(pd.MultiIndex.from_frame(fresh[study]))]
     with writing(folder, last="studies.csv") as staging:
         (staging / "studies.csv").write_bytes(csv_bytes(pd.concat([kept, fresh] if len(kept) else [fresh])))

@@ -1,4 +1,4 @@
-"""CSV tables as crashfuse writes them: no cell is a formula to the spreadsheet that opens them, and no text is lost.
+"""CSV tables as crashfuse writes and reads them: no cell is a formula to a spreadsheet, and no text is lost.
 
 Text from a laboratory (a factor, the name of a file or a campaign) may be ``=HYPERLINK(…)`` or ``+cmd|…``, which a
 spreadsheet would run. It is written with an apostrophe before it, as spreadsheets mark text themselves, and read back
@@ -8,7 +8,8 @@ without it. Numbers stay as they are, negative ones included.
 import csv
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
 from typing import Literal, TextIO
 
 import pandas as pd
@@ -49,6 +50,20 @@ def csv_bytes(table: pd.DataFrame, float_format: str | None = "%.6g") -> bytes:
     """A table as CSV in UTF-8, by default with six significant digits."""
     text = without_formulas(table).to_csv(index=False, float_format=float_format, lineterminator="\n")
     return str(text).encode()
+
+
+def read_csv_table(path: Path, numbers: Collection[str]) -> pd.DataFrame:
+    """A table as :func:`csv_bytes` wrote it, with text in all columns but ``numbers``.
+
+    Nothing but an empty cell of a number is missing: a test may be called NA, nan, None, 007 or 1e5.
+
+    Raises
+    ------
+    OSError, ValueError
+        If there is no such table, or a number in it is none.
+    """
+    table = pd.read_csv(path, dtype=str, keep_default_na=False)
+    return table.apply(lambda cells: pd.to_numeric(cells) if cells.name in numbers else cells.map(original))
 
 
 def csv_text(rows: Iterable[Sequence[object]]) -> str:

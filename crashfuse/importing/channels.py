@@ -10,12 +10,13 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.importing.choices import Choices
-from crashfuse.importing.detection import around_peak, delta_v, own_zero, smoothed
+from crashfuse.importing.detection import around_peak, delta_v, own_zero
 from crashfuse.importing.sampling import even, on_one_clock
 from crashfuse.readers.credibility import Doubt
 from crashfuse.readers.quantities import speed
 from crashfuse.readers.record import Record, RecordedChannel
 from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
+from crashfuse.signals.onset import smoothed
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.sensor_faults import confirmed, sensor_faults
 from crashfuse.units import G

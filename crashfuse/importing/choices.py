@@ -29,6 +29,8 @@ class Choices:
         Whether the file writes deceleration as negative or as positive numbers.
     time_zero_s : float, optional
         Time of first contact in the file's own time.
+    gap_m : float, optional
+        Distance that CAE runs move before they meet the barrier; a run that decelerates before is left as it is.
     front_share : float, optional
         Share of the mass on the front axle, for files that state only the total mass.
 
@@ -42,6 +44,7 @@ class Choices:
     unit: str | None = None
     deceleration_sign: Literal["negative", "positive"] | None = None
     time_zero_s: float | None = None
+    gap_m: float | None = None
     channel_filter_class: float | Literal["none"] | None = None
     condition: PartialCondition = field(default_factory=PartialCondition)
     front_share: float | None = None

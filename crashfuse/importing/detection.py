@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.campaign_folder.gap import LEAST_M, gap_s
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing.choices import Choices
 from crashfuse.readers.quantities import speed
 from crashfuse.readers.record import Record, RecordedChannel
 from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
-from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.filters import CFC60_NOISE, noise_share
+from crashfuse.signals.onset import free_travel_s, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text
@@ -19,9 +21,8 @@ from crashfuse.wording import Sentence, number, signed, time_text
 _NO_SIGN = "let the record tell its sign (remove --deceleration-sign)"
 _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below this leaves nothing for CFC 60 (100 Hz) to remove
-_BAND_HZ, _HIGH_SHARE = 250.0, 1e-3  # measured: CFC 60 2e-5…6e-5, CFC 180 2e-2
+_BAND_HZ, _HIGH_SHARE = 250.0, 1e-3  # measured: CFC 60 2e-5…6e-5, CFC 100 2e-3, CFC 180 2e-2
 _AROUND_PEAK_S = 0.15
-_ONSET_MPS2, _CALM_MPS2, _ONSET_S = 0.5 * G, 0.05 * G, 1e-3
 _AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
 _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 
@@ -111,44 +112,47 @@ def own_zero(record: Record, time_s: FloatArray) -> str:
 
 
 def time_zero(
-    record: Record, time_s: FloatArray, accel: FloatArray, choices: Choices, role: Role, steps: list[str]
+    record: Record,
+    time_s: FloatArray,
+    accel: FloatArray,
+    speed_mps: float,
+    choices: Choices,
+    role: Role,
+    steps: list[str],
 ) -> float:
     """The time of first contact in the file's own time."""
     start, end = float(time_s[0]), float(time_s[-1])
-    onset = _onset(time_s, accel)
-    began = "never passes 0.5 g" if onset is None else f"begins at {time_text(onset)}"
+    begins = onset(time_s, accel)
+    began = "never passes 0.5 g" if begins is None else f"begins at {time_text(begins.calm_s)}"
+    own = own_zero(record, time_s)
+    begin = 0.0 if own else start
+    gap = gap_s(time_s - begin, accel, speed_mps, choices.gap_m) if role == "cae" and choices.gap_m else 0.0
     if choices.time_zero_s is not None:
         zero, why = float(choices.time_zero_s), "given by the user"
-    elif own := own_zero(record, time_s):
+    elif gap and choices.gap_m:
+        zero, why = begin + gap, f"after a gap of {number(choices.gap_m / MS, '.4g')} mm, given by the user"
+    elif own:
         zero, why = 0.0, own
-    elif role == "cae" or onset is None or onset - start < _AT_ONCE_S:
+    elif role == "cae" or begins is None or begins.calm_s - start < _AT_ONCE_S:
         zero, why = start, "the record begins at contact"
     else:
-        zero, why = onset, "deceleration begins there"
+        zero, why = begins.calm_s, "deceleration begins there"
     if not start - step_of(time_s) <= zero <= end:
         found = f"a record from {number(start / MS, '.4g')} to {time_text(end)}"
         expected = f"time zero at {time_text(zero)} ({why})"
         raise DataError(Problem(record.source, expected, found, "give the time of first contact (--time-zero-ms)"))
     steps.append(f"Time zero at {time_text(zero)} of the file: {why}; deceleration {began}.")
-    if onset is not None and abs(onset - zero) > _SUSPICIOUS_S and role == "tests":
+    if begins is not None and role == "tests" and abs(begins.calm_s - zero) > _SUSPICIOUS_S:
         steps.append("Careful: deceleration begins far from time zero; check the time of first contact.")
+    if begins is not None and role == "cae" and begins.is_sudden(zero):
+        after = time_s >= zero
+        free_m = speed_mps * free_travel_s(time_s[after], accel[after])
+        if free_m > LEAST_M:
+            steps.append(
+                f"Careful: the vehicle moves {free_m / MS:.0f} mm after time zero before it decelerates. Take a gap "
+                f"before the barrier out (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})."
+            )
     return zero
-
-
-def _onset(time_s: FloatArray, accel: FloatArray) -> float | None:
-    """The time when deceleration at CFC 60 first exceeds 0.5 g and stays above it for 1 ms.
-
-    A bumper is soft: in a barrier test at 57 km/h this is 2 ms after the bumper contact switch closes.
-    """
-    smooth = smoothed(time_s, accel)
-    above = -smooth > _ONSET_MPS2
-    run = max(round(_ONSET_S / step_of(time_s)), 1)
-    stays = np.convolve(above, np.ones(run), "valid") > run - 0.5
-    if not stays.any():
-        return None
-    passed = int(np.argmax(stays))
-    calm = np.flatnonzero(-smooth[:passed] <= _CALM_MPS2)
-    return float(time_s[calm[-1] if calm.size else 0])
 
 
 def filter_class(
@@ -175,8 +179,9 @@ def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, a
     level = np.linspace(accel[0], accel[-1], accel.size)  # unequal ends, as of a cut pulse, are not noise
     power = np.abs(np.fft.rfft(accel - level - (accel - level).mean())) ** 2
     share = power[np.fft.rfftfreq(accel.size, step_of(time_s)) > _BAND_HZ].sum() / max(power.sum(), 1e-300)
-    if share < _HIGH_SHARE:
-        return f"{100 * share:.2g} % of its power lies above {_BAND_HZ:g} Hz, as after CFC 60"
+    noise = noise_share(accel, dt_s=step_of(time_s))
+    if share < _HIGH_SHARE and noise < CFC60_NOISE:
+        return f"above 400 Hz it holds {100 * noise:.1g} % of its peak, as after CFC 60"
     return ""
 
 
@@ -203,12 +208,6 @@ def around_peak(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, Flo
     """The part of a record within 150 ms of its largest value."""
     near = np.abs(time_s - time_s[np.abs(values).argmax()]) <= _AROUND_PEAK_S
     return time_s[near], values[near]
-
-
-def smoothed(time_s: FloatArray, accel: FloatArray) -> FloatArray:
-    """A record at CFC 60, if it is long and dense enough for the filter."""
-    step = step_of(time_s)
-    return cfc_filter(accel, cfc=60, dt_s=step) if step <= 1 / 600 and time_s[-1] - time_s[0] > 0.02 else accel
 
 
 def step_of(time_s: FloatArray) -> float:

@@ -145,7 +145,7 @@ def settled_at(
     refuse_short(record, time_s, values, choices, channels[0].unit, condition.speed_mps, role)
     unit, sign = unit_and_sign(record, channels, time_s, values, condition.speed_mps, choices, role, steps)
     accel = values * ACCELERATION_UNITS[unit] * (1 if sign == "negative" else -1)
-    zero_s = time_zero(record, time_s, accel, choices, role, steps)
+    zero_s = time_zero(record, time_s, accel, condition.speed_mps, choices, role, steps)
     offset_before(time_s, accel, zero_s, steps)
     unlike = change_trouble(record, time_s, accel, unit, condition.speed_mps, role)
     if raw:

@@ -4,13 +4,11 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 
-import pandas as pd
-
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.files.csv_output import original
+from crashfuse.files.csv_output import read_csv_table
 from crashfuse.study.history import PastResult, Ratings, parsed
 
-_COLUMNS = {"held_out": str, "approach": str, "window_ms": float, "overall": float}
+_COLUMNS = ["held_out", "approach", "window_ms", "overall"]
 
 
 def read_study(folder: Path) -> PastResult:
@@ -50,8 +48,8 @@ def read_study(folder: Path) -> PastResult:
 
 
 def _ratings(path: Path) -> Ratings:
-    table = pd.read_csv(path, usecols=list(_COLUMNS), dtype=_COLUMNS)
+    table = read_csv_table(path, ("window_ms", "overall"))
     ratings: dict[str, dict[str, dict[float, float]]] = {}
-    for test, approach, window, overall in table[list(_COLUMNS)].itertuples(index=False):
-        ratings.setdefault(original(test), {}).setdefault(approach, {})[window] = overall
+    for test, approach, window, overall in table[_COLUMNS].itertuples(index=False):
+        ratings.setdefault(test, {}).setdefault(approach, {})[window] = overall
     return ratings

@@ -45,8 +45,13 @@ def _cells(problem: Problem, rows: str) -> dict[str, str]:
 
 def advice_on_page(problem: Problem) -> str:
     """Advice without the command line's options, which are fields on the page."""
-    advice = _OPTION.sub("", problem.advice)
+    advice = without_options(problem.advice)
     return advice[:1].upper() + advice[1:]
+
+
+def without_options(text: str) -> str:
+    """A sentence without the command line's options, which stand in parentheses."""
+    return _OPTION.sub("", text)
 
 
 def _rows(numbers: Sequence[int]) -> str:

@@ -1,5 +1,6 @@
 """The same record twice: copies are found however they were made, and crashes that are alike are left alone."""
 
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,7 @@ import pandas as pd
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.copies import copied_runs, copied_tests
+from crashfuse.campaign_folder.copies import ONE_RECORD, copied_runs, similar_tests
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
 from crashfuse.signals.filters import cfc_filter
@@ -20,13 +21,17 @@ from tests.conftest import ROOT, SHARED, needs_shared
 WORLDS = ("alpha", "beta", "eta", "theta")
 MADE: dict[str, Callable[[FloatArray], FloatArray]] = {
     "exactly": lambda accel: accel,
+    "with a little noise": lambda accel: accel + np.random.default_rng(0).normal(0.0, 0.05 * G, accel.size),
     "5 ms later": lambda accel: np.interp(GRID_S - 5e-3, GRID_S, accel),
     "5 ms sooner": lambda accel: np.interp(GRID_S + 5e-3, GRID_S, accel),
+    "12 ms sooner": lambda accel: np.interp(GRID_S + 12e-3, GRID_S, accel),
     "half": lambda accel: 0.5 * accel,
     "double": lambda accel: 2.0 * accel,
     "with a sensor's zero": lambda accel: accel + 0.3 * G,
+    "at 1 kHz": lambda accel: np.interp(GRID_S, GRID_S[::12], accel[::12]),
     "at 10 kHz": lambda accel: np.interp(GRID_S, GRID_S[::2], accel[::2]),
     "filtered again": lambda accel: cfc_filter(accel, cfc=60, dt_s=DT_S),
+    "cropped at 62 ms": lambda accel: accel[:775],
     "to 0.1 g": lambda accel: np.round(accel / G, 1) * G,
     "all of it": lambda accel: (
         np.round(cfc_filter(0.6 * np.interp(GRID_S - 4e-3, GRID_S, accel), cfc=60, dt_s=DT_S) / G + 0.1, 2) * G
@@ -51,7 +56,9 @@ def test_a_copy_of_a_test_is_found_however_it_was_made(sample: Campaign, way: st
     tests = pulses(sample)
     n = len(tests)
     for place, accel in enumerate(tests):
-        assert copied_tests(np.vstack([tests, MADE[way](accel)])) == [(place, n)]
+        ((pair, share),) = similar_tests([*tests, MADE[way](accel)]).items()
+        assert pair == (place, n)
+        assert share < ONE_RECORD
 
 
 @needs_shared
@@ -63,8 +70,31 @@ def test_crashes_of_other_vehicles_are_not_copies(world: str) -> None:
     for path in sorted((SHARED / "worlds" / world / "repeats").glob("*.csv")):
         table = pd.read_csv(path)
         tests.append(np.interp(GRID_S, table["time_ms"] * 1e-3, table["acceleration_g"] * G, right=0.0))
-    assert copied_tests(np.array(tests)) == []
+    assert similar_tests(tests) == {}
     assert not any("the same pulse" in warning for warning in campaign.warnings)
+
+
+@needs_shared
+@pytest.mark.parametrize("series", ["helmet_front", "helmet_left", "quadcopter"])
+def test_measured_repeats_are_no_copies(series: str) -> None:
+    """Foam repeats to a few per cent; hundreds of further impacts at the same conditions are never one record."""
+    folder = SHARED / "real" / "impacts" / series
+    tests = list(pulses(load_campaign(folder)))
+    if (folder / "unseen.parquet").is_file():
+        for _, record in pd.read_parquet(folder / "unseen.parquet").groupby("id"):
+            tests.append(np.interp(GRID_S, record["time_ms"] * 1e-3, record["acceleration_g"] * G))
+    assert min(similar_tests(tests).values(), default=1.0) > 1.3 * ONE_RECORD
+
+
+@needs_shared
+def test_two_good_repeats_are_told(tmp_path: Path) -> None:
+    """They correlate to 0.9999 once shifted: a campaign with both can be opened, and both are named."""
+    folder = shutil.copytree(SHARED / "real" / "impacts" / "helmet_left", tmp_path / "campaign")
+    for path in (SHARED / "real" / "impacts" / "two_repeats").glob("*.csv"):
+        (folder / "tests" / path.name).unlink()
+        (folder / "tests" / path.name).write_bytes(path.read_bytes())
+    (told,) = [warning for warning in load_campaign(folder).warnings if "hardly differ" in warning]
+    assert "A30_07 and A30_09 (1.3 %)" in told
 
 
 def test_a_test_beside_its_copy_is_refused_with_both_named(campaign_folder: Path) -> None:

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.folder import unread_files
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S
@@ -177,6 +178,35 @@ def test_unfiltered_pulses_are_warned_of(campaign_folder: Path) -> None:
     (warning,) = load_campaign(campaign_folder).warnings
     assert "power lies above 250 Hz" in warning
     assert "channel_filter_class = 60" in warning
+
+
+def test_a_little_noise_is_told_too(campaign_folder: Path) -> None:
+    """0.2 g are less than a 1000th of the power, and ten times what CFC 60 leaves; with the filter it is gone."""
+    rng = np.random.default_rng(0)
+    for path in (campaign_folder / "tests").iterdir():
+        table = pd.read_csv(path)
+        table["acceleration_g"] += rng.normal(0.0, 0.2, len(table))
+        table.to_csv(path, index=False)
+    (warning,) = load_campaign(campaign_folder).warnings
+    assert "above 400 Hz the pulses hold 0." in warning
+    assert "channel_filter_class = 60" in warning
+
+
+def test_files_that_nothing_reads_are_named(campaign_folder: Path, tmp_path: Path) -> None:
+    """At the top and among the pulses; not what systems leave and what tells of the folder, nor our own files."""
+    assert unread_files(campaign_folder) == ""
+    for name in ("README.md", ".DS_Store", "notes.csv", "criteria.toml", "LICENSE", "Thumbs.db"):
+        (campaign_folder / name).touch()
+    assert unread_files(campaign_folder) == ""
+    (campaign_folder / "summary.csv").touch()
+    (campaign_folder / "tests" / "T9.xlsx").touch()
+    (campaign_folder / "study").mkdir()
+    told = unread_files(campaign_folder)
+    assert told.partition(": ")[2] == "study/, summary.csv, tests/T9.xlsx."
+    for number in range(8):
+        (campaign_folder / f"more{number}.csv").touch()
+    assert unread_files(campaign_folder).endswith(" and 6 more.")
+    assert unread_files(tmp_path / "campaign.zip") == ""
 
 
 def test_a_single_test_is_enough_to_predict_and_not_to_check(campaign_folder: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crashfuse.files.csv_output import csv_bytes, csv_text, neutral, original, without_formulas
+from crashfuse.files.csv_output import csv_bytes, csv_text, neutral, original, read_csv_table, without_formulas
 from crashfuse.files.csv_text import read_rows
 
 FORMULAS = (
@@ -58,6 +58,27 @@ def test_a_table_that_was_written_is_read_to_the_same_text(
     names, rows, _ = read_rows(path, "t.csv")
     assert names == header
     assert [row[1] for row in rows] == texts
+
+
+@given(
+    ids=st.lists(
+        st.sampled_from(
+            ["NA", "nan", "None", "null", "NULL", "n/a", "#N/A", "", "-", "inf", "1e5", "007", "True", "=1"]
+        )
+        | st.text("=+-@';a1é ", max_size=6),
+        min_size=1,
+    ),
+    data=st.data(),
+)
+def test_a_frame_that_was_written_is_read_to_the_same_frame(
+    ids: list[str], data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Whatever tests are called; nothing but the empty cell of a number is missing."""
+    path = tmp_path_factory.mktemp("table") / "t.csv"
+    numbers = st.lists(st.sampled_from([0.25, -3.5, np.nan]), min_size=len(ids), max_size=len(ids))
+    frame = pd.DataFrame({"id": ids, "value": np.array(data.draw(numbers)), "seed": np.arange(len(ids)) + 1234567})
+    path.write_bytes(csv_bytes(frame))
+    pd.testing.assert_frame_equal(read_csv_table(path, ("value", "seed")), frame)
 
 
 def test_a_frame_keeps_its_numbers_and_loses_its_formulas() -> None:

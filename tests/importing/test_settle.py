@@ -10,11 +10,14 @@ import pytest
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, Settled, settle
 from crashfuse.importing.detection import UnknownUnit
-from crashfuse.readers.record import PartialCondition, RecordedChannel
-from crashfuse.signals.filters import cfc_filter
-from crashfuse.signals.pulse import Kinematics
+from crashfuse.readers.lsdyna.runs import read_lsdyna
+from crashfuse.readers.nhtsa import read_nhtsa
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.signals.filters import CFC60_NOISE, cfc_filter, noise_share
+from crashfuse.signals.pulse import FloatArray, Kinematics
 from crashfuse.units import KPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, said, signed
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import (
     CONDITION,
     CRUSH_M,
@@ -144,6 +147,37 @@ def test_only_what_went_through_cfc_60_is_left_as_it_is(cfc: int, again: float |
     noise = 4 * np.random.default_rng(0).standard_normal(time_s.size)
     values = cfc_filter(half_sine_g(time_s) + noise, cfc=cfc, dt_s=1e-4)
     assert settle(record(RecordedChannel("X", "X", time_s, values, "g"))).channel_filter_class == again
+
+
+@pytest.mark.parametrize(("noise_g", "again"), [(0.0, None), (0.1, 60.0), (0.2, 60.0), (0.3, 60.0)])
+def test_noise_that_cfc_60_would_take_away_is_no_filtered_record(noise_g: float, again: float | None) -> None:
+    """Noise of 4 g leaves 0.02 g above 250 Hz after CFC 60: a tenth of a g is more, though a 100,000th of the power."""
+    time_s = clock()
+    rng = np.random.default_rng(0)
+    smooth = cfc_filter(half_sine_g(time_s) + 4 * rng.standard_normal(time_s.size), cfc=60, dt_s=1e-4)
+    noisy = np.round(smooth, 1) + noise_g * rng.standard_normal(time_s.size)
+    assert settle(record(RecordedChannel("X", "X", time_s, noisy, "g"))).channel_filter_class == again
+
+
+@needs_shared
+def test_a_barrier_test_keeps_its_class() -> None:
+    """After CFC 60 it is left as it is, rounded, cut, padded or slowly sampled; after CFC 180 it is not."""
+    (camry,) = read_nhtsa(SHARED / "real" / "nhtsa_10146_camry2018")
+    raw = next(one for one in camry.channels if one.name == "93")
+    time_s, step = raw.time_s, float(raw.time_s[1] - raw.time_s[0])
+    smooth = cfc_filter(raw.values, cfc=60, dt_s=step)
+
+    def noise(values: FloatArray, part: slice = slice(None)) -> float:
+        return noise_share(values[part], dt_s=float(np.diff(time_s[part])[0]))
+
+    contact, stop = np.searchsorted(time_s, [0.0, 0.1]).tolist()
+    slow = slice(None, None, round(1e-3 / step))
+    padded = np.where(time_s > 0.08, 0.0, smooth)
+    for left in (noise(smooth), noise(smooth.round(1)), noise(smooth, slice(contact, stop)), noise(smooth, slow)):
+        assert left < 0.8 * CFC60_NOISE
+    assert noise(padded) < CFC60_NOISE
+    for cfc in (180, 600):
+        assert noise(cfc_filter(raw.values, cfc=cfc, dt_s=step)) > CFC60_NOISE
 
 
 def test_a_filtered_record_that_was_cut_before_the_stop_is_not_taken_for_a_raw_one() -> None:
@@ -515,3 +549,39 @@ def test_a_channel_whose_sensor_failed_is_left_out_beside_a_sound_one() -> None:
         assert "R" in kept.channels
         assert [step for step in kept.steps if step.startswith("Careful: R: its signal is lost")]
     assert not [step for step in settle(record(failed), role="cae").steps if "signal" in step]
+
+
+@pytest.mark.parametrize("gap_mm", [100, 200, 450])
+@pytest.mark.parametrize("speed_kph", [30.0, 64.0])
+def test_a_gap_before_the_barrier_is_told_and_taken_out(gap_mm: int, speed_kph: float) -> None:
+    """Of a CAE run, whatever its speed; a run without one is left as it is, and so is one that begins before."""
+    condition = replace(CONDITION, speed_mps=speed_kph * KPH)
+    time_s = clock(start_s=0.0)
+    lasts_s = gap_mm * MS / (speed_kph * KPH)  # mm in m, as ms in s
+
+    def run(after_s: float) -> Record:
+        accel_g = half_sine_g(time_s - after_s) * speed_kph / 56
+        return record(RecordedChannel("X", "Sensor X", time_s, accel_g, "g"), condition=condition)
+
+    (careful,) = [step for step in settle(run(lasts_s), role="cae").steps if "--gap-mm" in step]
+    assert int(careful.partition("--gap-mm ")[2].partition(")")[0]) == pytest.approx(gap_mm, abs=4)
+    settled = settle(run(lasts_s), Choices(gap_m=gap_mm * MS), role="cae")
+    assert settled.time_zero_s == pytest.approx(lasts_s)
+    assert not [step for step in settled.steps if "--gap-mm" in step]
+    for choices in (Choices(), Choices(gap_m=gap_mm * MS)):
+        settled = settle(run(0.0), choices, role="cae")
+        assert settled.time_zero_s == 0
+        assert not [step for step in settled.steps if "--gap-mm" in step]
+    assert settle(run(lasts_s), Choices(gap_m=3 * gap_mm * MS), role="cae").time_zero_s == 0
+
+
+@needs_shared
+def test_a_run_of_a_solver_that_begins_before_the_barrier() -> None:
+    """200 mm at 8.33 m/s: 24 ms later it is what the run would be at the barrier."""
+    (record,) = read_lsdyna(SHARED / "real" / "formats" / "lsdyna_gap")
+    choices = Choices(condition=PartialCondition(mass_kg=1500.0), front_share=0.58)
+    (careful,) = [step for step in settle(record, choices, role="cae").steps if "--gap-mm" in step]
+    assert "moves 208 mm" in careful
+    settled = settle(record, replace(choices, gap_m=0.2), role="cae")
+    assert settled.time_zero_s == pytest.approx(0.024, abs=1e-5)
+    assert motion(settled).t0_s == pytest.approx(0.0658, abs=2e-4)

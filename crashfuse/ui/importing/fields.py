@@ -197,11 +197,23 @@ def choices_of(
         detected = f"CFC {own:g}" if own is not None else "Not filtered"
         name = _field(right, "Filter", list(_CLASSES), detected if found else None, source)
         cfc = _CLASSES[name] if name else None
+    gap_mm = None
+    if role == "cae":
+        gap_mm = st.number_input(
+            "Gap before the barrier (mm)",
+            value=None,
+            min_value=0.0,
+            placeholder="none",
+            key=f"{source.key} gap",
+            persist_state="session",
+            help="How far the vehicle moves in the run before it meets the barrier.",
+        )
     choices = Choices(
         channels,
         unit,
         _SIGNS.get(sign or ""),  # type: ignore[arg-type]
         None if zero_ms is None else zero_ms * MS,
+        None if gap_mm is None else gap_mm * MS,
         cfc,  # type: ignore[arg-type]
         condition,
         share,

@@ -24,7 +24,7 @@ from crashfuse.ui.importing.adding import counted_each, own_class, show_add_form
 from crashfuse.ui.importing.condition import Units
 from crashfuse.ui.importing.fields import choices_of, reading_of
 from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave, left_aside, records_of, settled_of
-from crashfuse.ui.problems import advice_on_page, show_problems
+from crashfuse.ui.problems import advice_on_page, show_problems, without_options
 from crashfuse.ui.text import plain
 from crashfuse.units import MS
 from crashfuse.wording import said
@@ -151,7 +151,7 @@ def _preview(record: Record, choices: Choices, settled: Settled | None, display:
     )
     if settled is not None:
         st.markdown(f"**{plain(settled.id)}**: {units.told(settled.condition)}")
-        st.markdown("\n".join(f"- {plain(said(step, units.system))}" for step in settled.steps))
+        st.markdown("\n".join(f"- {plain(without_options(said(step, units.system)))}" for step in settled.steps))
 
 
 def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
