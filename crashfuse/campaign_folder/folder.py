@@ -10,6 +10,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
+from crashfuse.campaign_folder.history import settle
 from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units, unlike_weights
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.quality_columns import failing
@@ -31,6 +32,7 @@ def read_folder(folder: str | Path) -> Campaign:
         if folder.exists():
             found, advice = "a file", "name the folder that it lies in, or a zip of it"
         raise DataError(Problem(str(folder), "a campaign folder", found, advice))
+    settle(folder)
     problems: list[Problem] = []
     warnings: list[str] = []
     settings = read_settings(folder, problems, warnings)
