@@ -1,7 +1,6 @@
 """Adding pulses to a campaign folder: all of them or none, to be undone at will.
 
-A pulse belongs to a campaign once its row is in the condition table. Those of tests and CAE runs are written last, and
-together: an interruption before that leaves the campaign unchanged.
+A pulse belongs to a campaign once its row is in the condition table; the tables take their places last.
 """
 
 import csv
@@ -9,8 +8,8 @@ import io
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from crashfuse.campaign_folder.added import WHAT, Added, named
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role, read_conditions
 from crashfuse.campaign_folder.copies import check_tests_differ
-from crashfuse.campaign_folder.history import changing, taking_turns
+from crashfuse.campaign_folder.history import changing, is_vacant, taking_turns
 from crashfuse.campaign_folder.ids import folded
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
@@ -27,7 +26,6 @@ from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.campaign_folder.writer import check_ids, pulse_csv, quality_columns, table_row
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, collecting
-from crashfuse.files.atomic import new_folder, replacing, write_atomically
 from crashfuse.files.csv_output import csv_text
 from crashfuse.files.toml_text import toml_text
 from crashfuse.run_quality import RunQuality
@@ -83,14 +81,11 @@ def add_each(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tupl
         names = Counter(map(folded, ids))
         if twice := [run_id for run_id in ids if names[folded(run_id)] > 1]:
             raise DataError(Problem(role, "each id once", listed(twice[:2]), "give one of them another id"))
-    if folder.is_dir() and any(folder.iterdir()) and not any((folder / name).is_file() for name in _MARKS):
+    if not is_vacant(folder) and not any((folder / name).is_file() for name in _MARKS):
         found, advice = "other files", "name a campaign, or a folder that does not exist yet"
         raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
     with taking_turns(folder):
-        if folder.is_dir() and any(folder.iterdir()):
-            return _add(folder, additions)
-        with new_folder(folder) as home:
-            return _add(home, additions)
+        return _add(folder, additions)
 
 
 def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
@@ -101,17 +96,13 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
         there = tuple(_already_there(folder, role, tables[role], own))
         new[role] = [addition for addition in own if addition.id not in there]
         added.append(Added(role, tuple(addition.id for addition in new[role]), there))
-    with changing(folder, ". ".join(map(str, added))) as keep:
-        contents = _contents(folder, tables, new)
+    contents = _contents(folder, tables, new)
+    check = partial(_check_differ, folder) if "tests" in new else lambda: None
+    with changing(folder, ". ".join(map(str, added)), check) as new_file:
         for role, fresh in new.items():
-            _write_pulses(folder, role, fresh, keep)
-        for path in contents:
-            keep(path)
-        with ExitStack() as together:  # all are on the disk before the first, which is entered last, gets its name
-            for path, text in reversed(contents.items()):
-                together.enter_context(replacing(path)).write_bytes(text.encode())
-        if "tests" in new:
-            _check_differ(folder)
+            _write_pulses(folder, role, fresh, new_file)
+        for path, text in contents.items():
+            new_file(path).write_bytes(text.encode())
     return tuple(added)
 
 
@@ -135,11 +126,10 @@ def _contents(
     return {path: settings, **contents}
 
 
-def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], keep: Callable[[Path], None]) -> None:
+def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_file: Callable[[Path], Path]) -> None:
     tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
     if tables:
-        keep(tables[0])
-        append_to_table(tables[0], [(addition.id, addition.pulse) for addition in additions])
+        append_to_table(tables[0], new_file(tables[0]), [(addition.id, addition.pulse) for addition in additions])
         return
     for addition in additions:
         path = folder / role / f"{addition.id}.csv"
@@ -147,8 +137,7 @@ def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], keep:
         if path.exists() and path.read_bytes() != pulse:
             found, advice = "another pulse there, without a row in the table", "rename or remove the file"
             raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
-        keep(path)
-        write_atomically(path, pulse)
+        new_file(path).write_bytes(pulse)
 
 
 def _known(table: Path, role: Role) -> ConditionTable | None:

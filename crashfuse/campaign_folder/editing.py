@@ -15,11 +15,11 @@ from typing import Any
 from crashfuse.campaign_folder.added import named
 from crashfuse.campaign_folder.condition_tables import read_what_can_be
 from crashfuse.campaign_folder.folder import FILES
-from crashfuse.campaign_folder.history import changing, taking_turns
+from crashfuse.campaign_folder.history import changing, settle, taking_turns
 from crashfuse.campaign_folder.settings import read_settings, reason
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.files.atomic import new_folder, write_atomically
+from crashfuse.files.atomic import new_folder
 from crashfuse.files.toml_text import toml_text
 
 _STRING = r""" "(?:[^"\\\n]|\\.)*" | '[^'\n]*' """
@@ -84,20 +84,17 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
         _require_one_in_use(known, {*unused, *ids})
         table, settings = folder / "tests.csv", folder / "campaign.toml"
         told = f"Taken out: {named(ids)}"
-        with changing(folder, told) as keep:
+        with changing(folder, told) as new:
             if {*ids} & {*unused}:
-                keep(settings)
-                _write_unused(settings, {test_id: why for test_id, why in unused.items() if test_id not in ids})
-            keep(table)
-            write_atomically(table, _without_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
+                rest = {test_id: why for test_id, why in unused.items() if test_id not in ids}
+                _write_unused(settings, rest, new(settings))
+            new(table).write_bytes(_without_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
             for path in (folder / f"tests_pulses.{ending}" for ending in _ENDINGS):
                 if path.is_file():
-                    keep(path)
-                    append_to_table(path, [], without=ids)
+                    append_to_table(path, new(path), [], without=ids)
             for path in (folder / "tests" / f"{test_id}.{ending}" for test_id in ids for ending in _ENDINGS):
                 if path.is_file():
-                    keep(path)
-                    path.unlink()
+                    new(path)  # without a content
         return told
 
 
@@ -111,6 +108,7 @@ def copy_campaign(folder: Path, to: Path) -> None:
     OSError
         If reading or writing fails; nothing is left behind.
     """
+    settle(folder)
     with new_folder(to) as home:
         tables = [folder / f"{role}_pulses.{ending}" for role in ("tests", "cae") for ending in _ENDINGS]
         singles = [
@@ -156,14 +154,13 @@ def _set_why(folder: Path, known: Sequence[str], unused: Mapping[str, str], ids:
 
 def _set_unused(folder: Path, known: Sequence[str], unused: Mapping[str, str], told: str) -> str:
     path = folder / "campaign.toml"
-    with changing(folder, told) as keep:
-        keep(path)
-        _write_unused(path, {test_id: unused[test_id] for test_id in known if test_id in unused})
+    with changing(folder, told) as new:
+        _write_unused(path, {test_id: unused[test_id] for test_id in known if test_id in unused}, new(path))
     return told
 
 
-def _write_unused(path: Path, unused: Mapping[str, str]) -> None:
-    """Set ``unused`` in a campaign.toml, and leave every other byte of it; without any setting, the file goes."""
+def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
+    """Set ``unused`` in a campaign.toml, and leave every other byte of it; without any setting, none is written."""
     value = unused if any(unused.values()) else list(unused)
     text = path.read_bytes().decode("utf-8-sig") if path.is_file() else ""
     line = f"unused = {toml_text(value)}\n" if value else ""
@@ -177,9 +174,7 @@ def _write_unused(path: Path, unused: Mapping[str, str]) -> None:
         expected, found = "unused = [...] or {...} at the start of a line", "another form"
         raise DataError(Problem(path.name, expected, found, f"set it by hand: unused = {toml_text(value)}"))
     if new:
-        write_atomically(path, new.encode())
-    else:
-        path.unlink()
+        to.write_bytes(new.encode())
 
 
 def _values(text: str) -> dict[str, Any] | None:

@@ -12,6 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
 from crashfuse.campaign_folder.gap import Gap, find_gap
+from crashfuse.campaign_folder.history import settle
 from crashfuse.campaign_folder.plausibility import (
     check_band,
     check_ends,
@@ -50,6 +51,7 @@ def read_folder(folder: str | Path) -> Campaign:
         if folder.exists():
             found, advice = "a file", "name the folder that it lies in, or a zip of it"
         raise DataError(Problem(str(folder), "a campaign folder", found, advice))
+    settle(folder)
     problems: list[Problem] = []
     warnings: list[str] = []
     settings = read_settings(folder, problems, warnings)

@@ -1,31 +1,38 @@
-"""Changes of a campaign folder, each kept with what it replaced, so that the last ones can be undone.
+"""Changes of a campaign folder: all or nothing, and each kept with what it replaced, so that it can be undone.
 
-``.undo/`` in the folder has a folder for each change, numbered: ``change.json`` lists the files that were written or
-removed, with SHA-256 before and after, and ``before/`` holds them as they were, as hard links where the disk allows:
-files are replaced, never written in place, so keeping the old one costs no time.
+``.undo/`` in the folder has a folder for each change, numbered, with a list of its files (SHA-256 before and after) and
+those that it replaced in ``before/``, as hard links where the disk allows: files are replaced, never written in place,
+so keeping the old one costs no time. The list is named ``begun.json`` from before the first file is touched, when all
+that is needed to put everything back is on the disk for good, until after the last, then ``change.json``. Whoever comes
+upon a change that has begun and whose process is gone puts its files back; an undo makes of a change one that has
+only begun.
 """
 
+import getpass
 import hashlib
 import json
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.execution.cache import Cache
-from crashfuse.files.atomic import new_folder
+from crashfuse.files.atomic import flush, name_target, write_atomically
+from crashfuse.files.claim import NAME, sole_writer
 
-_HOME, _LIST, _BEFORE = ".undo", "change.json", "before"
+_HOME, _BEGUN, _LIST, _BEFORE, _AFTER = ".undo", "begun.json", "change.json", "before", "after"
 _KEPT = 10  # changes; what older ones replaced is let go
 _LARGEST = 32 << 20  # bytes of a list: some 100,000 files
+_PATIENCE_S = 20.0  # to wait for another who changes the folder
 # a folder may come from anywhere: nothing outside it, and nothing in it that is not a campaign's, is ever touched
 _OF_A_CAMPAIGN = re.compile(r"(tests|cae)\.csv|campaign\.toml|(tests|cae)(_pulses|/[^/\\]+)\.(csv|parquet)")
+_author: ContextVar[str] = ContextVar("author", default="")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,70 +58,139 @@ class Change:
         Date and time, UTC.
     files : tuple of ChangedFile
         In the order in which they were written, in which each step leaves a campaign that can be read.
+    author : str
+        Who made it, as far as that is known.
     """
 
     number: int
     what: str
     when: str
     files: tuple[ChangedFile, ...]
+    author: str = ""
+
+    def __str__(self) -> str:
+        """Such as ``“Left out of use: T3” by anna, 2026-11-03 at 10:31 UTC``."""
+        by = f" by {self.author}" if self.author else ""
+        return f"“{self.what}”{by}, {self.when[:16].replace('T', ' at ')} UTC"
 
 
 def changes(folder: Path) -> tuple[Change, ...]:
-    """The changes of a campaign folder that are kept, the last one first."""
-    found = [change for home in (folder / _HOME).glob("[0-9]*") if (change := _read(home)) is not None]
-    return tuple(sorted(found, key=lambda change: -change.number))
+    """The changes of a campaign folder that are kept, the last one first; damaged ones are passed over."""
+    read = (_read(home / _LIST) for home in reversed(_entries(folder)))
+    return tuple(change for change in read if change is not None)
+
+
+@contextmanager
+def changed_by(author: str) -> Iterator[None]:
+    """Context of the changes of somebody else than the user that this process belongs to."""
+    token = _author.set(author)
+    try:
+        yield
+    finally:
+        _author.reset(token)
 
 
 @contextmanager
 def taking_turns(folder: Path) -> Iterator[None]:
-    """Let nobody else on this machine change a campaign folder meanwhile; the sample's own is refused."""
+    """Let nobody else change a campaign folder meanwhile, and find it without half a change.
+
+    Raises
+    ------
+    DataError
+        If another is changing it for longer than one would wait, an interrupted change cannot be put back, or it is the
+        sample.
+    OSError
+        If it cannot be written.
+    """
     if is_sample(folder):
         found, advice = "the sample's own", "save a copy of it first (crashfuse sample DIR), and edit that"
         raise DataError(Problem(str(folder), "a campaign folder of yours", found, advice))
-    with Cache().alone("campaign", {"folder": str(folder.resolve())}):
+    with sole_writer(folder, _PATIENCE_S):
+        for home in reversed(_entries(folder)):
+            if (home / _BEGUN).exists():
+                _put_back(folder, home)
+            elif not (home / _LIST).exists() and ((home / _AFTER).exists() or not (home / _BEFORE).exists()):
+                _discard(home)  # it never began
+        for gone in _entries(folder, "*.gone"):
+            shutil.rmtree(gone, ignore_errors=True)
         yield
 
 
-@contextmanager
-def changing(folder: Path, what: str) -> Iterator[Callable[[Path], None]]:
-    """Record a change of a campaign folder; if it fails, everything is put back.
+def settle(folder: Path) -> None:
+    """Put back what an interrupted change left in a campaign folder, before it is read.
 
-    Yields a function that has to be called with each file before it is replaced, made or removed, for the last of them
-    to complete the change.
+    Raises
+    ------
+    DataError
+        If that cannot be done.
     """
-    number = 1 + max((change.number for change in changes(folder)), default=0)
-    home = folder / _HOME / f"{number:06d}"
-    there: dict[str, bool] = {}
+    if any((home / _BEGUN).exists() for home in _entries(folder)):
+        try:
+            with taking_turns(folder):
+                pass
+        except OSError as error:
+            expected, found = "a campaign whose last change was finished", "one that was interrupted in the middle"
+            advice = "open it where its folder can be written, and the change is put back"
+            raise DataError(Problem(str(folder), expected, found, advice)) from error
+
+
+def is_vacant(folder: Path) -> bool:
+    """True if there is nothing in a folder but what is kept of changes, or no such folder."""
+    settle(folder)
+    return not folder.is_dir() or all(path.name in (_HOME, NAME) for path in folder.iterdir())
+
+
+@contextmanager
+def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) -> Iterator[Callable[[Path], Path]]:
+    """Change files of a campaign folder, all of them or none, while it is one's turn.
+
+    Yields a function that takes a file of the folder and returns the path to write its new content to; a file whose new
+    content is not written is removed. They take their places in the order in which they were asked for, the last
+    of which completes the change.
+
+    Parameters
+    ----------
+    check : callable, optional
+        Called when all are in their places; if it raises, everything is put back.
+    """
+    home = folder / _HOME / f"{1 + max((int(home.name) for home in _entries(folder)), default=0):06d}"
+    names: list[str] = []
+
+    def new(path: Path) -> Path:
+        names.append(path.relative_to(folder).as_posix())
+        target = home / _AFTER / names[-1]
+        target.parent.mkdir(parents=True, exist_ok=True)
+        return target
+
+    _require_inside(folder, home)
     try:
-        with new_folder(home) as entry:
-
-            def keep(path: Path) -> None:
-                name = path.relative_to(folder).as_posix()
-                if name not in there:
-                    there[name] = path.is_file()
-                    if there[name]:
-                        _link(path, entry / _BEFORE / name)
-
-            try:
-                yield keep
-                files = [ChangedFile(name, _digest(entry / _BEFORE / name), _digest(folder / name)) for name in there]
-                change = Change(number, what, datetime.now(UTC).isoformat(timespec="seconds"), tuple(files))
-                (entry / _LIST).write_text(json.dumps(asdict(change), indent=1), encoding="utf-8")
-            except BaseException:
-                for name, was_there in reversed(there.items()):
-                    _put_back(folder, entry, name, was_there=was_there)
-                raise
-    except BaseException:
-        _tidy(folder / _HOME)
+        yield new
+        _begin(folder, home, what, names)
+        _move(home / _AFTER, folder, names)
+        check()
+        (home / _BEGUN).rename(home / _LIST)
+    except BaseException as error:
+        name_target(error, home, folder)
+        with suppress(OSError, DataError):  # the next one who opens the folder tries again
+            if (home / _BEGUN).exists():
+                _put_back(folder, home)
+            elif not (home / _LIST).exists():
+                _discard(home)
         raise
-    for old in changes(folder)[_KEPT:]:
-        shutil.rmtree(folder / _HOME / f"{old.number:06d}", ignore_errors=True)
+    shutil.rmtree(home / _AFTER, ignore_errors=True)
+    with suppress(OSError):
+        flush(home)
+        for old in _entries(folder)[:-_KEPT]:
+            _discard(old)
 
 
-def undo(folder: Path) -> Change:
+def undo(folder: Path, last: Change | None = None) -> Change:
     """Undo the last change of a campaign folder: every file is again what it was, byte for byte.
 
-    An interrupted undo can be repeated.
+    Parameters
+    ----------
+    last : Change, optional
+        The one that is meant: if another was made since, nothing is undone.
 
     Returns
     -------
@@ -124,61 +200,124 @@ def undo(folder: Path) -> Change:
     Raises
     ------
     DataError
-        If there is none, or if one of its files was changed since; the folder stays as it is.
+        If there is none, another was made since, or one of its files was changed since; the folder stays as it is.
     """
     with taking_turns(folder):
-        last = next(iter(changes(folder)), None)
-        if last is None:
+        kept = next(iter(changes(folder)), None)
+        if kept is None:
             found, advice = "none that is recorded", "nothing has to be undone"
             raise DataError(Problem(str(folder), "a change that can be undone", found, advice))
-        home = folder / _HOME / f"{last.number:06d}"
-        waiting = [(file, now) for file in last.files if (now := _digest(folder / file.name)) != file.before]
-        for file, now in waiting:
-            _require(now, home, file, last.what)
-        for file, _ in reversed(waiting):
-            _put_back(folder, home, file.name, was_there=file.before is not None)
-        shutil.rmtree(home)
-        _tidy(folder / _HOME)
-    return last
+        if last is not None and kept != last:
+            expected, advice = f"“{last.what}” as the last change", "look at what it did, and undo that first"
+            raise DataError(Problem(str(folder), expected, f"{kept}", advice))
+        home = folder / _HOME / f"{kept.number:06d}"
+        _waiting(folder, home, kept)
+        (home / _LIST).rename(home / _BEGUN)
+        _put_back(folder, home)
+    return kept
 
 
-def _require(now: str | None, home: Path, file: ChangedFile, what: str) -> None:
-    """Raise a DataError if a file, by its digest now, is not as a change left it, or what it replaced is gone."""
-    expected = f"the file as it was after “{what}”"
-    advice = f"put its rows and files right by hand; {_HOME}/{home.name}/{_BEFORE} has what was there before"
-    if now != file.after:
-        found = "none" if now is None else "another content" if file.after else "a file that was removed"
-        raise DataError(Problem(file.name, expected, f"{found}: it was changed since", advice))
-    if file.before is not None and _digest(home / _BEFORE / file.name) != file.before:
-        kept, found = f"{_HOME}/{home.name}/{_BEFORE}/{file.name}", "none, or a damaged one"
-        raise DataError(Problem(kept, "the file that was replaced", found, "put it right by hand"))
+def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
+    """Keep what is going to be replaced or removed, for good, and the list with it."""
+    for name in names:
+        _require_inside(folder, folder / name)
+        if (folder / name).is_file():
+            _link(folder / name, home / _BEFORE / name)
+    digests = [(name, _digest(home / _BEFORE / name), _digest(home / _AFTER / name)) for name in names]
+    files = tuple(ChangedFile(*own) for own in digests)
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    content = json.dumps(asdict(Change(int(home.name), what, now, files, _author.get() or _user())), indent=1).encode()
+    if len(content) > _LARGEST or not all(map(_is_sound, files)):
+        expected, found = "files that a list of at most 32 MB can name", "more, or names that no campaign has"
+        raise DataError(Problem(str(folder), expected, found, "change them in several steps, or rename them"))
+    for path in sorted(home.rglob("*"), reverse=True):  # the inner ones first
+        flush(path)
+    write_atomically(home / _BEGUN, content)
+    for path in (home, home.parent, folder):
+        flush(path)
 
 
-def _put_back(folder: Path, home: Path, name: str, *, was_there: bool) -> None:
-    target = folder / name
-    if was_there:
-        target.parent.mkdir(exist_ok=True)
-        (home / _BEFORE / name).replace(target)
-    else:
-        target.unlink(missing_ok=True)
-        if target.parent != folder:
-            _tidy(target.parent)
+def _put_back(folder: Path, home: Path) -> None:
+    """Put back all files of a change that was begun, and let it go; what was put back before is passed over."""
+    change = _read(home / _BEGUN)
+    if change is None:
+        where = f"{_HOME}/{home.name}/{_BEGUN}"
+        advice = f"compare the campaign with {_HOME}/{home.name}/{_BEFORE}, then remove {_HOME}/{home.name}"
+        raise DataError(Problem(where, "the list of what an interrupted change touched", "a damaged one", advice))
+    _move(home / _BEFORE, folder, [*reversed(_waiting(folder, home, change))])
+    for file in change.files:
+        if "/" in file.name:
+            _tidy((folder / file.name).parent)
+    _discard(home)
 
 
-def _read(home: Path) -> Change | None:
-    """The change recorded in a folder; None if it is not one that this module has written."""
-    path = home / _LIST
+def _move(source: Path, folder: Path, names: Sequence[str]) -> None:
+    """Move files to their places in a campaign folder; those that are not there are removed from it."""
+    parents = {folder: None}
+    for name in names:
+        target = folder / name
+        if (source / name).exists():
+            target.parent.mkdir(exist_ok=True)
+            (source / name).replace(target)
+        else:
+            target.unlink(missing_ok=True)
+        parents[target.parent] = None
+    for parent in reversed(parents):
+        if parent != folder:
+            _tidy(parent)
+        if parent.is_dir():
+            flush(parent)
+
+
+def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
+    """The files that are still as a change left them, each of which can be put back; the others are as before.
+
+    Raises
+    ------
+    DataError
+        If a file is neither, or what it replaced is gone.
+    """
+    waiting = []
+    for file in change.files:
+        kept = home / _BEFORE / file.name
+        for path in (folder / file.name, kept):
+            _require_inside(folder, path)
+        if (now := _digest(folder / file.name)) == file.before:
+            continue
+        waiting.append(file.name)
+        advice = f"put its rows and files right by hand; {_HOME}/{home.name}/{_BEFORE} has what was there before"
+        if (home / _BEGUN).exists():
+            advice = f"that change was interrupted: {advice}; remove {_HOME}/{home.name} then"
+        if now != file.after:
+            expected = f"the file as it was after “{change.what}”"
+            found = "none" if now is None else "another content" if file.after else "a file that was removed"
+            raise DataError(Problem(file.name, expected, f"{found}: it was changed since", advice))
+        if file.before is not None and (kept.is_symlink() or _digest(kept) != file.before):
+            where, found = kept.relative_to(folder).as_posix(), "none, or a damaged one"
+            raise DataError(Problem(where, "the file that was replaced", found, "put it right by hand"))
+    return waiting
+
+
+def _entries(folder: Path, names: str = "[0-9]" * 6) -> list[Path]:
+    """The folders of changes that are kept, damaged ones too, the last one last."""
+    home = folder / _HOME
+    return [] if home.is_symlink() else sorted(path for path in home.glob(names) if path.is_dir())
+
+
+def _read(path: Path) -> Change | None:
+    """The change that a list tells of; None if it is not one that this module has written."""
     try:
-        if home.is_symlink() or path.is_symlink() or path.stat().st_size > _LARGEST:
+        if path.parent.is_symlink() or path.is_symlink() or path.stat().st_size > _LARGEST:
             return None
         told: Mapping[str, object] = json.loads(path.read_text(encoding="utf-8"))
         number, what, when, listed = (told[key] for key in ("number", "what", "when", "files"))
-        if not isinstance(number, int) or home.name != f"{number:06d}" or not isinstance(listed, list):
+        if not isinstance(number, int) or path.parent.name != f"{number:06d}" or not isinstance(listed, list):
             return None
         files = tuple(ChangedFile(*(each[key] for key in ("name", "before", "after"))) for each in listed)
         if not all(_is_sound(file) for file in files) or len({file.name for file in files}) != len(files):
             return None
-        return Change(number, printable(str(what)), printable(str(when), 40), files)
+        author = printable(str(told.get("author", "")), 100)
+        return Change(number, printable(str(what)), printable(str(when), 40), files, author)
     except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None
 
@@ -190,9 +329,16 @@ def _is_sound(file: ChangedFile) -> bool:
     return digests and isinstance(file.name, str) and _OF_A_CAMPAIGN.fullmatch(file.name) is not None
 
 
+def _require_inside(folder: Path, path: Path) -> None:
+    """Raise a DataError if a file of the folder lies behind a link to another one, which may be anybody's."""
+    if not path.parent.resolve().is_relative_to(folder.resolve()):
+        where, expected = path.parent.relative_to(folder).as_posix(), "a folder in the campaign folder"
+        raise DataError(Problem(where, expected, "a link to one elsewhere", "put the files themselves there"))
+
+
 def _digest(path: Path) -> str | None:
-    """SHA-256 of a file; None if there is none, or only a link to one."""
-    if path.is_symlink() or not path.is_file():
+    """SHA-256 of a file; None if there is none."""
+    if not path.is_file():
         return None
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -207,7 +353,24 @@ def _link(path: Path, to: Path) -> None:
         shutil.copy2(path, to)
 
 
+def _discard(home: Path) -> None:
+    """Let go of what was kept of a change: all of it at once, or at least its list first."""
+    with suppress(OSError):  # such as one of its files being open on Windows
+        home = home.rename(home.with_suffix(".gone"))
+    for name in (_BEGUN, _LIST):
+        (home / name).unlink(missing_ok=True)
+    shutil.rmtree(home, ignore_errors=True)
+    _tidy(home.parent)
+
+
 def _tidy(folder: Path) -> None:
     """Remove a folder that is empty."""
     with suppress(OSError):
         folder.rmdir()
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):  # a container may have none
+        return ""

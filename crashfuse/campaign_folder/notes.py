@@ -4,12 +4,13 @@ Readers write them; they are shown, drawn and reported as text, and nothing is c
 campaign's fingerprint.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from crashfuse.campaign_folder.history import taking_turns
 from crashfuse.errors import DataError, Problem, UsageError, printable, shortened
-from crashfuse.files.atomic import write_atomically
+from crashfuse.files.atomic import replacing
 from crashfuse.files.csv_output import csv_text
 from crashfuse.files.csv_text import read_rows
 
@@ -74,8 +75,49 @@ def read_notes(folder: str | Path) -> tuple[Note, ...]:
         If the file is not such a table.
     """
     path = Path(folder, FILE)
-    if not path.exists():
-        return ()
+    return _read(path) if path.exists() else ()
+
+
+def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
+    """Write ``notes.csv`` in place of the one there, or take that away if there are no notes; see :func:`change_notes`.
+
+    Raises
+    ------
+    DataError, OSError
+        As :func:`change_notes`.
+    """
+    change_notes(folder, lambda _: notes)
+
+
+def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> None:
+    """Change the notes in a campaign folder, which is there, while nobody else does.
+
+    Parameters
+    ----------
+    change : callable
+        Takes the notes that are there, whoever wrote them, and returns those that shall be.
+
+    Raises
+    ------
+    DataError
+        If the file that is there, or the one that would be, cannot be read (there are too many notes, say); nothing is
+        changed then.
+    OSError
+        If the folder cannot be written.
+    """
+    path = Path(folder, FILE)
+    with taking_turns(path.parent):
+        notes = change(read_notes(folder))
+        if not notes:
+            path.unlink(missing_ok=True)
+            return
+        rows = [(note.test, _cell(note.start_ms), _cell(note.end_ms), note.text) for note in notes]
+        with replacing(path) as temporary:
+            temporary.write_bytes(csv_text([COLUMNS, *rows]).encode())
+            _read(temporary)
+
+
+def _read(path: Path) -> tuple[Note, ...]:
     names, rows, numbers = read_rows(path, FILE)
     if missing := [name for name in COLUMNS if name not in names]:
         raise DataError(Problem(FILE, f"the columns {', '.join(COLUMNS)}", f"none named {missing[0]}", _ADVICE))
@@ -93,21 +135,6 @@ def read_notes(folder: str | Path) -> tuple[Note, ...]:
     if problems:
         raise DataError(shortened(problems))
     return tuple(notes)
-
-
-def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
-    """Write ``notes.csv`` in place of the one there, or take that away if there are no notes; the folder is there.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    if not notes:
-        Path(folder, FILE).unlink(missing_ok=True)
-        return
-    rows = [(note.test, _cell(note.start_ms), _cell(note.end_ms), note.text) for note in notes]
-    write_atomically(Path(folder, FILE), csv_text([COLUMNS, *rows]).encode())
 
 
 def _time(cell: str) -> float | None:

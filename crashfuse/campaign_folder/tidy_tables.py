@@ -11,34 +11,32 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from crashfuse.errors import DataError, Problem
-from crashfuse.files.atomic import replacing
 from crashfuse.files.csv_output import original, write_rows
 from crashfuse.files.parquet_pages import check_size
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import ACCELERATION, TIME
 
 
-def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:
-    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``, and remove those of some ids; all or nothing.
+def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:
+    """Write ``<role>_pulses.parquet`` or ``.csv`` with more pulses, and without those of some ids, to another path.
 
-    Rows with the ids of added pulses, left by an interrupted import, are replaced. A DataError says what the table
-    lacks.
+    Rows with the ids of added pulses, which no row of the condition table names, are replaced. A DataError says what
+    the table lacks.
     """
     gone = {*without, *(run_id for run_id, _ in pulses)}
-    with replacing(path) as temporary:
-        try:
-            (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, temporary, pulses, gone)
-        except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
-            found = " ".join(str(error).split())[:200]
-            raise DataError(Problem(path.name, "a table that can be added to", found, "repair it first")) from None
+    try:
+        (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, to, pulses, gone)
+    except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
+        found = " ".join(str(error).split())[:200]
+        raise DataError(Problem(path.name, "a table that can be added to", found, "repair it first")) from None
 
 
-def _append_parquet(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]], gone: Set[str]) -> None:
+def _append_parquet(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], gone: Set[str]) -> None:
     with pq.ParquetFile(path) as file:
         schema = file.schema_arrow
         check_size(path, path.name, schema.names)
         out = pa.array(sorted(gone), pa.string())
-        with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+        with pq.ParquetWriter(to, schema, compression="zstd") as writer:
             for batch in file.iter_batches():
                 ids = batch.column("id").cast(pa.string())
                 writer.write_batch(batch.filter(pc.invert(pc.is_in(ids, value_set=out))))
@@ -61,10 +59,10 @@ def _ids(run_id: str, size: int, kind: pa.DataType) -> pa.Array:
     return texts.dictionary_encode().cast(kind) if pa.types.is_dictionary(kind) else texts.cast(kind)
 
 
-def _append_csv(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]], gone: Set[str]) -> None:
+def _append_csv(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], gone: Set[str]) -> None:
     with (
         path.open(encoding="utf-8-sig", newline="") as old,
-        temporary.open("w", encoding="utf-8", newline="") as stream,
+        to.open("w", encoding="utf-8", newline="") as stream,
     ):
         rows = csv.reader(old, skipinitialspace=True)
         header = [original(cell.strip()) for cell in next(rows, [])]

@@ -8,7 +8,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,11 +16,11 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 import platformdirs
-from filelock import FileLock, Timeout
 
-from crashfuse.errors import Cancelled, UsageError, out_of_memory
+from crashfuse.errors import Cancelled, DataError, UsageError, out_of_memory
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.atomic import write_atomically
+from crashfuse.files.claim import locked
 from crashfuse.version import versions
 
 log = logging.getLogger(__name__)
@@ -29,7 +29,7 @@ Entry = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
 
 _PATIENCE_S = 3600.0  # wait for another process computing the same entry; then compute it here, too
-_GLANCE_S = 0.2
+_WAITING = "Waiting for another process that computes the same"
 _MOST_GIB = "10"
 _IN_USE_S = 3600.0  # since its last use; whoever needs it longer computes it again
 _SWEEP_SHARE = 1 / 32  # of the limit: how much is written between two looks at the size of all entries
@@ -165,21 +165,23 @@ class Cache:
     def alone(self, kind: str, key: Mapping[str, object], watch: Watch = SILENT) -> Iterator[None]:
         """Context that only one process or thread at a time can hold for an entry; the others wait.
 
-        Look for the entry again inside. The operating system frees the lock of a process that dies. Where files can't
-        be locked, or the lock is held for an hour, the worst case is that the same result is computed twice.
+        Look for the entry again inside. Where files can't be locked, or the lock is held for an hour, the worst case is
+        that the same result is computed twice.
         """
-        path = self.path(kind, key).with_suffix(".lock")
-        lock = FileLock(path)
-        with suppress(OSError, NotImplementedError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            _acquire(lock, watch)
-        try:
+        path, waited = self.path(kind, key).with_suffix(".lock"), False
+
+        def wait() -> None:
+            nonlocal waited
+            waited = True
+            watch.report(_WAITING, 0, 1)
+
+        with ExitStack() as lock:
+            with suppress(OSError, DataError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                lock.enter_context(locked(path, _PATIENCE_S, wait))
+            if waited:
+                watch.report(_WAITING, 1, 1)
             yield
-        finally:
-            if lock.is_locked:
-                with suppress(OSError):  # where open files can't be deleted, the next holder reuses it
-                    path.unlink(missing_ok=True)
-            lock.release()
 
     def pack(self, names: Iterable[str]) -> dict[str, bytes]:
         """The raw files of these entries, to be transferred to another cache."""
@@ -257,24 +259,6 @@ def finite(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
     if not np.isfinite(array).all():
         raise ValueError(f"{name}: numbers without a value")
     return array
-
-
-def _acquire(lock: FileLock, watch: Watch) -> None:
-    """Wait for a lock, with a time limit."""
-    step, start = "Waiting for another process that computes the same", time.monotonic()
-    waited = False
-    while True:
-        try:
-            lock.acquire(timeout=_GLANCE_S)
-        except Timeout:
-            if time.monotonic() - start > _PATIENCE_S:
-                return
-            waited = True
-            watch.report(step, 0, 1)
-        else:
-            break
-    if waited:
-        watch.report(step, 1, 1)
 
 
 def _plain(value: object) -> object:

@@ -1,7 +1,6 @@
 """Atomic writing: no reader ever sees part of a file, or part of a set of files."""
 
 import os
-import platform
 import re
 import shutil
 import sys
@@ -14,9 +13,8 @@ from pathlib import Path
 
 from crashfuse.errors import DataError, Problem
 
-_UNFINISHED = re.compile(r"\.unfinished-(?P<host>.+)-(?P<process>\d+)-[0-9a-f]{32}")
-_HOST = re.sub(r"[^\w.-]", "_", platform.node()) or "here"
-_LONG_S = 3600.0  # no write takes that long
+_UNFINISHED = re.compile(r"\.unfinished-(.+-)?[0-9a-f]{32}")
+_LONG_S = 86400.0  # no write takes that long
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -32,13 +30,27 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = _unfinished(path.parent)
     try:
         yield temporary
-        with temporary.open("rb+") as stream:
-            os.fsync(stream.fileno())
+        flush(temporary)
         temporary.replace(path)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
-        _name(error, temporary, path)
+        name_target(error, temporary, path)
         raise
+
+
+def flush(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk for good."""
+    is_folder, windows = path.is_dir(), sys.platform == "win32"
+    if is_folder and windows:  # which keeps names by itself, and opens no folder
+        return
+    descriptor = os.open(path, os.O_RDWR if windows else os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError:
+        if not is_folder:  # some shares cannot
+            raise
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager
@@ -77,41 +89,29 @@ def new_folder(folder: Path) -> Iterator[Path]:
         home.rename(folder)
     except BaseException as error:
         shutil.rmtree(home, ignore_errors=True)
-        _name(error, home, folder)
+        name_target(error, home, folder)
         raise
 
 
-def _name(error: BaseException, temporary: Path, target: Path) -> None:
+def name_target(error: BaseException, temporary: Path, target: Path) -> None:
     """Let a system error name what was to be written: a full disk names nothing, and temporary names say nothing."""
     if isinstance(error, OSError) and error.errno and str(error.filename or temporary).startswith(str(temporary)):
         error.filename = str(target)
 
 
 def _unfinished(folder: Path) -> Path:
-    """A temporary name for what this process is about to write there."""
+    """A temporary name for what is about to be written there."""
     _sweep(folder)
-    return folder / f".unfinished-{_HOST}-{os.getpid()}-{uuid.uuid4().hex}"
+    return folder / f".unfinished-{uuid.uuid4().hex}"
 
 
 @cache  # once per process is enough
 def _sweep(folder: Path) -> None:
-    """Remove temporary files left by killed processes."""
+    """Remove temporary files that killed processes left long ago.
+
+    Time alone tells: containers and machines that share a folder do not see each other's processes.
+    """
     for path in folder.glob(".unfinished-*"):
-        name = _UNFINISHED.fullmatch(path.name)
         with suppress(OSError):
-            if name and (
-                (name["host"] == _HOST and not _is_alive(int(name["process"])))
-                or time.time() - path.stat().st_mtime > _LONG_S
-            ):
+            if _UNFINISHED.fullmatch(path.name) and time.time() - path.stat().st_mtime > _LONG_S:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
-
-
-def _is_alive(process: int) -> bool:
-    """Whether a process with this id exists; True where that cannot be checked."""
-    if sys.platform != "win32":  # on Windows os.kill would end it
-        with suppress(PermissionError):
-            try:
-                os.kill(process, 0)
-            except ProcessLookupError:
-                return False
-    return True

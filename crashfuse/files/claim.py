@@ -1,48 +1,81 @@
-"""A folder that one process alone writes to."""
+"""Locks: what one process or thread alone may write to; the operating system frees the lock of one that dies."""
 
 import os
 import platform
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from crashfuse.errors import CrashfuseError, printable
+from crashfuse.errors import DataError, Problem, printable
 
-_NAME = ".in-use"
+NAME = ".in-use"
+"""The lock of a folder, in it: whoever can write to the folder sees it, whatever their cache."""
+
+_GLANCE_S = 0.2
+_FOR_ALL = 0o666  # the next user of a shared folder must be able to open what a killed process of this one left
 
 
 @contextmanager
-def sole_writer(folder: Path) -> Iterator[None]:
-    """Context in which no other process that asks may write to a folder, which is made if it is not there.
+def locked(path: Path, wait_s: float, on_wait: Callable[[], object] = lambda: None) -> Iterator[None]:
+    """Context that only one process or thread at a time can be in, by a lock file that is gone afterwards.
 
-    The operating system frees the lock of a process that dies. Where files can't be locked, nobody is refused.
+    Parameters
+    ----------
+    path : Path
+        The lock file, in a folder that is there.
+    wait_s : float
+        How long to wait for the one that is in it.
+    on_wait : callable, optional
+        Called several times a second meanwhile; what it raises ends the wait.
 
     Raises
     ------
-    CrashfuseError
-        If another process is writing to it: who, where that is known.
+    DataError
+        If another is still in it then: who, where that is known.
+    OSError
+        If files cannot be written or locked there.
     """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / _NAME
-    lock = FileLock(path)
+    lock, end = FileLock(path, mode=_FOR_ALL), time.monotonic() + wait_s
+    while not lock.is_locked:
+        try:
+            lock.acquire(timeout=min(_GLANCE_S, wait_s), poll_interval=0.02)
+        except Timeout:
+            if time.monotonic() >= end:
+                expected, found = "a folder that nobody else is writing to", f"{_holder(path)} writing to it"
+                advice = "wait until that has ended, or name another folder"
+                raise DataError(Problem(str(path.parent), expected, found, advice)) from None
+            on_wait()
     try:
-        with suppress(OSError, NotImplementedError):
-            try:
-                lock.acquire(blocking=False)
-            except Timeout:
-                raise CrashfuseError(
-                    f"{_holder(path)} is writing to {folder}; wait until it has ended, or name another folder."
-                ) from None
+        with suppress(OSError):  # where a locked file can't be written
             path.write_text(f"process {os.getpid()} on {platform.node() or 'this machine'}", encoding="utf-8")
         yield
     finally:
-        if lock.is_locked:
-            with suppress(OSError):  # where open files can't be deleted, the next writer reuses it
-                path.unlink(missing_ok=True)
+        # whoever waits for the file that goes here finds that it has no name any more, and tries again
+        with suppress(OSError):  # where open files can't be deleted, the next one reuses it
+            path.unlink(missing_ok=True)
         lock.release()
+
+
+@contextmanager
+def sole_writer(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
+    """Context in which nobody else that asks may write to a folder, which is made if it is not there.
+
+    A folder that was made and holds nothing at the end is taken away again.
+
+    Raises
+    ------
+    DataError, OSError
+        As :func:`locked`.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with locked(folder / NAME, wait_s):
+            yield
+    finally:
         for empty in made:
             with suppress(OSError):  # it holds something
                 empty.rmdir()
@@ -51,6 +84,6 @@ def sole_writer(folder: Path) -> Iterator[None]:
 def _holder(path: Path) -> str:
     """The process that has written its name into the lock file."""
     with suppress(OSError, UnicodeDecodeError):  # where a locked file can't be read
-        if told := path.read_text(encoding="utf-8").strip():
-            return f"Another command ({printable(told)})"
-    return "Another command"
+        if holder := path.read_text(encoding="utf-8").strip():
+            return printable(holder)
+    return "another process"

@@ -1,7 +1,7 @@
 """What was computed on this machine: a small record of every study and prediction, kept beside the cache.
 
 A record holds ratings and settings, no pulses: enough to list results, to compare two studies, and to ask for one
-again. Each is a file of its own, written whole or not at all, so that processes need no lock.
+again. Each is a file of its own, written whole or not at all, by one process at a time.
 """
 
 import hashlib
@@ -18,9 +18,10 @@ from typing import Any, Self
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, printable
+from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
+from crashfuse.files.claim import sole_writer
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.recommendation import recommend, recommend_for
@@ -38,6 +39,7 @@ LONGEST_NOTE = 200
 """Characters of a note."""
 
 _LARGEST = 1_000_000  # bytes of a record; one of 40 tests has 40,000
+_PATIENCE_S = 10.0  # to wait for another process that writes a record
 _DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00")
 
 
@@ -137,19 +139,37 @@ def keep(result: PastResult, folder: Path | None = None) -> None:
     A result that is found again, in the cache say, keeps the date of its computation, and its note.
     """
     folder = _home() if folder is None else folder
-    path = folder / f"{result.id}.json"
-    before = _read(path)
-    if before is not None:
-        result = replace(result, note=result.note or before.note)
-        if replace(before, date=result.date) == result:
-            return
-    _write(result, folder)
+    try:
+        with sole_writer(folder, _PATIENCE_S):
+            before = _read(folder / f"{result.id}.json")
+            if before is not None:
+                result = replace(result, note=result.note or before.note)
+                if replace(before, date=result.date) == result:
+                    return
+            _write(result, folder)
+    except (OSError, DataError) as error:
+        log.warning("The list of results could not be kept in %s: %s", folder, error)
 
 
 def annotate(result: PastResult, note: str, folder: Path | None = None) -> None:
-    """Write a note on a result that is kept, in place of the one before."""
+    """Write a note on a result that is kept, in place of the one that it was shown with.
+
+    Raises
+    ------
+    DataError
+        If somebody has written another note since, or taken the result off the list; nothing is changed then.
+    OSError
+        If it cannot be written.
+    """
+    folder = _home() if folder is None else folder
     text = printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
-    _write(replace(result, note=text), _home() if folder is None else folder)
+    with sole_writer(folder, _PATIENCE_S):
+        kept = _read(folder / f"{result.id}.json")
+        if kept is None or kept.note not in (result.note, text):
+            found = "none: it was taken off the list" if kept is None else f"“{kept.note}”, which was written since"
+            expected = f"the note “{result.note}”" if result.note else "a result without a note"
+            raise DataError(Problem(result.campaign, expected, found, "look at the list, and write yours again"))
+        _write(replace(kept, note=text), folder)
 
 
 def forget(result: PastResult, folder: Path | None = None) -> None:
@@ -159,15 +179,10 @@ def forget(result: PastResult, folder: Path | None = None) -> None:
 
 
 def _write(result: PastResult, folder: Path) -> None:
-    path = folder / f"{result.id}.json"
-    try:
-        write_atomically(path, json.dumps(_values(result), ensure_ascii=False).encode())
-        found = [(path.stat().st_mtime, path) for path in folder.glob("*.json")]
-    except OSError as error:  # another process may also have removed one between two looks
-        log.warning("The list of results could not be kept in %s: %s", folder, error)
-        return
-    for _, oldest in sorted(found)[: max(len(found) - MOST, 0)]:
-        with suppress(OSError):
+    write_atomically(folder / f"{result.id}.json", json.dumps(_values(result), ensure_ascii=False).encode())
+    with suppress(OSError):  # a record was forgotten between two looks
+        found = sorted((path.stat().st_mtime, path) for path in folder.glob("*.json"))
+        for _, oldest in found[: max(len(found) - MOST, 0)]:
             oldest.unlink()
 
 

@@ -187,6 +187,12 @@ def read(folder: Path) -> Campaign:
         raise _unreadable(folder, error) from error
 
 
+def stamp(path: Path) -> tuple[int, ...]:
+    """What changes whenever a file does, even if another of equal size and time takes its place."""
+    stat = path.stat()
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
+
+
 def _put(folder: Path, opened: dict[str, _Opened], *visitors: str, for_all: bool = False) -> str:
     """Open a folder under its own name, numbered if that name is taken; returns the name."""
     with _opening:
@@ -216,10 +222,10 @@ def _fingerprint(folder: Path, stamp: tuple[object, ...]) -> str:
 
 
 def _stamp(folder: Path) -> tuple[object, ...]:
-    """Name, size and time of every file that can belong to a campaign: changes whenever one of them does."""
+    """Name and stamp of every file that can belong to a campaign: changes whenever one of them does."""
     patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "tests/*", "cae/*")
     files = sorted(path for pattern in patterns for path in folder.glob(pattern))
-    return tuple((path.name, stat.st_size, stat.st_mtime_ns) for path in files for stat in [path.stat()])
+    return tuple((path.name, *stamp(path)) for path in files)
 
 
 @st.cache_resource(show_spinner="Preparing the sample campaign …")

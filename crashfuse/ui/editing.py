@@ -7,7 +7,7 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, say_why, use_again
-from crashfuse.campaign_folder.history import changes, undo
+from crashfuse.campaign_folder.history import changed_by, changes, undo
 from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.crash_test import CrashTest
@@ -39,8 +39,8 @@ def show_last_change(view: View) -> None:
             "Undo",
             icon=":material/undo:",
             on_click=_edit,
-            args=(view, lambda: undo(view.folder).what, "Undone: "),
-            help=f"Changed on {last.when[:16].replace('T', ' at ')} UTC. The folder will be what it was before.",
+            args=(view, lambda: undo(view.folder, last).what, "Undone: "),
+            help=f"{plain(str(last))}. The folder will be what it was before.",
         )
 
 
@@ -119,7 +119,8 @@ def _take_out(view: View) -> None:
 def _edit(view: View, change_it: Callable[[], str], before: str = "", gone: list[str] | None = None) -> None:
     """Change the campaign and say so; a refusal is kept for the page to show."""
     try:
-        told = change_it()
+        with changed_by(visitor().name):
+            told = change_it()
     except DataError as error:
         st.session_state[_REFUSED] = error.problems
     except (UsageError, OSError) as error:

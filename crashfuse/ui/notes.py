@@ -1,11 +1,11 @@
 """Notes on the tests of a campaign: kept in its folder if it may be written, else for the session."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, read_notes, write_notes
+from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, change_notes, read_notes
 from crashfuse.errors import DataError, UsageError
 from crashfuse.ui.chosen import View
 from crashfuse.ui.editing import can_be_edited
@@ -39,59 +39,67 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
             with st.container(horizontal=True, vertical_alignment="center", gap="small"):
                 st.button(
                     "Delete", icon=":material/close:", key=f"delete note {number} of {test}", type="tertiary",
-                    on_click=_delete, args=(view, notes, note),
+                    on_click=_delete, args=(view, note),
                 )  # fmt: skip
                 st.markdown(f"**{note.when}** {plain(note.text)}" if note.when else plain(note.text), width="stretch")
         folder, deleted = st.session_state.get(_DELETED, (None, None))
         if folder == view.folder and deleted.test == test:
             st.button(
                 f"Put back “{plain(deleted.text[:40])}”", icon=":material/undo:", type="tertiary", on_click=_put_back,
-                args=(view, notes, deleted),
+                args=(view, deleted),
             )  # fmt: skip
         with st.form(f"note on {test}", border=False):
             left, middle, right = st.columns([4, 1, 1])
             left.text_input("Note", max_chars=LONGEST_TEXT, key="note_text")
             for column, label, key in ((middle, "From (ms)", "note_start"), (right, "To (ms)", "note_end")):
                 column.number_input(label, 0.0, LATEST_MS, None, step=1.0, format="%.1f", key=key)
-            st.form_submit_button("Add", icon=":material/add:", on_click=_add, args=(view, notes))
+            st.form_submit_button("Add", icon=":material/add:", on_click=_add, args=(view,))
         if refused := st.session_state.pop(_REFUSED, ""):
             st.warning(plain(refused), icon=":material/warning:")
         st.caption(_HERE + _where(view.folder))
 
 
-def _add(view: View, notes: Sequence[Note]) -> None:
+def _add(view: View) -> None:
     """Add what was typed in."""
     text, start, end = (st.session_state[key] for key in ("note_text", "note_start", "note_end"))
     try:
-        _store(view, [*notes, Note(view.held_out.id, text, start, end)])
-        st.session_state.update(note_text="", note_start=None, note_end=None)  # what is refused stays, to be corrected
+        note = Note(view.held_out.id, text, start, end)
     except UsageError as error:
         st.session_state[_REFUSED] = str(error)
+        return
+    if _change(view, lambda notes: [*notes, note]):
+        st.session_state.update(note_text="", note_start=None, note_end=None)  # what is refused stays, to be corrected
 
 
-def _delete(view: View, notes: Sequence[Note], note: Note) -> None:
+def _delete(view: View, note: Note) -> None:
     """Delete a note, which can be put back until another is deleted."""
-    _store(view, [other for other in notes if other is not note])
-    if _REFUSED not in st.session_state:
+    if _change(view, lambda notes: _without(notes, note)):
         st.session_state[_DELETED] = view.folder, note
 
 
-def _put_back(view: View, notes: Sequence[Note], note: Note) -> None:
-    _store(view, [*notes, note])
-    if _REFUSED not in st.session_state:
+def _put_back(view: View, note: Note) -> None:
+    if _change(view, lambda notes: [*notes, note]):
         del st.session_state[_DELETED]
 
 
-def _store(view: View, notes: Sequence[Note]) -> None:
-    """Keep the notes in the folder, else in the session."""
+def _without(notes: Sequence[Note], note: Note) -> list[Note]:
+    """The notes without the first that is equal; another reader may have deleted it."""
+    place = notes.index(note) if note in notes else len(notes)
+    return [*notes[:place], *notes[place + 1 :]]
+
+
+def _change(view: View, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> bool:
+    """Change the notes that are kept in the folder, else those of the session; False if that was refused."""
     try:
         if can_be_edited(view.folder):
-            write_notes(view.folder, notes)
-            return
-    except (DataError, OSError) as error:
-        st.session_state[_REFUSED] = f"{FILE} was not written: {getattr(error, 'strerror', None) or error}."
-        return
-    st.session_state[_KEPT] = {**st.session_state.get(_KEPT, {}), view.folder: tuple(notes)}
+            change_notes(view.folder, change)
+        else:
+            st.session_state.setdefault(_KEPT, {})[view.folder] = tuple(change(notes_of(view)))
+    except DataError as error:
+        st.session_state[_REFUSED] = f"Nothing was changed. {error.problems[0]}"
+    except OSError as error:
+        st.session_state[_REFUSED] = f"{FILE} was not written: {error.strerror or error}."
+    return _REFUSED not in st.session_state
 
 
 def _where(folder: Path) -> str:

@@ -5,18 +5,19 @@ Where people log in, each has a list of their own.
 
 import hashlib
 import json
-import threading
 from contextlib import suppress
 from pathlib import Path
 
+from crashfuse.errors import DataError
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
+from crashfuse.files.claim import sole_writer
 from crashfuse.ui import campaigns
 from crashfuse.ui.visitors import logged_in, visitor
 
 _MOST = 8
 _LARGEST = 64 << 10  # bytes of the file
-_writing = threading.Lock()
+_PATIENCE_S = 5.0  # to wait for another who writes it
 
 
 def recent_folders() -> tuple[Path, ...]:
@@ -26,7 +27,7 @@ def recent_folders() -> tuple[Path, ...]:
 
 def remember(folder: Path) -> None:
     """Put a folder first; whatever goes wrong, it is only not offered again."""
-    with _writing, suppress(OSError):
+    with suppress(OSError, DataError), sole_writer(default_folder(), _PATIENCE_S):
         kept = [folder, *(other for other in _listed() if other != folder)][:_MOST]
         write_atomically(_file(), json.dumps([str(each) for each in kept], indent=1).encode())
 

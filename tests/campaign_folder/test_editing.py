@@ -236,29 +236,6 @@ def test_nothing_is_undone_over_what_was_changed_since(folder: Path, changed: st
     assert content_of(folder) == before
 
 
-def test_an_undo_that_was_interrupted_can_be_repeated(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After any of its steps; the campaign can be read in between."""
-    before = content_of(folder)
-    add_to_campaign(folder, "tests", [addition("A"), addition("B", 35.0)])
-    put_back, steps = history._put_back, 0
-
-    def killed(*arguments: object, **options: object) -> None:
-        nonlocal steps
-        if steps:
-            raise KeyboardInterrupt
-        steps += 1
-        put_back(*arguments, **options)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(history, "_put_back", killed)
-    for _ in range(4):
-        steps = 0
-        try:
-            undo(folder)
-        except KeyboardInterrupt:
-            assert load_campaign(folder).test_ids[:4] == ("T1", "T2", "T3", "T4")
-    assert content_of(folder) == before
-
-
 def test_an_edit_that_fails_changes_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A disk that is full when the row is gone: row and journal are as they were."""
     reshape(folder, "tests", "csv")

@@ -1,6 +1,7 @@
 """Notes go into a campaign folder and come back; a damaged file is said; no result depends on them."""
 
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pandas as pd
@@ -8,7 +9,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, read_notes, write_notes
+from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, change_notes, read_notes, write_notes
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.figure_files import figures_of
@@ -89,6 +90,37 @@ def test_a_damaged_file_is_one_sentence(tmp_path: Path, content: bytes, said: st
     (tmp_path / FILE).write_bytes(content)
     with pytest.raises(DataError, match=said):
         read_notes(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"test,start_ms,end_ms,text\nT1,,,T\xfcr\n", b"test,text\nT1,x\n"])
+def test_notes_that_cannot_be_read_are_never_written_over(tmp_path: Path, content: bytes) -> None:
+    """As a spreadsheet saves them, say: neither by a note that is added, nor by other notes, nor by none."""
+    (tmp_path / FILE).write_bytes(content)
+    for notes in ((NOTES[0],), ()):
+        with pytest.raises(DataError, match=r"notes\.csv"):
+            write_notes(tmp_path, notes)
+    with pytest.raises(DataError, match=r"notes\.csv"):
+        change_notes(tmp_path, lambda notes: [*notes, NOTES[0]])
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {FILE: content}
+
+
+def test_no_more_notes_are_written_than_can_be_read(tmp_path: Path) -> None:
+    """The last one that fits is kept, the next one refused, and all before it stay."""
+    many = [Note("T1", f"note {number}") for number in range(MOST - 1)]
+    write_notes(tmp_path, many)
+    change_notes(tmp_path, lambda notes: [*notes, NOTES[0]])
+    with pytest.raises(DataError, match="at most 500 notes, found 501"):
+        change_notes(tmp_path, lambda notes: [*notes, NOTES[1]])
+    assert read_notes(tmp_path) == (*many, NOTES[0])
+    assert [path.name for path in tmp_path.iterdir()] == [FILE]
+
+
+def test_notes_that_are_added_at_one_time_are_all_kept(tmp_path: Path) -> None:
+    """Of four readers, six each: whoever comes second starts from what the first has written."""
+    notes = [Note("T1", f"note {number}") for number in range(24)]
+    with ThreadPoolExecutor(4) as readers:
+        list(readers.map(lambda note: change_notes(tmp_path, lambda there: [*there, note]), notes))
+    assert sorted(note.text for note in read_notes(tmp_path)) == sorted(note.text for note in notes)
 
 
 def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(folder: Path, tmp_path: Path) -> None:

@@ -34,9 +34,9 @@ def test_a_folder_that_another_command_writes_to_is_refused(
         (out / "begun").touch()
         assert cli.main(asked) == cli.WRONG_DATA
         assert [path.name for path in out.iterdir() if not path.name.startswith(".")] == ["begun"]
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("crashfuse: Another command (process ")
-    assert line.endswith(f"is writing to {out}; wait until it has ended, or name another folder.")
+    line, _ = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"{out}: expected a folder that nobody else is writing to, found process ")
+    assert line.endswith("writing to it; wait until that has ended, or name another folder.")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process is not stopped for a while there")
@@ -56,8 +56,7 @@ def test_of_two_studies_into_one_folder_the_second_is_refused(campaign_on_disk: 
         finally:
             first.send_signal(signal.SIGCONT)
     assert (first.returncode, second.returncode) == (cli.DONE, cli.WRONG_DATA)
-    assert second.stderr.startswith("crashfuse: Another command")
-    assert second.stderr.endswith(f"is writing to {out}; wait until it has ended, or name another folder.\n")
+    assert second.stderr.startswith(f"{out}: expected a folder that nobody else is writing to, found process ")
     assert (out / "scores.csv").is_file()
 
 

@@ -1,16 +1,19 @@
 """One writer a folder."""
 
+import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from crashfuse.errors import CrashfuseError
-from crashfuse.files.claim import sole_writer
+from crashfuse.errors import DataError
+from crashfuse.files.claim import NAME, locked, sole_writer
 
 _HOLD = (
     "import sys\n"
@@ -39,7 +42,7 @@ def test_a_second_process_is_refused_and_told_who_writes(tmp_path: Path) -> None
     out = tmp_path / "out"
     with (
         _held_by_another(out) as other,
-        pytest.raises(CrashfuseError, match=rf"\(process {other.pid} on .*\) is writing to .*out; wait until it"),
+        pytest.raises(DataError, match=rf"out: expected .* found process {other.pid} on .* writing to it; wait until"),
         sole_writer(out),
     ):
         pytest.fail("It was let in.")
@@ -65,13 +68,41 @@ def test_a_folder_made_for_nothing_is_taken_away(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_where_files_cannot_be_locked_nobody_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An unfair refusal is worse there than two writers, each of whose files is whole."""
+def test_of_many_that_wait_one_at_a_time_is_let_in(tmp_path: Path) -> None:
+    """Although each takes the lock file away at its end: none is lost of what they count."""
+    count = tmp_path / "count"
+    count.write_text("0")
+
+    def add(_: int) -> None:
+        with locked(tmp_path / "lock", 30.0):
+            before = int(count.read_text())
+            time.sleep(0.001)
+            count.write_text(str(before + 1))
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(add, range(100)))
+    assert count.read_text() == "100"
+    assert [path.name for path in tmp_path.iterdir()] == ["count"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="rights are no bits there")
+def test_what_a_killed_process_left_can_be_locked_by_another_user(tmp_path: Path) -> None:
+    """Of a shared folder, whatever the first one's mask."""
+    mask = os.umask(0o077)
+    try:
+        with sole_writer(tmp_path):
+            assert (tmp_path / NAME).stat().st_mode & 0o666 == 0o666
+    finally:
+        os.umask(mask)
+
+
+def test_where_files_cannot_be_locked_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever asks decides whether that is worse than two writers."""
 
     def fail(*_: object, **__: object) -> None:
-        raise NotImplementedError
+        raise OSError(37, "No locks available")
 
     monkeypatch.setattr("crashfuse.files.claim.FileLock.acquire", fail)
-    with sole_writer(tmp_path):
-        (tmp_path / "result").touch()
-    assert (tmp_path / "result").exists()
+    with pytest.raises(OSError, match="No locks"), sole_writer(tmp_path / "out"):
+        pytest.fail("It was let in.")
+    assert list(tmp_path.iterdir()) == []

@@ -88,8 +88,7 @@ def test_a_sensor_of_the_other_sign_or_shape_is_not_averaged() -> None:
     assert "% off the shape of " in careful(both)
 
 
-@settings(max_examples=25)
-@settings(deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(-300, 300), st.integers(-99, 99))
 def test_channels_are_averaged_over_the_time_that_they_share(steps: int, hundredths: int) -> None:
     """Of other pre-trigger times and of clocks that tick between each other's samples, the pulse is the same."""

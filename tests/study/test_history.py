@@ -10,6 +10,7 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.study import history
 from crashfuse.study.config import StudyConfig
@@ -78,6 +79,23 @@ def test_a_note_stays_when_the_result_is_found_again(past: PastResult) -> None:
     assert not past_results()
     keep(past)
     assert past_results() == [past]
+
+
+def test_a_note_that_somebody_else_wrote_since_is_not_lost(past: PastResult) -> None:
+    """Whose list still shows another is told; a record that was computed anew stays, and so does one taken off."""
+    keep(past)
+    annotate(past, "before the new rail")
+    with pytest.raises(DataError, match="found “before the new rail”, which was written since"):
+        annotate(past, "with the old barrier")
+    assert past_results()[0].note == "before the new rail"
+    anew = replace(past, basis="another basis")
+    keep(anew)
+    annotate(replace(past, note="before the new rail"), "with the old barrier")
+    assert past_results() == [replace(anew, note="with the old barrier")]
+    forget(past)
+    with pytest.raises(DataError, match="it was taken off the list"):
+        annotate(past, "late")
+    assert not past_results()
 
 
 def test_the_same_question_has_one_record_and_another_has_its_own(past: PastResult) -> None:

@@ -16,6 +16,7 @@ import streamlit as st
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import sample_folder
 from crashfuse.campaign_folder.editing import leave_out, use_again
+from crashfuse.campaign_folder.history import changed_by
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import Problem
 from crashfuse.execution.cache import default_folder
@@ -384,6 +385,33 @@ def test_a_test_whose_sensor_failed_is_left_out_by_a_click(visit: Visit, open_ca
     assert in_use(session) == ["T1", "T2", "T4"]
     assert "T3 (its signal is lost from 30.0 to 35.0 ms" in str(load_campaign(open_campaign).remarks)
     assert "Leave T3 out of use" not in session.buttons
+
+
+def test_undo_takes_back_the_change_that_it_stands_beside(visit: Visit, open_campaign: Path) -> None:
+    """What another window changed since stays, and whose it is stands there."""
+    leave_out(open_campaign, ["T3"])
+    session = visit()
+    with changed_by("ben@example.org"):
+        leave_out(open_campaign, ["T1"])
+    session = session.press("Undo")
+    assert "Nothing was changed: 1 problem" in session.words
+    assert session.tables[0]["Found"].tolist()[0].startswith("“Left out of use: T1” by ben@example.org, 20")
+    assert in_use(session) == ["T2", "T4"]
+    assert in_use(session.press("Undo")) == ["T1", "T2", "T4"]
+
+
+def test_a_file_of_equal_size_and_time_is_read_again(visit: Visit, open_campaign: Path) -> None:
+    """Whether it was written anew or another took its place, as a copy that keeps times does."""
+    table, seen = open_campaign / "tests.csv", {visit().numbers["Test speeds"]}
+    before, stat = table.read_text(), table.stat()
+    for digit in "67":
+        new = table.with_name("new") if digit == "7" else table
+        new.write_text(f"{before[:-2]}{digit}\n")
+        os.utime(new, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+        new.replace(table)
+        assert (table.stat().st_size, table.stat().st_mtime_ns) == (stat.st_size, stat.st_mtime_ns)
+        seen.add(campaigns.fingerprint_of("campaign"))
+    assert len(seen) == 3
 
 
 def test_a_reason_that_a_click_overtook_leaves_nothing_out(visit: Visit, open_campaign: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.history import PastResult, keep, past_results
+from crashfuse.study.history import PastResult, annotate, keep, past_results
 from crashfuse.units import KPH
 from tests.ui.conftest import Session
 
@@ -85,6 +85,18 @@ def test_a_result_that_is_ticked_gets_a_note_and_leaves_the_list(visit: Visit) -
     assert next(line.value for line in again.app.markdown if "First:" in line.value).count(r"baseline \*model\*") == 1
     session.press("Take off the list")
     assert [result.id for result in past_results()] == [other.id]
+
+
+def test_a_note_does_not_replace_one_that_was_written_since(visit: Visit) -> None:
+    """It is said, with what is there now."""
+    one = kept(1, seed=0)
+    session = visit("history", first=one.id, second="")
+    annotate(one, "of another")
+    session.app.text_input[0].set_value("mine").run()
+    assert "found “of another”, which was written since" in session.words
+    assert past_results()[0].note == "of another"
+    session.app.text_input[0].set_value("of another, and mine").run()
+    assert past_results()[0].note == "of another, and mine"
 
 
 @pytest.mark.usefixtures("open_campaign")

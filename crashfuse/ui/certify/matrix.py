@@ -13,7 +13,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.plots.display import Display
-from crashfuse.ui import address
+from crashfuse.ui import address, campaigns
 from crashfuse.ui.certify.uploaded import choose_kept, show_wrong, uploaded
 from crashfuse.ui.chosen import View
 from crashfuse.ui.figures import choose
@@ -60,12 +60,12 @@ def _table(matrix: Matrix, display: Display) -> pd.DataFrame:
 def _chosen(source: str, view: View) -> Matrix | None:
     if source == _OWN:
         path = view.folder / _FILE
-        return _read(path, path.stat().st_mtime_ns, view.campaign.fingerprint, view.campaign)
+        return _read(path, campaigns.stamp(path), view.campaign.fingerprint, view.campaign)
     return _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display.units)
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
-def _read(path: Path, changed_ns: int, fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
+def _read(path: Path, stamp: tuple[int, ...], fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
     return Matrix.read(path, _campaign.factors)
 
 

@@ -1,6 +1,5 @@
 """Last step of an import: choose the campaign and add the records to it."""
 
-import threading
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,6 +9,7 @@ import streamlit as st
 
 from crashfuse.campaign_folder.added import WHAT, counted
 from crashfuse.campaign_folder.condition_tables import Role, has_table, read_conditions
+from crashfuse.campaign_folder.history import changed_by, is_vacant
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, add_settled
@@ -24,7 +24,6 @@ from crashfuse.ui.visitors import visitor
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys
 _FACTOR_PX = 260
-_adding = threading.Lock()
 
 
 def show_add_form(
@@ -124,13 +123,13 @@ def _factors_of_target(role: Role) -> dict[str, list[str]]:
         folder = _target()
         tables = [folder / f"{role}.csv", folder / "tests.csv", folder / "cae.csv"]
         table = next((path for path in tables if path.is_file()), None)
-        return {} if table is None else _factors_in(table, table.stat().st_mtime_ns)
+        return {} if table is None else _factors_in(table, campaigns.stamp(table))
     except (DataError, OSError):
         return {}
 
 
 @st.cache_resource(max_entries=4, show_spinner=False)
-def _factors_in(table: Path, changed_ns: int) -> dict[str, list[str]]:  # noqa: ARG001  (part of the key)
+def _factors_in(table: Path, stamp: tuple[int, ...]) -> dict[str, list[str]]:  # noqa: ARG001  (part of the key)
     pairs = [pair for condition in read_conditions(table, "cae").conditions for pair in condition.factors]
     return {
         name: sorted({value for own, value in pairs if own == name and value}) for name in dict.fromkeys(dict(pairs))
@@ -157,7 +156,7 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tu
         if not settled:
             raise DataError(problems)
         settled = tuple(_with_factors(one, source, role) for one in settled)
-        with _adding:
+        with changed_by(visitor().name):
             added = ". ".join(map(str, add_settled(folder, settled)))
         journal.note(visitor(), f"{added}, in {folder}")
     except DataError as error:
@@ -203,8 +202,8 @@ def _target() -> Path:
             trouble = "one of crashfuse's own"
         elif folder.exists() and not folder.is_dir():
             trouble = "a file"
-        elif folder.is_dir() and not has_table(folder):
-            trouble = "a folder of other things" if any(folder.iterdir()) else None
+        elif not is_vacant(folder) and not has_table(folder):
+            trouble = "a folder of other things"
     except OSError as error:
         raise DataError(Problem(str(folder), expected, str(error), "name another folder")) from error
     if trouble is not None:
