@@ -18,7 +18,7 @@ from crashfuse.wording import UnitSystem, speed, weight
 SAME_CONDITION = 2e-3
 """Relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more."""
 STEP_MPS, STEP_KG = 0.1 * MPH, 1.0
-"""A step of what readers are shown, in the coarser unit. A condition is outside a range if it is farther beyond its end:
+"""A step of what readers are shown, in the coarser unit. A condition is outside a range if it is farther beyond an end:
 so an end that is read off and typed in again lies inside, and what lies outside is shown as beyond the end."""
 _QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 

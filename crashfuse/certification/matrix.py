@@ -20,7 +20,7 @@ from crashfuse.units import KPH
 from crashfuse.wording import Sentence
 
 _MOST = 10_000  # each costs a prediction
-_SPEED_MPS, _WEIGHT = 1 * KPH, 0.02
+SAME_SPEED_MPS, SAME_WEIGHT = 1 * KPH, 0.02
 """A test is made for a planned condition up to so much from it: what protocols of barrier tests allow in speed, and the
 relative difference in weight of a repeat."""
 
@@ -165,6 +165,6 @@ class Matrix:
 
 def _away(test: Condition, planned: FloatArray) -> FloatArray:
     """How far a test is from conditions, shape (n, 3); up to 1 it may have been made for one."""
-    allowed = np.column_stack([np.full(len(planned), _SPEED_MPS), _WEIGHT * planned[:, 1:]])
+    allowed = np.column_stack([np.full(len(planned), SAME_SPEED_MPS), SAME_WEIGHT * planned[:, 1:]])
     off = np.abs(test.vector - planned) / allowed
     return np.asarray(off.max(axis=1) - 1e-9)  # to the last digit of units

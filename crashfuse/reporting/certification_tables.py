@@ -11,7 +11,7 @@ from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.support import largest_share
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import WORDS, all_met, towards_half
+from crashfuse.certification.verdict import WORDS, all_met
 from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH
 from crashfuse.wording import MPH_LB, UnitSystem, said
@@ -63,13 +63,6 @@ def answer_texts(certification: Certification, name: Callable[[str], str] = str)
     run, same = certification.run, certification.counted_once
     texts = {**answers(certification), **{i: f"run: {', '.join(map(name, tests))}" for i, tests in run.items()}}
     return {i: f"{text}, as {name(same[i])}" if i in same else text for i, text in texts.items()}
-
-
-def probability_text(probability: float | None) -> str:
-    """A probability to three digits, towards one half; never 0 or 1, a dash if it is not known."""
-    if probability is None:
-        return "–"
-    return ">0.999" if probability > 0.999 else "<0.001" if probability < 0.001 else f"{towards_half(probability):.3f}"
 
 
 def _bases(campaign: Campaign) -> dict[str, str]:

@@ -12,7 +12,7 @@ from crashfuse.reporting.fit_explanations import missing_by_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
-from crashfuse.wording import Sentence, signed
+from crashfuse.wording import Sentence, difference
 
 
 def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[PredictedPulse]:
@@ -96,8 +96,8 @@ def _values(own: PredictedPulse) -> Mapping[tuple[str, str], float | None]:
 
 
 def _difference(metric: Metric, base: Metric) -> str:
-    gap = _minus(metric.value, base.value)
-    return "–" if gap is None else signed(gap, metric.digits)
+    known = metric.value is not None and base.value is not None
+    return difference(metric.value, base.value, metric.digits) if known else "–"
 
 
 def _minus(value: float | None, base: float | None) -> float | None:

@@ -83,10 +83,9 @@ class ExpectedRating:
         return " to ".join(dict.fromkeys(grade(round(end, 2)) for end in (self.lower, self.upper)))
 
     def surprise(self, rating: float) -> str:
-        """How a rating compares with what was expected, in words; to two digits, as the range is displayed."""
-        rating, lower, upper, least, most = (
-            round(each, 2) for each in (rating, self.lower, self.upper, self.least, self.most)
-        )
+        """How a rating compares with what was expected, in words: to three digits and to two, as they are displayed."""
+        lower, upper, least, most = (round(end, 2) for end in (self.lower, self.upper, self.least, self.most))
+        rating = round(rating, 3)
         if lower <= rating <= upper:
             return "as expected"
         far = "" if least <= rating <= most else "far "

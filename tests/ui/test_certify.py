@@ -16,9 +16,10 @@ from crashfuse.certification.criteria_file import criteria_text, read_criteria
 from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_sentences import to_test
-from crashfuse.reporting.certification_tables import certification_table, matrix_table, probability_text, verdict_counts
+from crashfuse.reporting.certification_tables import certification_table, matrix_table, verdict_counts
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.certify import matrix as matrix_ui
+from crashfuse.wording import probability_text
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
@@ -116,7 +117,9 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert table["Verdict"].tolist() == own["verdict"].tolist()
     assert table["Reason"].tolist() == own["reason"].tolist()
     known = [None if pd.isna(p) else float(p) for p in own["probability"]]
-    assert table["Probability"].tolist() == [probability_text(p) for p in known]
+    assert table["Probability"].tolist() == [
+        probability_text(p, expected.certification.criteria.confidence) for p in known
+    ]
     assert session.charts == 1
     assert session.app.expander[-1].label == "All verdicts as a table"
     assert [button.label for button in tab(session, "Files and report").app.download_button] == FILES
