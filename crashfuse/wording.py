@@ -40,6 +40,11 @@ class UnitSystem:
         """Factor to SI of the reader's unit for quantities in this unit."""
         return IN_SI[self.unit(unit)]
 
+    @property
+    def endings(self) -> tuple[str, str, str]:
+        """Endings of columns of speed, front and rear weight in these units."""
+        return self.speed.replace("km/h", "kph"), self.weight, self.weight
+
     def factor(self, unit: str) -> float:
         """Factor from a unit to the reader's."""
         return IN_SI[unit] / IN_SI[self.unit(unit)] if unit in IN_SI else 1.0

@@ -11,7 +11,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.frames import in_memory
-from crashfuse.condition import Condition
+from crashfuse.condition import FILE_UNITS, Condition
 from crashfuse.errors import DataError, Problem, UsageError, shortened
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.signals.pulse import FloatArray
@@ -137,8 +137,11 @@ class Matrix:
         front_weights_kg: Sequence[float],
         rear_weights_kg: Sequence[float],
         factors: Mapping[str, Sequence[str]],
+        units: tuple[str, str, str] = FILE_UNITS,
     ) -> Self:
         """Every combination of speeds, weights and values of factors, numbered from ``M001``.
+
+        ``units`` are those that they were given in, as of :class:`~crashfuse.condition.Condition`.
 
         Raises
         ------
@@ -157,7 +160,7 @@ class Matrix:
         if len(axes) > _MOST:
             raise UsageError(f"A matrix has at most {_MOST:,} conditions; this grid has {len(axes):,}.")
         ids = tuple(f"M{number:03d}" for number in range(1, len(axes) + 1))
-        conditions = tuple(Condition.of_vector([v, front, rear], kind) for v, front, rear, kind in axes)
+        conditions = tuple(Condition.of_vector([v, front, rear], kind, units) for v, front, rear, kind in axes)
         if beyond := next(filter(is_beyond, conditions), None):
             raise UsageError(Sentence("No barrier test is made at {}: a grid has {}.", beyond, BOUNDS))
         return cls(ids, conditions)

@@ -31,7 +31,7 @@ def changes_table(changes: Changes) -> pd.DataFrame:
     factors = tuple(dict.fromkeys((*factors_of(changes.earlier.matrix), *factors_of(changes.later.matrix))))
     rows = [
         {
-            **condition_columns(cell.later_id or "", cell.condition, factors),
+            **condition_columns(cell.later_id or "", cell.condition, factors, changes.later.matrix.conditions[0]),
             "earlier_id": cell.earlier_id or "",
             "criterion": cell.criterion.name,
             "metric": cell.criterion.metric,

@@ -1,6 +1,7 @@
 """Tables of a certification: ``certification.csv``, ``track_record.csv``, and the counts of ``certification.json``."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pandas as pd
 
@@ -13,7 +14,6 @@ from crashfuse.certification.support import largest_share
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS, all_met
 from crashfuse.condition import Condition
-from crashfuse.units import LB, MPH
 from crashfuse.wording import MPH_LB, UnitSystem, said
 
 ANSWER = "A test there"
@@ -32,7 +32,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
     given, all_at_once = answers(certification), {i: all_met(row)[0] for i, row in certification.rows.items()}
     return pd.DataFrame(
         {
-            **condition_columns(cell, verdict.condition, factors),
+            **condition_columns(cell, verdict.condition, factors, certification.matrix.conditions[0]),
             "criterion": verdict.criterion.name,
             "metric": verdict.criterion.metric,
             "window_ms": verdict.criterion.window_ms,
@@ -73,7 +73,7 @@ def _bases(campaign: Campaign) -> dict[str, str]:
 def matrix_table(matrix: Matrix) -> pd.DataFrame:
     """The conditions, in the form of ``matrix.csv``."""
     factors = factors_of(matrix)
-    return pd.DataFrame(condition_columns(i, c, factors) for i, c in matrix.items)
+    return pd.DataFrame(condition_columns(i, c, factors, matrix.conditions[0]) for i, c in matrix.items)
 
 
 def factors_of(matrix: Matrix) -> tuple[str, ...]:
@@ -81,13 +81,13 @@ def factors_of(matrix: Matrix) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for condition in matrix.conditions for name, _ in condition.factors))
 
 
-def condition_columns(condition_id: str, condition: Condition, factors: Sequence[str]) -> dict[str, object]:
-    """A condition in the columns of ``matrix.csv``."""
+def condition_columns(
+    condition_id: str, condition: Condition, factors: Sequence[str], like: Condition
+) -> dict[str, object]:
+    """A condition in the columns of ``matrix.csv``, in the units that another one, the table's first, was given in."""
     return {
         "id": condition_id,
-        "speed_mph": round(condition.speed_mps / MPH, 9),  # as it was given
-        "front_weight_lb": round(condition.front_weight_kg / LB, 9),
-        "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
+        **replace(condition, units=like.units).columns,
         **{name: dict(condition.factors).get(name, "") for name in factors},
     }
 

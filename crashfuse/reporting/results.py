@@ -39,7 +39,6 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.study import Study
-from crashfuse.units import MPH
 
 Content = bytes | dict[str, bytes] | None
 """Of a file; of the files of a folder, by relative path; None if the result has no such file."""
@@ -127,7 +126,7 @@ def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path
     UsageError
         If there are fewer draws than are to be exported.
     """
-    speed = f"{estimates[0].prediction.condition.speed_mps / MPH:.6g}mph"
+    speed = estimates[0].prediction.condition.speed_name
     for name, files in export.files(campaign, estimates).items():
         for path, content in files.items():
             write_atomically(folder / name / speed / path, content)

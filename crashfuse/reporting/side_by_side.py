@@ -66,7 +66,7 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
     factors = factors_of(matrix)
     return pd.DataFrame(
         {
-            **condition_columns(number, condition, factors),
+            **condition_columns(number, condition, factors, conditions[0]),
             "preset": own.config.preset,
             "seed": own.config.seed,
             "approach": estimate.approach,
@@ -96,8 +96,9 @@ def _values(own: PredictedPulse) -> Mapping[tuple[str, str], float | None]:
 
 
 def _difference(metric: Metric, base: Metric) -> str:
-    known = metric.value is not None and base.value is not None
-    return difference(metric.value, base.value, metric.digits) if known else "–"
+    if metric.value is None or base.value is None:
+        return "–"
+    return difference(metric.value, base.value, metric.digits)
 
 
 def _minus(value: float | None, base: float | None) -> float | None:

@@ -1,6 +1,6 @@
 """Pulses as curves of LS-DYNA and Radioss: include files for an occupant or sled model.
 
-An include holds one curve, so that pulses are exchanged by naming another file; the model keeps its curve id::
+An include holds one curve, with an id of its own among those that are written together::
 
     *KEYWORD                                   # comments
     $ comments                                 /FUNCT/1

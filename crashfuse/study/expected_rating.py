@@ -70,7 +70,9 @@ class ExpectedRating:
         likely = "a guess" if self.beyond else self.grades
         expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {likely})"
         where = f"up to {{}} {self.side}" if self.side else "within {}"
-        return Sentence(f"{expected}; inside this fit, {tests} {where} rated {rated} (a study fits anew for each).", within)
+        return Sentence(
+            f"{expected}; inside this fit, {tests} {where} rated {rated} (a study fits anew for each).", within
+        )
 
     @property
     def range(self) -> str:

@@ -54,7 +54,7 @@ def offer_pulses(
         except UsageError as error:
             st.warning(plain(error), icon=":material/warning:")
             return
-        files = f"{approach}-{form}.zip"
+        files = f"{approach}-{estimate.prediction.condition.speed_name}-{form}.zip"
         download_bytes(files, lambda: zipped(export.files(campaign, [estimate], remarks)[form]), campaign.name)
 
 
@@ -79,7 +79,7 @@ def _curve() -> SolverCurve:
     )  # fmt: skip
     number = right.number_input(
         "Curve id", 1, MOST_ID, 1, key="export id", persist_state="session",
-        help="The same in every file: another pulse is another include.",
+        help="Of the first curve. Draws count on from it, so that all curves fit into one model.",
     )  # fmt: skip
     left, middle, _ = st.columns(3)
     start_ms = left.number_input(

@@ -36,7 +36,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
             mode="markers",
             name=LABELS.get(name, name),
             marker={"color": colour, "size": 8, "symbol": ["circle"] * gains.size + ["diamond"]},
-            hovertemplate=[difference(*pair, 3) for pair in pairs],
+            hovertemplate=[difference(second, first, 3) for second, first in pairs],
         )
     figure.add_hline(y=0, line={"color": AXIS, "width": 1})
     figure.add_vline(x=len(tests) - 0.5, line={"color": AXIS, "width": 1, "dash": "dot"})

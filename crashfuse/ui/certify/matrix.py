@@ -113,12 +113,15 @@ def _grid(campaign: Campaign, display: Display) -> Matrix:
         )  # fmt: skip
         if chosen:
             factors[name] = chosen
-    first, second, third = ([each * in_si for each in _numbers(own, label)] for label, (own, in_si) in typed.items())
-    return Matrix.grid(first, second, third, factors)
+    first, second, third = (
+        [number * IN_SI[unit] for number in _numbers(text, label)] for label, (text, unit) in typed.items()
+    )
+    v0, front, rear = (unit.replace("km/h", "kph") for _, unit in typed.values())
+    return Matrix.grid(first, second, third, factors, (v0, front, rear))
 
 
-def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str, float]:
-    """What is typed for one axis in the reader's unit, and the SI value of the unit that it was typed in.
+def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str, str]:
+    """What is typed for one axis, shown in the reader's unit, and the unit that it was typed in.
 
     The session and the address have the text with the unit that it was typed in: the values stay the same when another
     unit is chosen, whose field shows them converted.
@@ -136,7 +139,7 @@ def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str,
         state[key] = f"{state[field]} {unit}"
 
     column.text_input(f"{label} ({unit})", key=field, help=_HELP, on_change=take)
-    return typed, IN_SI[given]
+    return typed, given
 
 
 def _numbers(text: str, label: str) -> list[float]:
