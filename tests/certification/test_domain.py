@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crashfuse.campaign import Campaign
@@ -99,6 +99,7 @@ def test_a_gap_wider_than_any_that_was_left_out_is_outside(wide: Campaign) -> No
     assert sentence == "35.0 mph is 14.0 mph from the nearest test; checked up to 3.0 mph away."
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.integers(60, 500), min_size=4, max_size=9, unique=True), st.sampled_from([MPH_LB, KPH_KG]), st.data()
 )
