@@ -1,5 +1,6 @@
 """Tables of a certification: ``certification.csv``, ``track_record.csv``, and the counts of ``certification.json``."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from crashfuse.certification.support import largest_share
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS, all_met
 from crashfuse.condition import Condition
+from crashfuse.files.csv_output import csv_bytes
 from crashfuse.wording import MPH_LB, UnitSystem, said
 
 ANSWER = "A test there"
@@ -90,6 +92,12 @@ def condition_columns(
         **replace(condition, units=like.units).columns,
         **{name: dict(condition.factors).get(name, "") for name in factors},
     }
+
+
+def csv_as_given(table: pd.DataFrame) -> bytes:
+    """A table with :func:`condition_columns` as CSV: speeds and weights with all digits that were given."""
+    given = [name for name in table if re.fullmatch(r"(speed|front_weight|rear_weight)_[a-z]+", str(name))]
+    return csv_bytes(table.assign(**{name: table[name].map("{:.12g}".format) for name in given}))
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:

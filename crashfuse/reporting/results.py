@@ -16,6 +16,7 @@ from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_record import certification_json
+from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport, PulseFiles
 from crashfuse.reporting.planning import NextTests, SpeedSweep
@@ -214,10 +215,10 @@ _NEXT_TESTS: Mapping[str, Callable[[NextTests, Display], Content]] = {
     "next_tests.csv": lambda ranking, *_: csv_bytes(ranking.table),
 }
 _CERTIFICATION: Mapping[str, Callable[[Certification, Display, Sequence[Note]], Content]] = {
-    "certification.csv": lambda certification, *_: csv_bytes(Verdicts(certification).table),
+    "certification.csv": lambda certification, *_: csv_as_given(Verdicts(certification).table),
     "track_record.csv": lambda certification, *_: csv_bytes(Verdicts(certification).track_record),
     "changes.csv": lambda certification, *_: (
-        None if certification.since is None else csv_bytes(changes_table(Changes.of(certification)))
+        None if certification.since is None else csv_as_given(changes_table(Changes.of(certification)))
     ),
     "report.html": lambda *result: certification_report(*result).encode(),
     "certification.json": lambda certification, *_: certification_json(certification),

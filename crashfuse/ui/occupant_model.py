@@ -83,12 +83,12 @@ def _curve() -> SolverCurve:
     )  # fmt: skip
     left, middle, _ = st.columns(3)
     start_ms = left.number_input(
-        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.2f",
+        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.6g",
         key="export start", persist_state="session",
         help="In the time of the occupant model; before it the curve is zero.",
     )  # fmt: skip
     scale = middle.number_input(
-        "Scale", 0.001, 1000.0, 1.0, step=0.05, format="%.4f", key="export scale", persist_state="session",
+        "Scale", 0.001, 1000.0, 1.0, step=0.05, format="%.6g", key="export scale", persist_state="session",
         help="Factor on the accelerations.",
     )  # fmt: skip
     units = UNIT_SYSTEMS[system]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
-from crashfuse.reporting.certification_tables import matrix_table
+from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.units import KPH, LB, MPH
 
 FACTORS = {"drive": ("AWD", "FWD")}
@@ -118,6 +118,7 @@ def test_what_was_typed_is_written_as_typed(speed: str, front: str, rear: str, n
     written = matrix_table(matrix)
     pd.testing.assert_frame_equal(written, table, check_exact=True)
     assert Matrix.of(written, {}) == matrix
+    assert csv_as_given(written).decode().splitlines()[1] == f"A,{number:g},1000.5,750.1"
     assert Condition.of(**{str(k): v for k, v in written.drop(columns="id").iloc[0].items()}) == matrix.conditions[0]
 
 

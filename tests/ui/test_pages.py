@@ -367,7 +367,7 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert fit["Known to a factor of"].tolist() == ["1.50"]
     assert downloads(open_tab(app, "compare", "Files and report")) == [
         *("scores.csv", "pulses.csv", "metrics.csv", "report.html", "report.pptx"),
-        "fused-lsdyna.zip",
+        "fused-15mph-lsdyna.zip",
     ]
 
 
@@ -670,7 +670,7 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
     (speed,) = [field for field in app.number_input if field.label == "Impact speed (mph)"]
     speed.set_value(600.0).run()  # the field itself would refuse it, and leave what was predicted before
     assert re.search(r"Impact speed \(mph\) is from [\d.]+ to 70 here, not 600: 70 is taken", words(app))
-    assert "Extrapolation: speed 70 mph lies outside" in words(app)
+    assert "Extrapolation: speed 70.0 mph lies outside" in words(app)
     assert "lb in all" in words(open_tab(app, "predict", "Metrics"))
     open_tab(app, "predict", "Pulses")
     (drive,) = [box for box in app.selectbox if box.label == "Drive"]
