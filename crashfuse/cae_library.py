@@ -7,12 +7,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.condition import SAME_CONDITION, Condition
+from crashfuse.condition import SAME_CONDITION, STEP_KG, STEP_MPS, Condition
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, speed, weight
 
-_AXES = (("speed", speed), ("front weight", weight), ("rear weight", weight))
+_AXES = (("speed", speed, STEP_MPS), ("front weight", weight, STEP_KG), ("rear weight", weight, STEP_KG))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +77,11 @@ class CaeLibrary:
         (:func:`crashfuse.study.nearest.nearest_run`).
         """
         notes = []
-        for (name, quantity), x, lo, hi in zip(
+        for (name, quantity, step), x, lo, hi in zip(
             _AXES, condition.vector.tolist(), *(end.tolist() for end in self.range), strict=True
         ):
-            tolerance = SAME_CONDITION * abs(x)  # that of a paired run
+            tolerance = max(SAME_CONDITION * abs(x), step)  # that of a paired run
             if x < lo - tolerance or x > hi + tolerance:
-                outside = quantity(x, form=".4g"), quantity(lo, hi, form=".4g")
+                outside = quantity(x), quantity(lo, hi, between=" to ")
                 notes.append(Sentence("Extrapolation: {} {} lies outside the CAE runs' {}.", name, *outside))
         return tuple(notes)

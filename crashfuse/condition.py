@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import Self
 from urllib.parse import quote, unquote
@@ -17,6 +17,12 @@ from crashfuse.wording import UnitSystem, speed, weight
 
 SAME_CONDITION = 2e-3
 """Relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more."""
+STEP_MPS, STEP_KG = 0.1 * MPH, 1.0
+"""A step of what readers are shown, in the coarser unit. A condition is outside a range if it is farther beyond an end:
+so an end that is read off and typed in again lies inside, and what lies outside is shown as beyond the end."""
+FILE_UNITS = "mph", "lb", "lb"
+"""Of speed, front and rear weight where nobody has given any others: endings of columns."""
+_PRINTED = {"kph": "km/h", "mps": "m/s"}
 _QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 
 
@@ -32,12 +38,15 @@ class Condition:
         Weights on the two axles in kg.
     factors : tuple of (str, str)
         Further columns of the table (powertrain, drive) as pairs of name and value.
+    units : tuple of str
+        What speed, front and rear weight were given in, by the endings of columns; in files they stand in these again.
     """
 
     speed_mps: float
     front_weight_kg: float
     rear_weight_kg: float
     factors: tuple[tuple[str, str], ...] = ()
+    units: tuple[str, str, str] = field(default=FILE_UNITS, repr=False, compare=False)
 
     @classmethod
     def of(cls, **given: float | str | None) -> Self:
@@ -60,16 +69,21 @@ class Condition:
         >>> Condition.of(speed_mph=35, front_weight_lb=2100, rear_weight_lb=1550, drive="FWD").mass_kg
         1655.612...
         """
-        speed, front, rear = (_quantity(name, units, given) for name, units in _QUANTITIES.items())
+        (speed, v0), (front, wf), (rear, wr) = (_quantity(name, units, given) for name, units in _QUANTITIES.items())
         used = {f"{name}_{unit}" for name, units in _QUANTITIES.items() for unit in units}
         factors = tuple((name, str(value)) for name, value in given.items() if name not in used and value is not None)
-        return cls(speed_mps=speed, front_weight_kg=front, rear_weight_kg=rear, factors=factors)
+        return cls.of_vector([speed, front, rear], factors, (v0, wf, wr))
 
     @classmethod
-    def of_vector(cls, vector: Iterable[float], factors: tuple[tuple[str, str], ...] = ()) -> Self:
-        """The condition with this :attr:`vector`, shape (3,), in m/s and kg."""
+    def of_vector(
+        cls,
+        vector: Iterable[float],
+        factors: tuple[tuple[str, str], ...] = (),
+        units: tuple[str, str, str] = FILE_UNITS,
+    ) -> Self:
+        """The condition with this :attr:`vector`, shape (3,), in m/s and kg, that was given in these units."""
         speed_mps, front_kg, rear_kg = map(float, vector)
-        return cls(speed_mps=speed_mps, front_weight_kg=front_kg, rear_weight_kg=rear_kg, factors=factors)
+        return cls(speed_mps=speed_mps, front_weight_kg=front_kg, rear_weight_kg=rear_kg, factors=factors, units=units)
 
     def _repr_html_(self) -> str:
         kind = "".join(f", {name} {value}" for name, value in self.factors if value)
@@ -106,6 +120,27 @@ class Condition:
         )
 
     @property
+    def columns(self) -> dict[str, float]:
+        """Speed and weights as they were given, by the names of their columns: ``{"speed_kph": 56.0, …}``."""
+        return {
+            f"{name}_{unit}": round(value / units[unit], 9)
+            for (name, units), unit, value in zip(_QUANTITIES.items(), self.units, self.vector.tolist(), strict=True)
+        }
+
+    @property
+    def speed_name(self) -> str:
+        """The speed as it was given, for names of files: ``56kph``."""
+        return f"{next(iter(self.columns.values())):.6g}{self.units[0]}"
+
+    @property
+    def stated(self) -> str:
+        """The same in words: ``56 km/h, front 950 kg, rear 700 kg``."""
+        v0, front, rear = (
+            f"{v:.6g} {_PRINTED.get(u, u)}" for v, u in zip(self.columns.values(), self.units, strict=True)
+        )
+        return f"{v0}, front {front}, rear {rear}"
+
+    @property
     def text(self) -> str:
         """The condition on one short line that :meth:`parse` reads, for links and records: ``35mph 900kg 800kg``.
 
@@ -124,16 +159,15 @@ class Condition:
             If it is none.
         """
         parts = text.split()
-        speed_mps, front_kg, rear_kg = (
+        (speed_mps, v0), (front_kg, front), (rear_kg, rear) = (
             _read(part, units) for part, units in zip([*parts, "", "", ""], (SPEED, MASS, MASS), strict=False)
         )
         pairs = [part.partition("=") for part in parts[3:]]
         if not (speed_mps and front_kg and rear_kg) or not all(name and found for name, found, _ in pairs):
             found = printable(text, 60)
             raise UsageError(f"A condition is a speed and two weights, such as 35mph 2100lb 1500lb, not {found!r}.")
-        return cls.of_vector(
-            [speed_mps, front_kg, rear_kg], tuple((unquote(name), unquote(own)) for name, _, own in pairs)
-        )
+        factors = tuple((unquote(name), unquote(value)) for name, _, value in pairs)
+        return cls.of_vector([speed_mps, front_kg, rear_kg], factors, (v0, front, rear))
 
 
 _QUANTITY = re.compile(r"(?P<number>\d{1,12}(\.\d{1,12})?)(?P<unit>[a-z]+)")
@@ -143,14 +177,14 @@ def _shortest(value: float, units: Mapping[str, float]) -> str:
     return min((f"{value / size:.9g}{unit}" for unit, size in units.items()), key=len)
 
 
-def _read(text: str, units: Mapping[str, float]) -> float:
-    """A value in SI; 0 if it is none."""
+def _read(text: str, units: Mapping[str, float]) -> tuple[float, str]:
+    """A value in SI, 0 if it is none, and the unit that it was given in."""
     found = _QUANTITY.fullmatch(text)
-    return float(found["number"]) * units.get(found["unit"], 0.0) if found else 0.0
+    return (float(found["number"]) * units.get(found["unit"], 0.0), found["unit"]) if found else (0.0, "")
 
 
-def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float | str | None]) -> float:
-    """The one quantity of this name in SI, whatever unit its name ends in."""
+def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float | str | None]) -> tuple[float, str]:
+    """The one quantity of this name in SI, and the unit that its name ends in."""
     words, names = name.replace("_", " "), [f"{name}_{unit}" for unit in units]
     found = [key for key in given if key in names]
     if len(found) > 1:
@@ -165,4 +199,5 @@ def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float |
         value = math.nan
     if not 0 < value < math.inf:
         raise UsageError(f"{found[0]} is a number above 0, not {printable(repr(given[found[0]]), 60)}.")
-    return value * units[found[0].rpartition("_")[2]]
+    unit = found[0].rpartition("_")[2]
+    return value * units[unit], unit

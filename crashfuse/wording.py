@@ -40,14 +40,20 @@ class UnitSystem:
         """Factor to SI of the reader's unit for quantities in this unit."""
         return IN_SI[self.unit(unit)]
 
+    @property
+    def endings(self) -> tuple[str, str, str]:
+        """Endings of columns of speed, front and rear weight in these units."""
+        return self.speed.replace("km/h", "kph"), self.weight, self.weight
+
     def factor(self, unit: str) -> float:
         """Factor from a unit to the reader's."""
         return IN_SI[unit] / IN_SI[self.unit(unit)] if unit in IN_SI else 1.0
 
 
 def number(value: float, form: str) -> str:
-    """A number for readers in a format (``".1f"``), with the minus sign of print; a difference of none has no plus."""
-    text = f"{value:{form}}".replace("-", "−")
+    """A number for readers in a format (``".1f"``), with the minus sign of print; one that rounds to 0 has no sign."""
+    sign = "+" if form.startswith("+") else ""
+    text = f"{value:{sign}z{form.removeprefix(sign)}}".replace("-", "−")
     return text.removeprefix("+") if text.strip("+.0") == "" else text
 
 
@@ -58,7 +64,34 @@ def time_text(time_s: float, digits: int = 4) -> str:
 
 def signed(value: float, digits: int) -> str:
     """A difference for readers, with its sign; 0.000 if there is none."""
-    return number(value, f"+z.{digits}f")
+    return number(value, f"+.{digits}f")
+
+
+def difference(value: float, base: float, digits: int) -> str:
+    """How far a number is above another where both are shown with so many digits: the difference of what is shown."""
+    return signed(round(value, digits) - round(base, digits), digits)
+
+
+def probability_text(probability: float | None, confidence: float) -> str:
+    """A probability to three digits; a dash if it is not known.
+
+    More digits are shown where rounding would carry it over the confidence, or its complement, that it is compared
+    with: 0.9499 is open at 0.95. It is never 0 or 1.
+    """
+    if probability is None:
+        return "–"
+    if not 0.001 <= probability <= 0.999:
+        return ">0.999" if probability > 0.5 else "<0.001"
+    for digits in range(3, 12):
+        text = f"{probability:.{digits}f}"
+        if _sides(float(text), confidence) == _sides(probability, confidence):
+            break
+    return text
+
+
+def _sides(probability: float, confidence: float) -> tuple[bool, bool]:
+    """Whether a probability reaches a confidence, and its complement from above, whatever the last digits are."""
+    return probability >= confidence - 1e-12, probability <= 1 - confidence + 1e-12
 
 
 def unbroken(text: str) -> str:

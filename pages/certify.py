@@ -10,7 +10,7 @@ from crashfuse.ui import address, explanations, frame
 from crashfuse.ui.certify import earlier, files, record, results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.judgement import Judgement
-from crashfuse.ui.certify.matrix import choose_matrix
+from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
 from crashfuse.ui.certify.request import CertificationRequest
 from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.notes import notes_of
@@ -26,11 +26,9 @@ TABS = {
     "Files and report": files.show,
 }
 
-_JUDGED = "judged"  # session key: whether the conditions that are chosen have verdicts
-
 view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
 campaign = view.campaign
-with st.expander("Criteria and conditions", icon=":material/tune:", expanded=not st.session_state.get(_JUDGED)):
+with st.expander("Criteria and conditions", icon=":material/tune:", expanded=not st.session_state.get(JUDGED)):
     st.caption(
         "Which of the planned tests need not be run, and how often is that answer wrong? Each criterion gets a verdict "
         "at each condition: met, not met, open, or outside what the tests check."
@@ -44,24 +42,22 @@ with st.expander("Criteria and conditions", icon=":material/tune:", expanded=not
         "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach", persist_state="session"
     )
     matrix = choose_matrix(view)
-if criteria is None or matrix is None:
-    st.session_state[_JUDGED] = False
-    st.stop()
-
-config = replace(chosen_config(), approaches=(approach,), leave_out="test")
-request = CertificationRequest(campaign, criteria, matrix, config)
-verdicts = result_or_none(
-    request,
-    invitation="These conditions have not been judged yet. "
-    + explanations.patience(
-        config,
-        "Every test is left out in turn, which takes a minute or more unless it was done before; after that, other "
-        "limits and another confidence are answered at once.",
-    ),
-    button="Certify",
-)
-if (verdicts is not None) != st.session_state.get(_JUDGED, False):  # the choices above fold away, or unfold
-    st.session_state[_JUDGED] = verdicts is not None
+verdicts = None
+if criteria is not None and matrix is not None:
+    config = replace(chosen_config(), approaches=(approach,), leave_out="test")
+    request = CertificationRequest(campaign, criteria, matrix, config)
+    verdicts = result_or_none(
+        request,
+        invitation="These conditions have not been judged yet. "
+        + explanations.patience(
+            config,
+            "Every test is left out in turn, which takes a minute or more unless it was done before; after that, other "
+            "limits and another confidence are answered at once.",
+        ),
+        button="Certify",
+    )
+if (verdicts is not None) != st.session_state.get(JUDGED, False):  # the choices above fold away, or unfold
+    st.session_state[JUDGED] = verdicts is not None
     st.rerun()
 if verdicts is None:
     st.stop()

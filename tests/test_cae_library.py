@@ -1,10 +1,16 @@
 """The CAE runs: pairing, range, extrapolation."""
 
+import re
 from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.units import KPH, LB, MPH
+from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem, said
 
 
 def test_a_run_at_a_tests_condition_is_its_pair(campaign: Campaign) -> None:
@@ -55,6 +61,20 @@ def test_a_paired_run_puts_its_condition_in_range(campaign: Campaign) -> None:
         condition = replace(heavy, front_weight_kg=factor * heavy.front_weight_kg)
         assert cae.paired_run(condition) is not None
         assert cae.extrapolation(condition) == ()
+
+
+@pytest.mark.parametrize("units", [MPH_LB, KPH_KG])
+@given(beyond=st.floats(0, 2.0), end=st.floats(2.0, 70.0))
+def test_an_end_of_the_range_is_told_so_that_it_can_be_typed(
+    campaign: Campaign, units: UnitSystem, beyond: float, end: float
+) -> None:
+    """The fastest run as it is shown is in range; what is outside is shown as beyond it, by the same digits."""
+    slow, fast = (replace(campaign.cae.conditions[0], speed_mps=v) for v in (0.5, end * MPH))
+    cae, unit = replace(campaign.cae, conditions=(slow, *[fast] * (len(campaign.cae) - 1))), units.in_si("mph")
+    assert cae.extrapolation(replace(fast, speed_mps=round(end * MPH / unit, 1) * unit)) == ()
+    for note in cae.extrapolation(replace(fast, speed_mps=(end + beyond) * MPH)):
+        asked, _, fastest = re.findall(r"\d+\.\d", said(note, units))
+        assert float(asked) > float(fastest)
 
 
 def test_every_run_is_in_range(campaign: Campaign) -> None:

@@ -1,6 +1,7 @@
 """Sentences keep their quantities, so that any reader gets them in the units of choice, rounded once."""
 
 import pickle
+from decimal import Decimal
 
 import pytest
 from hypothesis import given
@@ -14,8 +15,11 @@ from crashfuse.wording import (
     Quantity,
     Sentence,
     UnitSystem,
+    difference,
     joined,
+    number,
     packed,
+    probability_text,
     read_out,
     said,
     signed,
@@ -106,7 +110,42 @@ def test_no_line_ends_between_a_number_and_its_unit() -> None:
     assert unbroken(text) == told.replace("~", "\N{NO-BREAK SPACE}")
 
 
+@pytest.mark.parametrize("form", [".1f", "+.1f", ".3g", "#.4g"])
+@given(value=st.floats(-1e3, 1e3))
+def test_what_rounds_to_nothing_has_no_sign(form: str, value: float) -> None:
+    """Whatever the format; what is left has the sign of print."""
+    text = number(value, form)
+    assert not (float(text.replace("−", "-")) == 0 and text[0] in "+−-")
+    assert "-" not in text
+
+
+@given(value=st.floats(0, 1), base=st.floats(0, 1))
+def test_a_difference_is_that_of_what_is_shown(value: float, base: float) -> None:
+    """0.885 − 0.681 is +0.204, whatever was rounded away."""
+    shown = Decimal(f"{value:.3f}") - Decimal(f"{base:.3f}")
+    assert Decimal(difference(value, base, 3).replace("−", "-")) == shown
+
+
+@given(probability=st.floats(0, 1), confidence=st.sampled_from([0.5, 0.8, 0.9, 0.95, 0.987, 0.99]))
+def test_a_probability_is_rounded_but_not_over_what_it_is_compared_with(probability: float, confidence: float) -> None:
+    """On either side; of most probabilities three digits are shown."""
+    text = probability_text(probability, confidence)
+    if text in (">0.999", "<0.001"):
+        assert not 0.001 <= probability <= 0.999
+        return
+    shown = float(text)
+    assert abs(shown - probability) <= 0.0005 + 1e-12
+    assert (shown >= confidence) is (probability >= confidence - 1e-12)
+    assert (shown <= 1 - confidence + 1e-12) is (probability <= 1 - confidence + 1e-12)
+
+
+def test_a_probability_has_as_few_digits_as_will_do() -> None:
+    """Also where it reaches the confidence by the last digits of sums only."""
+    shown = [probability_text(p, 0.95) for p in (0.97777, 0.9499, 0.94996, 0.95, 0.0504, 0.05, 0.1 * 9.5, None)]
+    assert shown == ["0.978", "0.9499", "0.94996", "0.950", "0.0504", "0.050", "0.950", "–"]
+
+
 def test_a_difference_has_a_sign_unless_there_is_none() -> None:
     """As far as it is shown: one that is rounded away is none; in sentences too."""
     assert [signed(value, 3) for value in (0.0, 4e-4, -4e-4, 0.1, -0.1)] == ["0.000"] * 3 + ["+0.100", "−0.100"]
-    assert f"{speed(0.0, form='+z.1f')}, {speed(10 * MPH, form='+z.1f')}" == "0.0 mph, +10.0 mph"
+    assert f"{speed(0.0, form='+.1f')}, {speed(10 * MPH, form='+.1f')}" == "0.0 mph, +10.0 mph"

@@ -12,7 +12,7 @@ import pandas as pd
 from crashfuse.campaign_folder.columns import MOST_PROBLEMS, count_rest, find_column, listed, not_a_number
 from crashfuse.campaign_folder.ids import folded, id_trouble, same_name
 from crashfuse.campaign_folder.quality_columns import read_quality
-from crashfuse.condition import Condition
+from crashfuse.condition import FILE_UNITS, Condition
 from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
 from crashfuse.run_quality import QUANTITIES as QUALITIES
@@ -127,7 +127,9 @@ def read_what_can_be(
         return None
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=object).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
-    conditions = tuple(Condition.of_vector([float(v), float(front), float(rear)], fac) for v, front, rear, fac in rows)
+    found_units = [column.rpartition("_")[2] for column in found_columns]
+    given = (found_units[0], found_units[1], found_units[2]) if len(found_units) == len(FILE_UNITS) else FILE_UNITS
+    conditions = tuple(Condition.of_vector([v, front, rear], fac, given) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
     table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, units)
     return table if len(sound) == len(frame) else table.without(sorted({*range(len(frame))} - {*sound}))

@@ -29,7 +29,6 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.duration import LATE_S, shared_steps
 from crashfuse.study.plan import check_window
 from crashfuse.study.running import workers_at
 
@@ -217,8 +216,6 @@ def certify_matrix(
     known = Forecasts(campaign, criteria.windows_ms, config, cache or Cache(), watch)
     with workers_at(scheduler, workers) as place:
         start = time.perf_counter()
-        steps = {_LEARN: LATE_S * len(trials), _JUDGE: LATE_S * len(cells)}
-        watch.expect(shared_steps({approach}, config) | steps)
         forecasts = known.all(trials, place, _LEARN, learn_for=cells)
         learned = time.perf_counter()
         forecasts |= known.all(cells, place, _JUDGE)

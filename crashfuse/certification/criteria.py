@@ -61,8 +61,16 @@ class Criterion:
         return f".{max(len(declared.partition('.')[2]), 2)}f"
 
     def shown(self, *values: float | None) -> Quantity:
-        """Values of the metric as displayed, with its unit; several are the ends of a range."""
-        return Quantity(values, self.unit, "#.4g" if self.unit else ".2f", " to ")
+        """Values of the metric as displayed, with its unit; several are the ends of a range.
+
+        They have as many digits as it takes not to be carried over a limit by rounding: 0.797 misses 0.80.
+        """
+        for more in range(9):
+            form = f"#.{4 + more}g" if self.unit else f".{2 + more}f"
+            known = [value for value in values if value is not None]
+            if all(self.is_met_by(float(format(value, form))) == self.is_met_by(value) for value in known):
+                break
+        return Quantity(values, self.unit, form, " to ")
 
     def interval(self, lower: float | None, upper: float | None) -> Quantity | Sentence:
         """The interval of a value as displayed; of one that the record is too short for, the end that is known."""

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
-from crashfuse.condition import Condition
+from crashfuse.condition import STEP_KG, STEP_MPS, Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight
@@ -87,14 +88,19 @@ class Domain:
         slowest, fastest = (float(end[0]) for end in self.cae.range)
         low = max(self.speeds_mps[0] - self.below_mps, slowest)
         high = min(self.speeds_mps[-1] + self.above_mps, fastest)
-        found: list[tuple[float, float]] = []
+        ranges = ((max(start, low), min(end, high)) for start, end in self._reached_mps)
+        return tuple((start, end) for start, end in ranges if start < end)
+
+    @cached_property
+    def _reached_mps(self) -> tuple[tuple[float, float], ...]:
+        """Stretches of speed as far as the reach from any test; two are one if all between them is at about a speed."""
+        ranges: list[tuple[float, float]] = []
         for tested in self.speeds_mps:
-            start, end = max(tested - self.reach_mps, low), min(tested + self.reach_mps, high)
-            if found and start <= found[-1][1]:
-                start, end = found.pop()[0], end
-            if start < end:
-                found.append((start, end))
-        return tuple(found)
+            start, end = tested - self.reach_mps, tested + self.reach_mps
+            if ranges and start - ranges[-1][1] < SPEED_STEP_MPS:
+                start, _ = ranges.pop()
+            ranges.append((start, end))
+        return tuple(ranges)
 
     @property
     def checked_masses_kg(self) -> tuple[float, float]:
@@ -128,18 +134,18 @@ class Domain:
             ("slowest", low - v0, self.below_mps, "below"),
             ("fastest", v0 - high, self.above_mps, "above"),
         ):
-            if beyond > most + 1e-9:
+            if beyond > most + STEP_MPS:
                 found = f"{{}} is {{}} {word} the {end} test; checked up to {{}} {word} it."
                 return [Sentence(found, speed(v0), speed(beyond), speed(most))]
         away = float(np.abs(np.array(self.speeds_mps) - v0).min())
-        if low <= v0 <= high and away > self.reach_mps + 1e-9:
+        if low <= v0 <= high and not any(a - STEP_MPS <= v0 <= b + STEP_MPS for a, b in self._reached_mps):
             found = "{} is {} from the nearest test; checked up to {} away."
             return [Sentence(found, speed(v0), speed(away), speed(self.reach_mps))]
         return []
 
     def _mass(self, condition: Condition) -> list[str]:
         low, high = self.masses_kg
-        if low <= condition.mass_kg <= high:
+        if low - STEP_KG <= condition.mass_kg <= high + STEP_KG:
             return []
         checked = weight(low, high, between=" to ")
         return [Sentence("{} in all; checked from {}.", weight(condition.mass_kg), checked)]

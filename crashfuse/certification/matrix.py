@@ -11,7 +11,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.frames import in_memory
-from crashfuse.condition import Condition
+from crashfuse.condition import FILE_UNITS, Condition
 from crashfuse.errors import DataError, Problem, UsageError, shortened
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.signals.pulse import FloatArray
@@ -20,7 +20,7 @@ from crashfuse.units import KPH
 from crashfuse.wording import Sentence
 
 _MOST = 10_000  # each costs a prediction
-_SPEED_MPS, _WEIGHT = 1 * KPH, 0.02
+SAME_SPEED_MPS, SAME_WEIGHT = 1 * KPH, 0.02
 """A test is made for a planned condition up to so much from it: what protocols of barrier tests allow in speed, and the
 relative difference in weight of a repeat."""
 
@@ -137,8 +137,11 @@ class Matrix:
         front_weights_kg: Sequence[float],
         rear_weights_kg: Sequence[float],
         factors: Mapping[str, Sequence[str]],
+        units: tuple[str, str, str] = FILE_UNITS,
     ) -> Self:
         """Every combination of speeds, weights and values of factors, numbered from ``M001``.
+
+        ``units`` are those that they were given in, as of :class:`~crashfuse.condition.Condition`.
 
         Raises
         ------
@@ -157,7 +160,7 @@ class Matrix:
         if len(axes) > _MOST:
             raise UsageError(f"A matrix has at most {_MOST:,} conditions; this grid has {len(axes):,}.")
         ids = tuple(f"M{number:03d}" for number in range(1, len(axes) + 1))
-        conditions = tuple(Condition.of_vector([v, front, rear], kind) for v, front, rear, kind in axes)
+        conditions = tuple(Condition.of_vector([v, front, rear], kind, units) for v, front, rear, kind in axes)
         if beyond := next(filter(is_beyond, conditions), None):
             raise UsageError(Sentence("No barrier test is made at {}: a grid has {}.", beyond, BOUNDS))
         return cls(ids, conditions)
@@ -165,6 +168,6 @@ class Matrix:
 
 def _away(test: Condition, planned: FloatArray) -> FloatArray:
     """How far a test is from conditions, shape (n, 3); up to 1 it may have been made for one."""
-    allowed = np.column_stack([np.full(len(planned), _SPEED_MPS), _WEIGHT * planned[:, 1:]])
+    allowed = np.column_stack([np.full(len(planned), SAME_SPEED_MPS), SAME_WEIGHT * planned[:, 1:]])
     off = np.abs(test.vector - planned) / allowed
     return np.asarray(off.max(axis=1) - 1e-9)  # to the last digit of units

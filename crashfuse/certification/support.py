@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import betainc, betaincinv
 
 from crashfuse.certification.verdict import reaches
+from crashfuse.wording import probability_text
 
 _LEVEL = 0.95
 MOST_OF_A_TEST = 5
@@ -85,12 +86,11 @@ class Support:
             told = "About every tenth verdict on this metric was wrong on random vehicles: whatever the record, it"
             return f"{told} supports a confidence of {self.most:g}, not {confidence:g}."
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
-        supported = np.floor(1000 * self.confidence + 1e-9) / 1000  # rounded up, it would reach what it falls short of
         of = f"{self.wrong} of {self.decided} verdicts wrong" if self.decided else "no verdict"
         return (
-            f"The campaign's record ({of}, at most {MOST_OF_A_TEST} a test) supports a "
-            f"confidence of {supported:g}, not {confidence:g}; it would take {needed} verdicts with no more than "
-            f"{self.wrong} wrong."
+            f"The campaign's record ({of}, at most {MOST_OF_A_TEST} a test) supports a confidence of "
+            f"{probability_text(self.confidence, confidence)}, not {confidence:g}; it would take {needed} verdicts "
+            f"with no more than {self.wrong} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:

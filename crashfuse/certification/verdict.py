@@ -1,6 +1,5 @@
 """The verdict on one criterion at one condition, with its reason."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol, get_args
@@ -9,7 +8,7 @@ from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.gone import Gone
 from crashfuse.condition import Condition
-from crashfuse.wording import Sentence, joined
+from crashfuse.wording import Sentence, joined, probability_text
 
 _Found = tuple[float | None, float | None, float | None]  # value, lower and upper end
 Word = Literal["met", "not met", "open", "outside"]
@@ -91,12 +90,6 @@ def reaches(probability: float, confidence: float) -> bool:
 def needs_no_test(verdicts: Sequence[Judged], confidence: float) -> bool:
     """Whether every criterion is met at a condition, and all of them at once (:func:`all_met`) with the confidence."""
     return all(verdict.word == "met" for verdict in verdicts) and reaches(all_met(verdicts)[0], confidence)
-
-
-def towards_half(probability: float) -> float:
-    """A probability to three digits, rounded towards one half, so that it never seems to reach a confidence."""
-    each = 1000 * probability
-    return (math.ceil(each - 1e-9) if probability < 0.5 else math.floor(each + 1e-9)) / 1000
 
 
 def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
@@ -186,13 +179,10 @@ def _word(
         return "open", f"{short}, so its interval is unknown here; only a longer one can tell."
     word: Word = "open"
     who, advice = (" by another test", "") if was_run else ("", ": test it, or redesign")
-    came = f"met{who} with probability {_share(probability)} only{advice}."
+    met, missed = (probability_text(p, confidence).replace(">", "over ") for p in (probability, 1 - probability))
+    came = f"met{who} with probability {met} only{advice}."
     if probability >= confidence:
-        word, came = "met", f"met with probability {_share(probability)}."
+        word, came = "met", f"met with probability {met}."
     elif probability <= 1 - confidence:
-        word, came = "not met", f"missed with probability {_share(1 - probability)}."
+        word, came = "not met", f"missed with probability {missed}."
     return word, joined([criterion.compared(*found), came], ", ")
-
-
-def _share(probability: float) -> str:
-    return "over 0.999" if probability > 0.999 else f"{towards_half(probability):.3f}"

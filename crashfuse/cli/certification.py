@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from crashfuse.cli.conditions import factor
+from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
 from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
 from crashfuse.errors import DataError, Problem, UsageError
@@ -88,4 +88,4 @@ def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
     for text in arguments.factor or ():
         name, value = factor(text, campaign.factors)
         factors.setdefault(name, {})[value] = None
-    return Matrix.grid(*axes, {name: tuple(values) for name, values in factors.items()})
+    return Matrix.grid(*axes, {name: tuple(values) for name, values in factors.items()}, units_of(arguments))

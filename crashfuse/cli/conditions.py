@@ -31,7 +31,31 @@ def add_axes(
     for name in axes:
         group = parser.add_mutually_exclusive_group(required=required)
         for flag, factor in AXES[name].items():
-            group.add_argument(flag, dest=name, type=in_si(factor), **{"metavar": flag[2].upper(), **options})
+            own: dict[str, Any] = {"metavar": flag[2].upper(), "action": _InUnit, **options}
+            group.add_argument(flag, dest=name, type=in_si(factor), **own)
+
+
+class _InUnit(argparse.Action):
+    """Stores what is given in SI, and beside it the unit that it was given in: the end of the option's name."""
+
+    def __call__(
+        self,
+        _: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,
+    ) -> None:
+        """Store both."""
+        setattr(namespace, self.dest, values)
+        setattr(namespace, f"{self.dest} unit", str(option_string).rpartition("-")[2])
+
+
+def units_of(arguments: argparse.Namespace) -> tuple[str, str, str]:
+    """The units that speed, front and rear weight were given in; of what was not, those of files."""
+    from crashfuse.condition import FILE_UNITS
+
+    given = [getattr(arguments, f"{name} unit", usual) for name, usual in zip(AXES, FILE_UNITS, strict=True)]
+    return given[0], given[1], given[2]
 
 
 def require_positive(arguments: argparse.Namespace) -> None:
@@ -47,7 +71,8 @@ def condition_of(arguments: argparse.Namespace, campaign: "Campaign", speed_mps:
     from crashfuse.condition import Condition
 
     factors = tuple(factor(text, campaign.factors) for text in arguments.factor or ())
-    return Condition.of_vector([speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg], factors)
+    vector = [speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg]
+    return Condition.of_vector(vector, factors, units_of(arguments))
 
 
 def factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:

@@ -78,6 +78,7 @@ def sweep(arguments: argparse.Namespace) -> None:
             raise UsageError("A sweep takes a speed and a higher one.")
         speeds = speeds_between(low, high)
     condition = condition_of(arguments, campaign, speeds[0])
+    condition = replace(condition, units=("mph", *condition.units[1:]))  # of its steps
     fits = _fits(arguments, campaign)
     with replacing(arguments.out, "sweep"), writing(arguments.out, last="sweep.csv") as folder:
         with watching() as watch:

@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser, *default: str) -> None:
     )
     group.add_argument("--start-ms", type=number, metavar="T", help="time of contact in curves (default: 0)")
     group.add_argument("--scale", type=number, metavar="X", help="factor on the accelerations of curves (default: 1)")
-    group.add_argument("--curve-id", type=int, metavar="ID", help="id of the curve in every file (default: 1)")
+    group.add_argument("--curve-id", type=int, metavar="ID", help="id of the first curve; others count on (default: 1)")
     group.add_argument(
         "--isomme-location", metavar="CODE", help="12 characters of the channel codes (default: 10VEHC000000)"
     )

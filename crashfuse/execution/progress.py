@@ -28,7 +28,7 @@ class Watch:
 
     ``on_progress`` is called at each report, in the computing thread; once ``cancel`` is set, the next report raises
     :class:`crashfuse.errors.Cancelled`. ``on_part`` is called with a part of the result each time that more of it is
-    known, and ``on_expected`` with the steps to come.
+    known.
     """
 
     def __init__(
@@ -36,12 +36,10 @@ class Watch:
         on_progress: Callable[[Progress], None] | None = None,
         cancel: threading.Event | None = None,
         on_part: Callable[[Any], None] | None = None,
-        on_expected: Callable[[Mapping[str, float]], None] | None = None,
     ) -> None:
         self._on_progress = on_progress
         self._cancel = () if cancel is None else (cancel,)
         self._on_part = on_part
-        self._on_expected = on_expected
 
     def also_cancelled_by(self, cancel: threading.Event) -> "Watch":
         """The same watch for a part of the computation that can be cancelled on its own."""
@@ -55,11 +53,6 @@ class Watch:
             raise Cancelled(f"Stopped on request during: {step}.")
         if self._on_progress is not None:
             self._on_progress(Progress(step, done, total, values))
-
-    def expect(self, seconds: Mapping[str, float]) -> None:
-        """Say which steps come, in order, and how many seconds each takes on a usual computer."""
-        if self._on_expected is not None:
-            self._on_expected(seconds)
 
     @property
     def wants_parts(self) -> bool:

@@ -9,7 +9,7 @@ from crashfuse.certification.changes import Changes
 from crashfuse.certification.earlier import EarlierVerdict
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.verdict import Verdict
-from crashfuse.reporting.certification_tables import condition_columns, factors_of, probability_text
+from crashfuse.reporting.certification_tables import condition_columns, factors_of
 from crashfuse.reporting.condition_lists import listed_conditions
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certification_settings
@@ -21,7 +21,7 @@ from crashfuse.reporting.track_record_sentences import (
     measured_words,
     missed_intervals,
 )
-from crashfuse.wording import Sentence, joined
+from crashfuse.wording import Sentence, joined, probability_text
 
 _DIGEST = 12  # characters of it in a sentence
 
@@ -31,7 +31,7 @@ def changes_table(changes: Changes) -> pd.DataFrame:
     factors = tuple(dict.fromkeys((*factors_of(changes.earlier.matrix), *factors_of(changes.later.matrix))))
     rows = [
         {
-            **condition_columns(cell.later_id or "", cell.condition, factors),
+            **condition_columns(cell.later_id or "", cell.condition, factors, changes.later.matrix.conditions[0]),
             "earlier_id": cell.earlier_id or "",
             "criterion": cell.criterion.name,
             "metric": cell.criterion.metric,
@@ -57,6 +57,7 @@ def changes_table(changes: Changes) -> pd.DataFrame:
 
 def shown_changes(changes: Changes, display: Display = DEFAULT) -> pd.DataFrame:
     """The same for readers: first what did not come true, then what else was measured, then what is not as it was."""
+    then, now = (own.criteria.confidence for own in (changes.earlier, changes.later))
     shown = [
         cell
         for cell in changes.cells
@@ -68,9 +69,9 @@ def shown_changes(changes: Changes, display: Display = DEFAULT) -> pd.DataFrame:
             "Criterion": cell.criterion.name,
             "Limit": display.words(cell.criterion.limits),
             "Then": _word(cell.before),
-            "Probability then": "–" if cell.before is None else probability_text(cell.before.probability),
+            "Probability then": "–" if cell.before is None else probability_text(cell.before.probability, then),
             "Now": _word(cell.now),
-            "Probability now": "–" if cell.now is None else probability_text(cell.now.probability),
+            "Probability now": "–" if cell.now is None else probability_text(cell.now.probability, now),
             "Measured since": "; ".join(
                 display.words(
                     Sentence("{} {}", test, measured_words(own, value, changes.since.shift(test, own.metric)))
@@ -238,7 +239,8 @@ def wrong_since(changes: Changes) -> Iterator[str]:
             yield Sentence(
                 "{}, before it was run: {} ({}) at {} was said to be {} (probability {}); measured {}.",
                 trial.held_out, own.criterion.name, own.criterion.limits, own.condition, own.word,
-                probability_text(own.probability), measured_words(own.criterion, trial.measured, trial.shift),
+                probability_text(own.probability, changes.earlier.criteria.confidence),
+                measured_words(own.criterion, trial.measured, trial.shift),
             )  # fmt: skip
 
 

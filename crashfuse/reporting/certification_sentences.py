@@ -2,12 +2,11 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
-
 from crashfuse.certification.answer import answers
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.verdict import WORDS, Verdict
+from crashfuse.certification.evidence import run_near
+from crashfuse.certification.verdict import WORDS, Verdict, reaches
 from crashfuse.reporting.certification_changes import outcome_sentences, saved_and_missed
 from crashfuse.reporting.certification_exceptions import (
     FEW,
@@ -33,7 +32,7 @@ from crashfuse.reporting.track_record_sentences import (
     record_sentence,
     waived_sentence,
 )
-from crashfuse.wording import Sentence, joined
+from crashfuse.wording import Sentence, joined, probability_text, read_out, speed, weight
 
 _EXPLAINED = 3  # conditions in a sentence with a reason each
 
@@ -66,6 +65,7 @@ def to_test(certification: Certification) -> Iterator[str]:
     """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
     rows, run = {word: certification.of_word(word) for word in WORDS}, certification.run
     ids, (of_all, known_of) = certification.matrix.ids, _reserved(certification)
+    confidence = certification.criteria.confidence
     if of_all:
         yield f"Of every condition: {'; '.join(of_all)}."
     if run:
@@ -73,7 +73,7 @@ def to_test(certification: Certification) -> Iterator[str]:
     if waived := certification.waived:
         yield (
             "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
-            f"{listed_conditions(ids, _least(waived, known_of))}."
+            f"{listed_conditions(ids, _least(waived, confidence, known_of))}."
         )
     yield from _counted_once(certification)
     if waived:
@@ -83,8 +83,8 @@ def to_test(certification: Certification) -> Iterator[str]:
     if uncertain := certification.uncertain:
         yield (
             "To be tested, as each criterion is met but all at once not with a confidence of "
-            f"{certification.criteria.confidence:g} (in brackets): "
-            f"{listed_conditions(ids, _least(uncertain, known_of))}."
+            f"{confidence:g} (in brackets): "
+            f"{listed_conditions(ids, _least(uncertain, confidence, known_of))}."
         )
     given, known, unknown = answers(certification), _open(certification, known=True), _open(certification, known=False)
     missing = {i: own for i, own in rows["not met"].items() if given[i] == "would miss"}
@@ -103,6 +103,7 @@ def to_test(certification: Certification) -> Iterator[str]:
             yield f"{told}: {listed_conditions(ids, each)}."
     if first := certification.run_first:
         yield f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
+        yield from _despite_tests(certification, first)
     if certification.domain.too_few_tests:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:
@@ -112,6 +113,34 @@ def to_test(certification: Certification) -> Iterator[str]:
             yield "No condition of the matrix needs a test."
         elif len(missing) < len(certification.matrix.ids):
             yield "No other condition of the matrix needs a test."
+
+
+def _despite_tests(certification: Certification, first: str) -> Iterator[str]:
+    """Why a condition takes a test although some were run near it, in numbers."""
+    row, confidence = certification.rows[first], certification.criteria.confidence
+    there = row[0].condition
+    if not (tests := run_near(certification.campaign, there)):
+        return
+    away = (
+        speed(max(abs(test.condition.speed_mps - there.speed_mps) for test in tests)),
+        weight(max(abs(test.condition.mass_kg - there.mass_kg) for test in tests)),
+    )
+    ids, (who, were, whom) = [test.id for test in tests], ("they", "were", "them") if tests[1:] else ("it", "was", "it")
+    said = "{} {} run within {} and {} of {}; the prediction there has learned from {}."
+    yield Sentence(said, read_out(ids), were, *away, first, whom)
+    for verdict in row:
+        criterion, met = verdict.criterion, probability_text(verdict.probability, confidence)
+        why: str | None = f"Another test meets it with probability {met}, and {confidence:g} is asked for."
+        if reaches(verdict.probability or 0.0, confidence):
+            why = certification.record.support(criterion).shortfall(confidence)
+        alone = [trial for trial in certification.record.of(criterion) if trial.left_out == "test"]
+        values = [trial.measured for trial in alone if trial.held_out in ids]
+        if verdict.word == "open" and values and why:
+            shown = criterion.shown(*dict.fromkeys((min(values), max(values))))
+            yield Sentence("Of {} ({}) {} showed {}. {}", criterion.name, criterion.limits, who, shown, why)
+    if first in certification.uncertain:
+        least = probability_text(certification.uncertain[first][0], confidence)
+        yield f"Another test meets all criteria at once with probability {least} or more; {confidence:g} is asked for."
 
 
 def _counted_once(certification: Certification) -> Iterator[str]:
@@ -145,11 +174,6 @@ def _reserved(certification: Certification) -> tuple[list[str], dict[str, str]]:
     return of_all, {i: own for i, own in rest.items() if own}
 
 
-def least_text(all_met: tuple[float, float]) -> str:
-    """The least probability that a test meets all criteria, rounded down."""
-    return f"{np.floor(1000 * all_met[0] + 1e-9) / 1000:.3f}"
-
-
 def _run(certification: Certification, known_of: Mapping[str, str]) -> Iterator[str]:
     """Conditions that were run, with the tests there and what these miss."""
     for i, row in certification.rows.items():
@@ -168,18 +192,19 @@ def _run(certification: Certification, known_of: Mapping[str, str]) -> Iterator[
             yield Sentence("{} (test {})", i, joined([joined(tests, " and "), *also], "; "))
 
 
-def _least(bounds: Mapping[str, tuple[float, float]], known_of: Mapping[str, str]) -> dict[str, str]:
+def _least(bounds: Mapping[str, tuple[float, float]], confidence: float, known_of: Mapping[str, str]) -> dict[str, str]:
     """The least probability that a test meets all criteria, and what has to be known, by condition.
 
     Of many conditions, of which the same has to be known, it is that of the least probable one.
     """
     if len(bounds) <= ONE_BY_ONE:
-        return {i: "; ".join(filter(None, (least_text(own), known_of.get(i)))) for i, own in bounds.items()}
-    least: dict[str | None, tuple[float, float]] = {}
-    for i, own in bounds.items():
+        told = {i: probability_text(own, confidence) for i, (own, _) in bounds.items()}
+        return {i: "; ".join(filter(None, (text, known_of.get(i)))) for i, text in told.items()}
+    least: dict[str | None, float] = {}
+    for i, (own, _) in bounds.items():
         least[known_of.get(i)] = min(own, least.get(known_of.get(i), own))
     return {
-        i: "; ".join(filter(None, (f"{least_text(least[known])} or more", known)))
+        i: "; ".join(filter(None, (f"{probability_text(least[known], confidence)} or more", known)))
         for i in bounds
         for known in [known_of.get(i)]
     }

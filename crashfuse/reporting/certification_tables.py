@@ -1,6 +1,8 @@
 """Tables of a certification: ``certification.csv``, ``track_record.csv``, and the counts of ``certification.json``."""
 
+import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pandas as pd
 
@@ -11,9 +13,9 @@ from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.support import largest_share
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import WORDS, all_met, towards_half
+from crashfuse.certification.verdict import WORDS, all_met
 from crashfuse.condition import Condition
-from crashfuse.units import LB, MPH
+from crashfuse.files.csv_output import csv_bytes
 from crashfuse.wording import MPH_LB, UnitSystem, said
 
 ANSWER = "A test there"
@@ -32,7 +34,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
     given, all_at_once = answers(certification), {i: all_met(row)[0] for i, row in certification.rows.items()}
     return pd.DataFrame(
         {
-            **condition_columns(cell, verdict.condition, factors),
+            **condition_columns(cell, verdict.condition, factors, certification.matrix.conditions[0]),
             "criterion": verdict.criterion.name,
             "metric": verdict.criterion.metric,
             "window_ms": verdict.criterion.window_ms,
@@ -65,13 +67,6 @@ def answer_texts(certification: Certification, name: Callable[[str], str] = str)
     return {i: f"{text}, as {name(same[i])}" if i in same else text for i, text in texts.items()}
 
 
-def probability_text(probability: float | None) -> str:
-    """A probability to three digits, towards one half; never 0 or 1, a dash if it is not known."""
-    if probability is None:
-        return "–"
-    return ">0.999" if probability > 0.999 else "<0.001" if probability < 0.001 else f"{towards_half(probability):.3f}"
-
-
 def _bases(campaign: Campaign) -> dict[str, str]:
     """What each metric, and the rating, rests on."""
     return {**campaign.metric_bases, RATING: campaign.rating_basis}
@@ -80,7 +75,7 @@ def _bases(campaign: Campaign) -> dict[str, str]:
 def matrix_table(matrix: Matrix) -> pd.DataFrame:
     """The conditions, in the form of ``matrix.csv``."""
     factors = factors_of(matrix)
-    return pd.DataFrame(condition_columns(i, c, factors) for i, c in matrix.items)
+    return pd.DataFrame(condition_columns(i, c, factors, matrix.conditions[0]) for i, c in matrix.items)
 
 
 def factors_of(matrix: Matrix) -> tuple[str, ...]:
@@ -88,15 +83,21 @@ def factors_of(matrix: Matrix) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for condition in matrix.conditions for name, _ in condition.factors))
 
 
-def condition_columns(condition_id: str, condition: Condition, factors: Sequence[str]) -> dict[str, object]:
-    """A condition in the columns of ``matrix.csv``."""
+def condition_columns(
+    condition_id: str, condition: Condition, factors: Sequence[str], like: Condition
+) -> dict[str, object]:
+    """A condition in the columns of ``matrix.csv``, in the units that another one, the table's first, was given in."""
     return {
         "id": condition_id,
-        "speed_mph": round(condition.speed_mps / MPH, 9),  # as it was given
-        "front_weight_lb": round(condition.front_weight_kg / LB, 9),
-        "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
+        **replace(condition, units=like.units).columns,
         **{name: dict(condition.factors).get(name, "") for name in factors},
     }
+
+
+def csv_as_given(table: pd.DataFrame) -> bytes:
+    """A table with :func:`condition_columns` as CSV: speeds and weights with all digits that were given."""
+    given = [name for name in table if re.fullmatch(r"(speed|front_weight|rear_weight)_[a-z]+", str(name))]
+    return csv_bytes(table.assign(**{name: table[name].map("{:.12g}".format) for name in given}))
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:

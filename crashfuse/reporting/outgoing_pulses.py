@@ -6,7 +6,7 @@ each of their points is an extreme of its own, so together they are a pulse that
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import Literal, get_args
 
@@ -20,7 +20,7 @@ from crashfuse.reporting.isomme_prediction import isomme_pulse
 from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve, solver_include
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate
-from crashfuse.units import MPH, MS, G
+from crashfuse.units import MS, G
 from crashfuse.version import __version__
 
 PulseFormat = Literal["isomme", "lsdyna", "radioss"]
@@ -96,7 +96,7 @@ class PulseExport:
             "band-limited as these.",
             campaign.notice,
         )
-        for pulse in outgoing(estimates, self.draws, self.seed):
+        for place, pulse in enumerate(outgoing(estimates, self.draws, self.seed)):
             comments = (*pulse.comments, *remarks, *filter(None, origin))
             for name, files in written.items():
                 if name == "isomme":
@@ -105,7 +105,8 @@ class PulseExport:
                     )
                 elif self.curve is not None:
                     path = f"{pulse.name}{SOLVERS[name].suffix}"
-                    files[path] = solver_include(name, pulse.title, comments, pulse.accel_mps2, self.curve)
+                    curve = replace(self.curve, number=self.curve.number + place)  # all fit into one model
+                    files[path] = solver_include(name, pulse.title, comments, pulse.accel_mps2, curve)
         return written
 
 
@@ -121,21 +122,22 @@ class OutgoingPulse:
 
     @property
     def name(self) -> str:
-        """Name for files: ``fused_expected``, or ``fused_draw_037``."""
-        return f"{self.approach}_{'expected' if self.draw is None else f'draw_{self.draw:03d}'}"
+        """Name for files: ``fused_56kph_expected``, or ``fused_56kph_draw_037``."""
+        which = "expected" if self.draw is None else f"draw_{self.draw:03d}"
+        return f"{self.approach}_{self.condition.speed_name}_{which}"
 
     @property
     def title(self) -> str:
         """Name for a reader."""
         which = "expected pulse" if self.draw is None else f"draw {self.draw}"
-        return f"{LABELS[self.approach]}, {which}, {self.condition.speed_mps / MPH:.4g} mph"
+        return f"{LABELS[self.approach]}, {which}, {self.condition.stated.partition(',')[0]}"
 
     @property
     def comments(self) -> tuple[str, ...]:
         """That it is predicted, by what, at which condition."""
         return (
             f"Predicted by crashfuse {__version__}, not measured: {self.title}.",
-            f"Condition: {self.condition}.",
+            f"Condition: {self.condition.stated}.",
             *self.remarks,
         )
 

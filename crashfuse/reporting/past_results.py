@@ -8,7 +8,7 @@ from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult
-from crashfuse.wording import signed
+from crashfuse.wording import difference
 
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
 
@@ -38,11 +38,11 @@ def comparison_table(compared: StudyComparison, approach: str, window_ms: float,
     """Ratings of each test by one approach, as a table for readers: first, second, their difference; then the mean."""
     table = compared.over(window_ms, left_out)
     own = table[table["approach"] == approach]
-    rows = own[["held_out", "first", "second", "difference"]].values.tolist()
-    rows.append(["Mean", *own[["first", "second", "difference"]].mean()])
+    rows = own[["held_out", "first", "second"]].values.tolist()
+    rows.append(["Mean", *own[["first", "second"]].mean()])
     return pd.DataFrame(
-        {"Test": test, "First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": signed(gain, 3)}
-        for test, first, second, gain in rows
+        {"Test": test, "First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": _gain(first, second)}
+        for test, first, second in rows
     )
 
 
@@ -54,7 +54,7 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
             "Tests": f"{row['tests']}",
             "First": f"{row['first']:.3f}",
             "Second": f"{row['second']:.3f}",
-            "Difference": signed(row["difference"], 3),
+            "Difference": _gain(row["first"], row["second"]),
             "Standard error": "–" if row["tests"] < 2 else f"{row['standard_error']:.3f}",
             "Second higher in": f"{row['higher']}",
             "Second lower in": f"{row['lower']}",
@@ -71,9 +71,7 @@ def comparison_tests(compared: StudyComparison, window_ms: float, left_out: str)
         {
             "Test": table["held_out"],
             "approach": [LABELS.get(name, name) for name in table["approach"]],
-            "cell": [
-                f"{b:.3f} ({signed(gain, 3)})" for b, gain in zip(table["second"], table["difference"], strict=True)
-            ],
+            "cell": [f"{b:.3f} ({_gain(a, b)})" for a, b in zip(table["first"], table["second"], strict=True)],
         }
     )
     wide = cells.pivot_table(index="Test", columns="approach", values="cell", aggfunc="first", sort=False)
@@ -85,9 +83,13 @@ def comparison_by_window(compared: StudyComparison, left_out: str) -> pd.DataFra
     cells: dict[str, dict[str, str]] = {}
     for window in compared.windows_ms:
         for row in compared.means(window, left_out).to_dict("records"):
-            told = f"{row['first']:.3f}  {row['second']:.3f}  {signed(row['difference'], 3)}"
+            told = f"{row['first']:.3f}  {row['second']:.3f}  {_gain(row['first'], row['second'])}"
             cells.setdefault(LABELS.get(row["approach"], row["approach"]), {})[f"0–{window:g} ms"] = told
     return pd.DataFrame.from_dict(cells, orient="index").fillna("–").rename_axis("Approach").reset_index()
+
+
+def _gain(first: float, second: float) -> str:
+    return difference(second, first, 3)
 
 
 def studies_table(first: PastResult, second: PastResult, display: Display = DEFAULT) -> pd.DataFrame:

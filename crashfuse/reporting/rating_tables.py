@@ -8,7 +8,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.rating_explanation import RatingExplanation
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.units import MS, G
-from crashfuse.wording import signed
+from crashfuse.wording import difference, signed
 
 
 def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:
@@ -20,7 +20,7 @@ def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> p
             "From–to (ms)": f"{hump.begin_s / MS:.1f}–{hump.end_s / MS:.1f}",
             "Peak, test (ms)": f"{hump.peak_s / MS:.1f}",
             "Peak, prediction (ms)": "none" if hump.counterpart_s is None else f"{hump.counterpart_s / MS:.1f}",
-            "Late (ms)": "–" if hump.late_s is None else signed(hump.late_s / MS, 1),
+            "Late (ms)": "–" if (there := hump.counterpart_s) is None else difference(there / MS, hump.peak_s / MS, 1),
             "Correlation gained by the shift": signed(hump.shift_gain, 3),
             "Share of magnitude's error (%)": f"{100 * hump.magnitude_share:.0f}",
             "Share of slope's error (%)": f"{100 * hump.slope_share:.0f}",

@@ -84,7 +84,7 @@ def prediction_record(campaign: Campaign, estimates: Sequence[Estimate], config:
     advice = recommend_for(estimates, campaign, condition)
     return {
         **provenance(campaign, (), config),
-        "condition": asdict(condition),
+        "condition": {k: v for k, v in asdict(condition).items() if k != "units"},
         "extrapolation": list(campaign.cae.extrapolation(condition)),
         "nearest": list(nearest_sentences(campaign, condition)),
         "recommendation": {"approach": advice.approach, "sentences": list(advice.sentences)},

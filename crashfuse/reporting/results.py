@@ -16,6 +16,7 @@ from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_record import certification_json
+from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport, PulseFiles
 from crashfuse.reporting.planning import NextTests, SpeedSweep
@@ -39,7 +40,6 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.study import Study
-from crashfuse.units import MPH
 
 Content = bytes | dict[str, bytes] | None
 """Of a file; of the files of a folder, by relative path; None if the result has no such file."""
@@ -127,7 +127,7 @@ def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path
     UsageError
         If there are fewer draws than are to be exported.
     """
-    speed = f"{estimates[0].prediction.condition.speed_mps / MPH:.6g}mph"
+    speed = estimates[0].prediction.condition.speed_name
     for name, files in export.files(campaign, estimates).items():
         for path, content in files.items():
             write_atomically(folder / name / speed / path, content)
@@ -215,10 +215,10 @@ _NEXT_TESTS: Mapping[str, Callable[[NextTests, Display], Content]] = {
     "next_tests.csv": lambda ranking, *_: csv_bytes(ranking.table),
 }
 _CERTIFICATION: Mapping[str, Callable[[Certification, Display, Sequence[Note]], Content]] = {
-    "certification.csv": lambda certification, *_: csv_bytes(Verdicts(certification).table),
+    "certification.csv": lambda certification, *_: csv_as_given(Verdicts(certification).table),
     "track_record.csv": lambda certification, *_: csv_bytes(Verdicts(certification).track_record),
     "changes.csv": lambda certification, *_: (
-        None if certification.since is None else csv_bytes(changes_table(Changes.of(certification)))
+        None if certification.since is None else csv_as_given(changes_table(Changes.of(certification)))
     ),
     "report.html": lambda *result: certification_report(*result).encode(),
     "certification.json": lambda certification, *_: certification_json(certification),

@@ -12,7 +12,7 @@ from crashfuse.reporting.fit_explanations import missing_by_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
-from crashfuse.wording import Sentence, signed
+from crashfuse.wording import Sentence, difference
 
 
 def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[PredictedPulse]:
@@ -66,7 +66,7 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
     factors = factors_of(matrix)
     return pd.DataFrame(
         {
-            **condition_columns(number, condition, factors),
+            **condition_columns(number, condition, factors, conditions[0]),
             "preset": own.config.preset,
             "seed": own.config.seed,
             "approach": estimate.approach,
@@ -96,8 +96,9 @@ def _values(own: PredictedPulse) -> Mapping[tuple[str, str], float | None]:
 
 
 def _difference(metric: Metric, base: Metric) -> str:
-    gap = _minus(metric.value, base.value)
-    return "–" if gap is None else signed(gap, metric.digits)
+    if metric.value is None or base.value is None:
+        return "–"
+    return difference(metric.value, base.value, metric.digits)
 
 
 def _minus(value: float | None, base: float | None) -> float | None:

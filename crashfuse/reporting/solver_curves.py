@@ -1,6 +1,6 @@
 """Pulses as curves of LS-DYNA and Radioss: include files for an occupant or sled model.
 
-An include holds one curve, so that pulses are exchanged by naming another file; the model keeps its curve id::
+An include holds one curve, with an id of its own among those that are written together::
 
     *KEYWORD                                   # comments
     $ comments                                 /FUNCT/1
@@ -100,7 +100,7 @@ class SolverCurve:
         values = np.concatenate([np.zeros(before), accel_mps2, np.zeros(2)])
         time_s = self.start_s + (np.arange(values.size) - before) * DT_S
         time_s[np.abs(time_s) < 1e-9] = 0.0  # s; a rest of the subtraction
-        return np.column_stack([time_s * units.per_s, values * (sign * self.scale * units.per_mps2)])
+        return np.column_stack([time_s * units.per_s, values * (sign * self.scale * units.per_mps2) + 0.0])  # no -0.0
 
     def comments(self) -> tuple[str, ...]:
         """What a reader of the file has to know about its numbers."""

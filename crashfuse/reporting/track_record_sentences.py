@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.support import largest_share
+from crashfuse.certification.support import MOST_OF_A_TEST, largest_share
 from crashfuse.certification.track_record import TrackRecord, Trial
-from crashfuse.wording import Quantity, Sentence, joined
+from crashfuse.wording import Quantity, Sentence, joined, probability_text
 
 INTERVAL = 0.95
 """Share of tests that intervals are made to hold."""
@@ -110,10 +110,10 @@ def support_sentence(record: TrackRecord, criterion: Criterion, confidence: floa
         return shortfall
     if (reservation := support.reservation(confidence)) is not None:
         return reservation
-    own = f"{support.own_wrong} of {counted(support.own_decided, 'verdict')} of its own wrong"
-    others = f", {support.wrong} of {support.decided} with those on other criteria"
-    right = f"{support.confidence:.3f} are expected to be right, as if verdicts were independent"
-    return f"It supports the confidence: {right} ({own}{others if support.decided > support.own_decided else ''})."
+    own = f"With one verdict a test, {support.own_wrong} of {support.own_decided} are wrong"
+    others = f"; with those on other criteria, at most {MOST_OF_A_TEST} a test, {support.wrong} of {support.decided}"
+    right = f"{probability_text(support.confidence, confidence)} are expected to be right, as if they were independent"
+    return f"It supports the confidence. {own}{others if support.decided > support.own_decided else ''}: {right}."
 
 
 def wrong_sentences(record: TrackRecord) -> Iterator[str]:

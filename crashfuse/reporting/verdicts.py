@@ -23,7 +23,6 @@ from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_tables import (
     certification_table,
     counts_table,
-    probability_text,
     track_record_table,
     verdict_counts,
 )
@@ -32,6 +31,7 @@ from crashfuse.reporting.plots.certification import validated_domain, verdict_ma
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.study.config import StudyConfig
+from crashfuse.wording import probability_text
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,7 +133,7 @@ class Verdicts:
                 "Criterion": f"{own.criterion.name} {display.words(own.criterion.limits)}",
                 "Expected": display.words(own.criterion.shown(own.value)),
                 "95 % of tests": display.words(own.criterion.interval(own.lower, own.upper)),
-                "Probability": probability_text(own.probability),
+                "Probability": probability_text(own.probability, self.certification.criteria.confidence),
                 "Verdict": own.word,
             }
             for i, own in self.certification.cells

@@ -1,7 +1,7 @@
 """A computation while it runs: how far each of its steps is, and what networks report as they train, as a figure."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event
@@ -77,13 +77,12 @@ class Watched(Watch):
         on_progress: Callable[[Progress], None],
         cancel: Event | None = None,
         on_part: Callable[[Any], None] | None = None,
-        on_expected: Callable[[Mapping[str, float]], None] | None = None,
     ) -> None:
         def take(progress: Progress) -> None:
             self._take(progress)
             on_progress(progress)
 
-        super().__init__(take, cancel, on_part, on_expected)
+        super().__init__(take, cancel, on_part)
         self.steps: dict[str, Step] = {}
 
     def plot(self, step: str = "") -> go.Figure:

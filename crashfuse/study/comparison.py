@@ -12,7 +12,7 @@ from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.errors import UsageError
 from crashfuse.study.history import PastResult, Ratings
-from crashfuse.wording import signed
+from crashfuse.wording import difference
 
 _CLEARLY = 2.0  # standard errors
 _SAME = 1e-6  # records are rounded to six digits
@@ -187,15 +187,16 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
     if not table["difference"].any():
         return f"{label}: the same in both, {'mean ' * (n > 1)}{row['first']:.3f}."
     told = f"{row['first']:.3f} in the first, {row['second']:.3f} in the second"
+    by = difference(row["second"], row["first"], 3)
     if n == 1:
-        return f"{label}: {told}, a difference of {signed(gain, 3)} in one test."
+        return f"{label}: {told}, a difference of {by} in one test."
     higher = "second" if gain > 0 else "first"
     verdict = f"clearly higher in the {higher}" if abs(gain) > _CLEARLY * error else "no clear difference"
     most = table.loc[table["difference"].abs().idxmax()]
     return (
-        f"{label}: {verdict}; mean {told} ({signed(gain, 3)} ± {error:.3f} over {n} tests). The second is higher in "
+        f"{label}: {verdict}; mean {told} ({by} ± {error:.3f} over {n} tests). The second is higher in "
         f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} "
-        f"({signed(most['difference'], 3)})."
+        f"({difference(most['second'], most['first'], 3)})."
     )
 
 

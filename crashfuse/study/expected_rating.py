@@ -70,7 +70,9 @@ class ExpectedRating:
         likely = "a guess" if self.beyond else self.grades
         expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {likely})"
         where = f"up to {{}} {self.side}" if self.side else "within {}"
-        return Sentence(f"{expected}; {tests} {where} rated {rated}.", within)
+        return Sentence(
+            f"{expected}; inside this fit, {tests} {where} rated {rated} (a study fits anew for each).", within
+        )
 
     @property
     def range(self) -> str:
@@ -83,10 +85,9 @@ class ExpectedRating:
         return " to ".join(dict.fromkeys(grade(round(end, 2)) for end in (self.lower, self.upper)))
 
     def surprise(self, rating: float) -> str:
-        """How a rating compares with what was expected, in words; to two digits, as the range is displayed."""
-        rating, lower, upper, least, most = (
-            round(each, 2) for each in (rating, self.lower, self.upper, self.least, self.most)
-        )
+        """How a rating compares with what was expected, in words: to three digits and to two, as they are displayed."""
+        lower, upper, least, most = (round(end, 2) for end in (self.lower, self.upper, self.least, self.most))
+        rating = round(rating, 3)
         if lower <= rating <= upper:
             return "as expected"
         far = "" if least <= rating <= most else "far "

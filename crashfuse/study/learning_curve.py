@@ -31,7 +31,6 @@ from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.cost import Cost
-from crashfuse.study.duration import shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
 from crashfuse.study.estimate_cache import find_estimate, store_estimate
 from crashfuse.study.plan import StudyPlan
@@ -53,7 +52,7 @@ REPEATS = 3
 CURVE_CONFIG = StudyConfig(approaches=("cae", "fused"))
 """Default settings: the raw CAE model, which needs no test, beside the fused prediction."""
 
-_STEP, _SUBSET_S = "Predictions from fewer tests", 2.0
+_STEP = "Predictions from fewer tests"
 _KIND = "learning curve"  # kind of cache entry
 _FORECAST = "forecast"  # column of what is kept, but not of the table
 _Row = dict[str, Any]
@@ -193,7 +192,6 @@ def learning_curve(
     known = {chosen: rows for chosen in distinct if (rows := cache.find(_KIND, _key(campaign, chosen, config), _rows))}
     # the largest first: at the end, no worker is left alone with a long task
     unknown = sorted((chosen for chosen in distinct if chosen not in known), key=len, reverse=True)
-    watch.expect(shared_steps(set(config.approaches), config) | {_STEP: _SUBSET_S * len(distinct)})
     shared = prepare(campaign, set(config.approaches) if unknown else set(), config, cache, watch)
     work = partial(_predicted, config=config.on_this_device)
     watch.report(_STEP, len(known), len(distinct))

@@ -21,8 +21,8 @@ class Neighbour:
     def differences(self, condition: Condition) -> str:
         """Differences from a condition, in words."""
         faster, *heavier = (self.condition.vector - condition.vector).tolist()
-        front, rear = (weight(each, form="+z.0f") for each in heavier)
-        return Sentence("{} ({}, front {}, rear {})", self.id, speed(faster, form="+z.1f"), front, rear)
+        front, rear = (weight(each, form="+.0f") for each in heavier)
+        return Sentence("{} ({}, front {}, rear {})", self.id, speed(faster, form="+.1f"), front, rear)
 
 
 def nearest_tests(campaign: Campaign, condition: Condition, n: int = 3) -> tuple[Neighbour, ...]:

@@ -19,7 +19,7 @@ from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight
 
 _SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and 100 ms are too short for its occupant metrics
-_STEP, _SPEED_S = "Sweep over speed", 0.3
+_STEP = "Sweep over speed"
 _GAP_MPS = 3 * MPH  # widest gap between speeds of CAE runs that counts as covered
 
 
@@ -72,7 +72,6 @@ def sweep_speed(
     """
     speeds = np.unique(speeds_mps)
     rows = []
-    watch.expect({_STEP: _SPEED_S * len(speeds)})
     for number, speed_mps in enumerate(speeds.tolist()):
         watch.report(_STEP, number, len(speeds))
         estimates = estimates_at(fits, replace(condition, speed_mps=speed_mps))

@@ -21,10 +21,9 @@ from crashfuse.execution.one_thread import one_thread_throughout
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.duration import EARLY_S, LATE_S, REPEATABILITY_S, fit_steps, shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
 from crashfuse.study.estimate_cache import find_estimate, store_estimate
-from crashfuse.study.repeatability import REPEATABILITY, repeatability
+from crashfuse.study.repeatability import repeatability
 
 _EARLY, _LATE = "Held-out predictions", "Held-out predictions by networks"
 
@@ -108,7 +107,6 @@ class Computation:
         late = [each for each in missing if CLASSES[each.approach].trains_networks]
         early = [each for each in missing if not CLASSES[each.approach].trains_networks]
         tasks = _tasks(early)
-        self._expect(early, late)
         shared = self._prepared(missing, trained=False)
         elsewhere = self.workers.are_elsewhere(tasks)
         if elsewhere:  # what is not known of repeatability in the end is computed there
@@ -155,17 +153,6 @@ class Computation:
                     self.watch.report(step, len(fits - left), len(fits))
                 if estimates:
                     self.on_more()
-
-    def _expect(self, early: Sequence[Wanted], late: Sequence[Wanted]) -> None:
-        """Tell the watch which steps come."""
-        missing, repeats = [*early, *late], {REPEATABILITY: REPEATABILITY_S}
-        names = {each.approach for each in missing}
-        if len({each.left_out for each in missing}) > 1:
-            first = shared_steps(set(), self.config) | ({_EARLY: EARLY_S * len(_fits(early))} if early else {})
-            then = shared_steps(names, self.config) | ({_LATE: LATE_S * len(_fits(late))} if late else {})
-            self.watch.expect(first | then | repeats)
-        else:
-            self.watch.expect(fit_steps(names, self.campaign, self.config) | repeats)
 
 
 def _fits(wanted: Sequence[Wanted]) -> set[tuple[tuple[str, ...], str]]:

@@ -25,6 +25,7 @@ from crashfuse.wording import SYSTEMS
 Value = str | float | bool | tuple[str, ...] | None
 
 _PAGE, _DEFAULTS = "page", "defaults"  # session keys: the open page; defaults that depend on the campaign
+_WANTED = "units wanted"  # session key: the system of units that the user has chosen, in any campaign
 
 
 @dataclass(frozen=True)
@@ -128,12 +129,12 @@ CHOICES: dict[str, Choice] = {
     "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
     "confidence": Choice(float, pages=("certify",), of_campaign=True),
     "approach": Choice(pages=("certify",)),
-    "matrix": Choice(pages=("certify",)),
+    "matrix": Choice(pages=("certify",), of_campaign=True),
     "uploaded": Choice(pages=("certify",), of_campaign=True),
     "earlier": Choice(pages=("certify",), of_campaign=True),
-    "speeds": Choice(pages=("certify",)),
-    "front_weights": Choice(pages=("certify",)),
-    "rear_weights": Choice(pages=("certify",)),
+    "speeds": Choice(pages=("certify",), of_campaign=True),
+    "front_weights": Choice(pages=("certify",), of_campaign=True),
+    "rear_weights": Choice(pages=("certify",), of_campaign=True),
     "grid_…": Choice(tuple, pages=("certify",)),
     "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
     "listed": Choice(str, "this", ("this", "all"), pages=("history",)),
@@ -142,7 +143,7 @@ CHOICES: dict[str, Choice] = {
     "compared_way": Choice(pages=("history",)),
     "compared_approach": Choice(pages=("history",)),
     "certify_tab": Choice(pages=("certify",)),
-    "cell": Choice(pages=("certify",)),
+    "cell": Choice(pages=("certify",), of_campaign=True),
     "record": Choice(pages=("certify",)),
 }
 
@@ -158,6 +159,8 @@ def follow(page: str) -> None:
     state[_PAGE] = page
     if began or (context is not None and context.is_history_navigation and asked):
         _take(None if began else page, asked)
+    if began:
+        want_units()
     for key, choice in CHOICES.items():
         state.setdefault(key, list(choice.default) if isinstance(choice.default, tuple) else choice.default)
 
@@ -185,13 +188,22 @@ def here(page: str | None = None) -> Place:
     return Place(page, parameters(page))
 
 
-def default(key: str, value: Value | list[str], known: Sequence[Value] = ()) -> None:
-    """Give a choice its default for what is looked at, unless another was chosen that is ``known`` here."""
+def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, follow: bool = True) -> None:
+    """Give a choice its default for what is looked at, unless another was chosen that is ``known`` here.
+
+    A choice that is not to ``follow`` keeps the default that it was given before.
+    """
     state = _state()
     defaults = state.setdefault(_DEFAULTS, {})
-    if state.get(key) in (None, defaults.get(key)) or (known and state[key] not in known):
+    usual = state.get(key) is None or (follow and state[key] == defaults.get(key))
+    if usual or (known and state[key] not in known):
         put(key, value)
     defaults[key] = value
+
+
+def want_units() -> None:
+    """Note that the system of units which is chosen now, if one is, is the user's choice for every campaign."""
+    _state()[_WANTED] = _state().get("system")
 
 
 def put(key: str, value: object) -> None:
@@ -205,6 +217,8 @@ def leave_campaign() -> None:
     """Let another campaign decide what nobody has chosen, and what means nothing there; call it from a callback."""
     state = _state()
     usual = state.get(_DEFAULTS, {})
+    if state.get("system") == state.get(_WANTED):  # the user's choice, if it is this campaign's as well
+        usual.pop("system", None)
     for key, choice in CHOICES.items():
         if choice.of_campaign or (key in usual and state.get(key) == usual[key]):
             state[key] = list(choice.default) if isinstance(choice.default, tuple) else None
@@ -260,6 +274,8 @@ def _of(page: str | None, known: Collection[str] = ()) -> dict[str, Choice]:
 
 def _take(page: str | None, asked: Mapping[str, Sequence[str]]) -> None:
     state = _state()
+    if asked.get("campaign") != [state.get("campaign")]:  # of which other pages have choices, too
+        leave_campaign()
     for key, choice in _of(page).items():
         value = choice.parse(asked[key]) if key in asked else choice.default
         state[key] = list(value) if isinstance(value, tuple) else value

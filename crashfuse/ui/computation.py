@@ -23,7 +23,6 @@ from crashfuse.files.archive import zipped
 from crashfuse.reporting.earlier_prediction import otherwise
 from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.duration import fit_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
 from crashfuse.study.estimate_cache import is_estimate_cached
 from crashfuse.study.fold import Fold
@@ -221,7 +220,6 @@ class FitRequest(Request[Fitted]):
 
     def work(self, watch: Watch) -> Fitted:  # noqa: D102
         names = self.config.approaches
-        watch.expect(fit_steps(set(names), self.campaign, self.config))
         early_first = sorted(names, key=lambda name: CLASSES[name].trains_networks)
         fits: dict[str, Fit] = {}
         for name in early_first:
@@ -240,7 +238,7 @@ class FitRequest(Request[Fitted]):
 
 def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimate]:
     """Each approach's estimate at a condition, cached for a while because a page asks again at every click."""
-    return _answers((key, fitted.approaches), condition, fitted)
+    return _answers((key, fitted.approaches, condition.units), condition, fitted)
 
 
 @st.cache_resource(max_entries=12, show_spinner=False)

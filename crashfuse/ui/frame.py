@@ -15,7 +15,6 @@ from crashfuse.ui.chosen import ASKED, NOT_FOUND, View, choose_campaign
 from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.look import STYLE
 from crashfuse.ui.navigation import navigate, open_asked, show_link
-from crashfuse.ui.panel import forget_panels
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.sidebar import Choice, sidebar
 from crashfuse.ui.text import plain
@@ -34,7 +33,6 @@ def route(page: Page) -> None:
     token = _choice.set(sidebar(page.url_path))
     if ASKED not in st.session_state:  # else the link stays as it was given
         address.publish()
-    forget_panels()
     try:
         page.run()
     finally:

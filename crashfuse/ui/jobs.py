@@ -11,12 +11,11 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable
 from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.execution.time_left import TimeLeft
 from crashfuse.reporting.watched import Step, Watched
 from crashfuse.ui import journal
 from crashfuse.ui.address import Place
@@ -47,12 +46,12 @@ class Job(Generic[T]):
         self.result: T | None = None  # what the work returned, once done
         self.message = ""  # one sentence on why it failed
         self._heard = math.inf  # when it reported last
-        self._time: TimeLeft | None = None
+        self._began_s: float | None = None
         self._work: Callable[[Watch], T] | None = work
         self._joining = threading.Lock()
         self._cancel = threading.Event()
         self._ended = threading.Event()
-        self._watch = Watched(self._report, self._cancel, self._show_part, self._expect)
+        self._watch = Watched(self._report, self._cancel, self._show_part)
 
     @property
     def active(self) -> bool:
@@ -70,14 +69,9 @@ class Job(Generic[T]):
         return self._watch.steps
 
     @property
-    def left_s(self) -> float | None:
-        """Seconds until the result, or None while unknown."""
-        return self._time.left_s(time.monotonic()) if self._time is not None else None
-
-    @property
-    def share(self) -> float:
-        """Share of the whole time that is over, 0 to 1."""
-        return self._time.share(time.monotonic()) if self._time is not None else 0.0
+    def elapsed_s(self) -> float:
+        """Seconds since it began; 0 while it waits."""
+        return 0.0 if self._began_s is None else time.monotonic() - self._began_s
 
     def join(self, visitor: Visitor) -> None:
         """Note that someone wants it, unless it is being stopped already."""
@@ -110,6 +104,7 @@ class Job(Generic[T]):
                 return
             work, self._work = self._work, None  # so that the objects the work refers to can be freed
             self.state, self._heard = "running", time.monotonic()
+            self._began_s = self._heard
             journal.note(self.wanted_by, f"started: {self.title}")
         try:
             self._end("done", result=None if work is None else work(self._watch))
@@ -146,13 +141,8 @@ class Job(Generic[T]):
     def _show_part(self, part: T) -> None:
         self.part = part
 
-    def _expect(self, seconds: Mapping[str, float]) -> None:
-        self._time = TimeLeft(seconds, time.monotonic())
-
-    def _report(self, progress: Progress) -> None:
+    def _report(self, _: Progress) -> None:
         self._heard = time.monotonic()
-        if self._time is not None:
-            self._time.take(progress, time.monotonic())
 
 
 class Jobs:

@@ -73,8 +73,8 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 [data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }
 /* its camera is pressed by the buttons below, whose images keep the font */
 .modebar-btn[data-title^="Download plot"] { display: none !important }
-/* what Plotly says of a file that was saved */
-.plotly-notifier .notifier-note { background-color: #262A33 !important; opacity: 1 !important }
+/* what Plotly says of saved files, and its tips, would outlive the page of their figure */
+.plotly-notifier { display: none }
 /* the ratings in a row */
 .cf-ratings { display: flex; flex-wrap: wrap; gap: 0.5rem }
 .cf-ratings > div { padding: 0.3rem 0.6rem; border-radius: 6px;

@@ -54,7 +54,7 @@ def offer_pulses(
         except UsageError as error:
             st.warning(plain(error), icon=":material/warning:")
             return
-        files = f"{approach}-{form}.zip"
+        files = f"{approach}-{estimate.prediction.condition.speed_name}-{form}.zip"
         download_bytes(files, lambda: zipped(export.files(campaign, [estimate], remarks)[form]), campaign.name)
 
 
@@ -79,16 +79,16 @@ def _curve() -> SolverCurve:
     )  # fmt: skip
     number = right.number_input(
         "Curve id", 1, MOST_ID, 1, key="export id", persist_state="session",
-        help="The same in every file: another pulse is another include.",
+        help="Of the first curve. Draws count on from it, so that all curves fit into one model.",
     )  # fmt: skip
     left, middle, _ = st.columns(3)
     start_ms = left.number_input(
-        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.2f",
+        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.6g",
         key="export start", persist_state="session",
         help="In the time of the occupant model; before it the curve is zero.",
     )  # fmt: skip
     scale = middle.number_input(
-        "Scale", 0.001, 1000.0, 1.0, step=0.05, format="%.4f", key="export scale", persist_state="session",
+        "Scale", 0.001, 1000.0, 1.0, step=0.05, format="%.6g", key="export scale", persist_state="session",
         help="Factor on the accelerations.",
     )  # fmt: skip
     units = UNIT_SYSTEMS[system]

@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 import streamlit as st
 
 from crashfuse.campaign import Campaign
-from crashfuse.execution.time_left import rounded
 from crashfuse.reporting.watched import Step
 from crashfuse.ui.computation import Request, jobs
 from crashfuse.ui.figures import show_figure
@@ -19,7 +18,6 @@ from crashfuse.ui.visitors import names, visitor
 
 T = TypeVar("T")
 
-_IN_PANELS = "jobs in panels"  # session key: those whose progress the open page shows
 _PART_S = 3.0  # between two parts of a result: each redraws the page
 _OFTEN_S, _SELDOM_S = 0.5, 1.0  # between two looks at a job: until a part is shown, and then; each look costs the job
 
@@ -82,19 +80,8 @@ def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in
     A page that shows parts of the result says which part it has ``shown``, and ``since`` when: it is redrawn when more
     is known, a first part at once.
     """
-    st.session_state.setdefault(_IN_PANELS, set()).add(id(job))
     every_s = _OFTEN_S if shown is None else _SELDOM_S
     st.fragment(_show_job, run_every=every_s)(job, shown, since, in_full=in_full)
-
-
-def forget_panels() -> None:
-    """Begin a page, which has shown no job yet."""
-    st.session_state[_IN_PANELS] = set()
-
-
-def is_in_panel(job: Job[Any]) -> bool:
-    """Whether the open page shows the progress of a job: its time left is then told there alone."""
-    return id(job) in st.session_state.get(_IN_PANELS, ()) or job.places[visitor()].is_here
 
 
 def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> None:
@@ -149,18 +136,11 @@ def _show_wanting(job: Job[Any]) -> None:
 
 
 def _show_bar(job: Job[Any], steps: Sequence[tuple[str, Step]]) -> None:
-    """One bar for the whole job, its time left, and what it is doing."""
+    """A bar for what the job is doing, and for how long it has worked: how long it will nobody can know."""
     if not steps:
         return
-    doing = plain(next((name for name, step in reversed(steps) if not step.finished), steps[-1][0]))
-    left = time_left(job)
-    st.progress(job.share, text=f"About {left} left · {doing}" if left else doing)
-
-
-def time_left(job: Job[Any]) -> str:
-    """Time until the result in everyday words; empty while unknown."""
-    left_s = job.left_s
-    return "" if left_s is None else duration(rounded(left_s))
+    doing, step = next((pair for pair in reversed(steps) if not pair[1].finished), steps[-1])
+    st.progress(step.progress.fraction, text=f"{plain(doing)} · {duration(job.elapsed_s)} so far")
 
 
 def _show_step(name: str, step: Step) -> None:

@@ -7,7 +7,7 @@ import streamlit as st
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.jobs import Job
 from crashfuse.ui.navigation import open_page
-from crashfuse.ui.panel import is_in_panel, time_left, title_of
+from crashfuse.ui.panel import title_of
 from crashfuse.ui.text import plain
 from crashfuse.ui.visitors import visitor
 
@@ -32,8 +32,7 @@ def show_running() -> None:
         if job not in state[_WAITED_FOR]:
             st.caption(f":material/hourglass_top: {title}")
         else:
-            left = "" if is_in_panel(job) else time_left(job)
-            _link(job, title + (f", about {left} left" if left else ""), ":material/hourglass_top:")
+            _link(job, title, ":material/hourglass_top:")
 
 
 def _outcome(job: Job[Any]) -> str:

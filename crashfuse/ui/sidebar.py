@@ -113,7 +113,8 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         )  # fmt: skip
     st.segmented_control(
         "Units", list(SYSTEMS), required=True, format_func={"mph-lb": "mph, lb", "kph-kg": "km/h, kg"}.__getitem__,
-        key="system", persist_state="session", help="Of speeds and weights everywhere; files keep their own.",
+        key="system", persist_state="session", on_change=address.want_units,
+        help="Of speeds and weights everywhere; files keep their own.",
     )  # fmt: skip
     if address.acts("unit", page):
         st.segmented_control(

@@ -1,16 +1,20 @@
 """The validated domain: as far as left-out tests check it in speed, mass, factors, and within the CAE runs."""
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
+from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.testing import small_campaign
 from crashfuse.units import LB, MPH
+from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem, said
 
 
 def at(speed_mph: float, mass_lb: float = 3600.0, drive: str = "FWD") -> Condition:
@@ -93,6 +97,33 @@ def test_a_gap_wider_than_any_that_was_left_out_is_outside(wide: Campaign) -> No
     assert domain.reach_mps == pytest.approx(3 * MPH)
     [sentence] = domain.exceeded_by(at(35.0, tests[0].condition.mass_kg / LB))
     assert sentence == "35.0 mph is 14.0 mph from the nearest test; checked up to 3.0 mph away."
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.integers(60, 500), min_size=4, max_size=9, unique=True), st.sampled_from([MPH_LB, KPH_KG]), st.data()
+)
+def test_what_is_shown_decides(wide: Campaign, tenths_mph: list[int], units: UnitSystem, data: st.DataObject) -> None:
+    """An end that is read off and typed in is inside, a number outside shows as one, and no hole is less than a step.
+
+    Speeds of tests are of any kind, so that reaches and ends have more digits than are shown.
+    """
+    shift = data.draw(st.floats(0, 0.1), "beyond what is shown")
+    one = wide.tests[0]
+    tests = tuple(
+        replace(one, id=f"T{i}", condition=replace(one.condition, speed_mps=(0.1 * v + shift * i) * MPH))
+        for i, v in enumerate(tenths_mph)
+    )
+    domain, unit = Domain.of(replace(wide, tests=tests)), units.in_si("mph")
+    ranges = domain.speed_ranges_mps
+    assert all(start - end >= SPEED_STEP_MPS for (_, end), (start, _) in pairwise(ranges))
+    for end in (end for ends in ranges for end in ends):
+        typed = round(end / unit, 1) * unit
+        assert domain.exceeded_by(replace(one.condition, speed_mps=typed)) == ()
+    asked = data.draw(st.floats(4 * MPH, 60 * MPH), "any speed")
+    for sentence in domain.exceeded_by(replace(one.condition, speed_mps=asked)):
+        _, away, checked = re.findall(r"\d+\.\d", said(sentence, units))
+        assert float(away) > float(checked)
 
 
 def test_mass_is_checked_as_far_beyond_the_tests_as_they_differ(wide: Campaign) -> None:

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
+from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.units import KPH, LB, MPH
 
 FACTORS = {"drive": ("AWD", "FWD")}
@@ -100,6 +101,25 @@ def test_what_is_wrong_in_a_table_in_memory_is_told_of_that_table() -> None:
     )
     with pytest.raises(DataError, match="matrix, column id, row 1: expected each condition once, found that of A"):
         Matrix.of(pd.concat([table, table.assign(id="B")]).drop(columns="wheels"), {})
+
+
+@settings(max_examples=20, deadline=None)  # files are written and read
+@given(
+    st.sampled_from(["mph", "kph", "mps"]),
+    st.sampled_from(["lb", "kg"]),
+    st.sampled_from(["lb", "kg"]),
+    st.integers(51, 400).map(lambda tenths: tenths / 10),
+)
+def test_what_was_typed_is_written_as_typed(speed: str, front: str, rear: str, number: float) -> None:
+    """Units and numbers, whatever they are; and read again they are the same conditions."""
+    names = f"speed_{speed}", f"front_weight_{front}", f"rear_weight_{rear}"
+    table = pd.DataFrame([["A", number, 1000.5, 750.1], ["B", number + 1, 1000.5, 750.1]], columns=["id", *names])
+    matrix = Matrix.of(table, {})
+    written = matrix_table(matrix)
+    pd.testing.assert_frame_equal(written, table, check_exact=True)
+    assert Matrix.of(written, {}) == matrix
+    assert csv_as_given(written).decode().splitlines()[1] == f"A,{number:g},1000.5,750.1"
+    assert Condition.of(**{str(k): v for k, v in written.drop(columns="id").iloc[0].items()}) == matrix.conditions[0]
 
 
 def test_a_grid_has_every_combination_once() -> None:

@@ -45,7 +45,8 @@ def test_the_confidence_that_falls_short_is_never_shown_as_the_one_asked_for(
     said = Support(decided, wrong, decided, wrong, near=True).shortfall(confidence)
     assert said is not None
     shown = float(said.partition("supports a confidence of ")[2].partition(", not")[0])
-    assert shown <= 1 - (wrong + 0.5) / (decided + 1) < shown + 0.001
+    assert shown < confidence
+    assert shown == pytest.approx(1 - (wrong + 0.5) / (decided + 1), abs=5e-4)
 
 
 def test_few_verdicts_of_its_own_are_told_with_what_they_can_show() -> None:

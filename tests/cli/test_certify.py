@@ -159,6 +159,19 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     assert "holds the earlier certification" in capsys.readouterr().err
 
 
+def test_what_was_typed_in_km_h_and_kg_is_written_so(planned: Path, tmp_path: Path) -> None:
+    """In every file; and the record is read again."""
+    grid = ["--speed-kph", "40", "56", "--front-weight-kg", "930", "--rear-weight-lb", "1500"]
+    assert certify(planned, tmp_path / "out", *grid) == cli.DONE
+    table = pd.read_csv(tmp_path / "out" / "certification.csv")
+    assert list(table.columns[:4]) == ["id", "speed_kph", "front_weight_kg", "rear_weight_lb"]
+    assert table.drop_duplicates("id")[list(table.columns[1:4])].values.tolist() == [[40, 930, 1500], [56, 930, 1500]]
+    [first, _] = json.loads((tmp_path / "out" / "certification.json").read_text())["matrix"]
+    assert first == {"id": "M001", "speed_kph": 40, "front_weight_kg": 930, "rear_weight_lb": 1500}
+    assert certify(planned, tmp_path / "again", *grid, "--since", str(tmp_path / "out")) == cli.DONE
+    assert "speed_kph" in pd.read_csv(tmp_path / "again" / "changes.csv").columns
+
+
 @pytest.mark.slow
 def test_a_grid_takes_the_place_of_the_matrix(planned: Path, tmp_path: Path) -> None:
     """Every combination of speeds, weights and values of factors."""

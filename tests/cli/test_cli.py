@@ -349,7 +349,7 @@ def test_predict_writes_pulses_metrics_and_report(
         rtol=1e-5,
         check_dtype=False,
     )
-    assert {path.stem for path in out.rglob("*.mme")} == {"cae_expected", "displacement_domain_expected"}
+    assert {path.stem for path in out.rglob("*.mme")} == {"cae_30mph_expected", "displacement_domain_30mph_expected"}
     record = json.loads((out / "prediction.json").read_text())
     assert record["extrapolation"][0].startswith("Extrapolation: front weight 2400 lb")
     assert record["condition"]["speed_mps"] == pytest.approx(30 * 0.44704)

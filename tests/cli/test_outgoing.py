@@ -34,7 +34,7 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
     assert len(list((tmp_path / "isomme").iterdir())) == 3
     assert "11SEATLERE00ACXS" in next((tmp_path / "isomme").rglob("*.001")).read_text(encoding="latin-1")
 
-    lines = (tmp_path / "lsdyna" / "displacement_domain_expected.k").read_text(encoding="ascii").splitlines()
+    lines = (tmp_path / "lsdyna" / "displacement_domain_30mph_expected.k").read_text(encoding="ascii").splitlines()
     assert any(line.startswith("        90         0") for line in lines)
     points = np.array([list(map(float, line.split())) for line in lines[-1253:-1]])
     table = pd.read_csv(tmp_path / "pulses.csv")
@@ -42,7 +42,7 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
     np.testing.assert_allclose(points[:-2, 1], -table["acceleration_g"] * G * MS, rtol=1e-4, atol=1e-8)
 
     assert cli.main([*command, *LSDYNA]) == cli.DONE
-    assert names(tmp_path / "lsdyna") == {"displacement_domain_expected.k"}
+    assert names(tmp_path / "lsdyna") == {"displacement_domain_30mph_expected.k"}
     assert not (tmp_path / "radioss").exists()
     assert not (tmp_path / "isomme").exists()
     assert "radioss" not in capsys.readouterr().out
@@ -56,8 +56,10 @@ def test_a_sweep_exports_the_pulses_at_each_speed(
     command = ["sweep", str(campaign_on_disk), "--out", str(tmp_path), "--approach", "cae"]
     command += ["--speed-mph", "24.95", "27", *WEIGHTS]
     assert cli.main([*command, *LSDYNA]) == cli.DONE
-    assert names(tmp_path / "lsdyna") == {f"{speed}mph/cae_expected.k" for speed in ("24.95", "25", "26", "27")}
-    assert "25 mph" in (tmp_path / "lsdyna/25mph/cae_expected.k").read_text(encoding="ascii")
+    assert names(tmp_path / "lsdyna") == {
+        f"{speed}mph/cae_{speed}mph_expected.k" for speed in ("24.95", "25", "26", "27")
+    }
+    assert "25 mph" in (tmp_path / "lsdyna/25mph/cae_25mph_expected.k").read_text(encoding="ascii")
     assert capsys.readouterr().out.endswith(f"Written to {tmp_path}: lsdyna/, report.html, sweep.csv\n")
     assert cli.main(command) == cli.DONE
     assert names(tmp_path) == {"report.html", "sweep.csv"}

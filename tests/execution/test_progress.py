@@ -25,13 +25,12 @@ def test_a_part_can_be_cancelled_on_its_own() -> None:
         watch.also_cancelled_by(threading.Event()).report("Training", 2, 2)
 
 
-def test_parts_and_steps_to_come_are_told_to_who_waits_for_them() -> None:
+def test_parts_are_told_to_who_waits_for_them() -> None:
     """And to nobody else."""
     told: list[object] = []
-    watch = Watch(on_part=told.append, on_expected=told.append)
+    watch = Watch(on_part=told.append)
     for each in (watch, Watch()):
-        each.expect({"Training": 2.0})
         each.show_part("half")
-    assert told == [{"Training": 2.0}, "half"]
+    assert told == ["half"]
     assert watch.wants_parts
     assert not Watch().wants_parts

@@ -123,7 +123,7 @@ def test_a_curve_that_makes_no_sense_is_refused(wrong: dict[str, Any], sentence:
 def test_whole_draws_go_out_and_no_edges_of_the_band(estimates: list[Estimate]) -> None:
     """Each pulse but the expected ones is one of the draws, and bears its number; the seed decides which."""
     pulses = list(outgoing(estimates, 5, seed=3))
-    assert [pulse.name for pulse in pulses[:2]] == ["cae_expected", "fused_expected"]
+    assert [pulse.name for pulse in pulses[:2]] == ["cae_33.554mph_expected", "fused_33.554mph_expected"]
     drawn = [pulse for pulse in pulses if pulse.draw]
     assert len(drawn) == len({pulse.draw for pulse in drawn}) == 5
     for pulse in drawn:
@@ -161,15 +161,30 @@ def test_an_export_that_is_impossible_is_refused(wrong: dict[str, Any], sentence
 def test_an_include_holds_one_curve_in_columns_of_twenty(
     campaign: Campaign, estimates: list[Estimate], tmp_path: Path, kind: PulseFormat, suffix: str
 ) -> None:
-    """Every file has the same id, so that another pulse is another file; the numbers are exact to 12 digits."""
+    """Each has an id of its own, so that all fit into one model; the numbers are exact to 12 digits."""
     curve = SolverCurve("mm-s-t", start_s=0.01, number=4711)
     folder = written(campaign, estimates, tmp_path, PulseExport((kind,), draws=2, curve=curve)) / kind
     assert len(list(folder.iterdir())) == 4
-    for pulse in outgoing(estimates, 2, 0):
+    for place, pulse in enumerate(outgoing(estimates, 2, 0)):
         path = folder / f"{pulse.name}.{suffix}"
         np.testing.assert_allclose(columns(path), curve.points(pulse.accel_mps2), rtol=1e-12, atol=1e-12)
         assert max(map(len, path.read_text(encoding="ascii").splitlines())) <= 80
-        assert "4711" in path.read_text(encoding="ascii")
+        ids = {"lsdyna": f"\n{4711 + place:>10}         0", "radioss": f"\n/FUNCT/{4711 + place}\n"}
+        assert ids[kind] in path.read_text(encoding="ascii")
+
+
+def test_curves_of_other_speeds_have_other_names_and_say_the_speed_as_it_was_typed(estimates: list[Estimate]) -> None:
+    """56 and 64 km/h, in km/h; all else in kg."""
+    names, titles = [], []
+    for speed_kph in (56, 64):
+        there = Condition.of(speed_kph=speed_kph, front_weight_kg=950, rear_weight_kg=700)
+        own = replace(estimates[0], prediction=replace(estimates[0].prediction, condition=there))
+        [pulse] = outgoing([own], 0, 0)
+        names.append(pulse.name)
+        titles.append(pulse.title)
+        assert f"Condition: {speed_kph} km/h, front 950 kg, rear 700 kg." in pulse.comments
+    assert names == ["cae_56kph_expected", "cae_64kph_expected"]
+    assert titles == ["CAE, expected pulse, 56 km/h", "CAE, expected pulse, 64 km/h"]
 
 
 def test_the_includes_say_what_they_hold(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
@@ -177,12 +192,15 @@ def test_the_includes_say_what_they_hold(campaign: Campaign, estimates: list[Est
     named = replace(campaign, name="Tiny\n*INCLUDE\n/etc/passwd ü", channel_filter_class=60.0)
     curve = SolverCurve("mm-ms-kg", deceleration_sign="positive", start_s=0.02, scale=1.5)
     folder = written(named, estimates, tmp_path, PulseExport(("lsdyna", "radioss"), curve=curve))
-    for path, mark in ((folder / "lsdyna/fused_expected.k", "$ "), (folder / "radioss/fused_expected.inc", "# ")):
+    for path, mark in (
+        (folder / "lsdyna/fused_33.554mph_expected.k", "$ "),
+        (folder / "radioss/fused_33.554mph_expected.inc", "# "),
+    ):
         lines = path.read_text(encoding="ascii").splitlines()
         comments = " ".join(line.removeprefix(mark) for line in lines if line.startswith(mark))
         for said in (
-            "not measured: Fused, expected pulse, 33.55 mph.",
-            "Condition: 33.6 mph",
+            "not measured: Fused, expected pulse, 33.554 mph.",
+            "Condition: 33.554 mph",
             "Extrapolation: the front weight 2237 lb",
             "filtered with CFC 60",
             "Units mm-ms-kg: time in ms, acceleration in mm/ms^2. Braking is positive. Contact is at 20 ms;",
@@ -191,7 +209,7 @@ def test_the_includes_say_what_they_hold(campaign: Campaign, estimates: list[Est
         ):
             assert said in comments
         keywords = [line for line in lines if line.startswith(("*", "/"))]
-        assert keywords in (["*KEYWORD", "*DEFINE_CURVE_TITLE", "*END"], ["/FUNCT/1"])
+        assert keywords in (["*KEYWORD", "*DEFINE_CURVE_TITLE", "*END"], ["/FUNCT/2"])
 
 
 def test_what_happens_at_the_end_of_the_record_is_said() -> None:
@@ -213,7 +231,7 @@ def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_locati
     filtered = replace(campaign, channel_filter_class=60.0)
     folder = written(filtered, estimates, tmp_path, PulseExport(draws=3, location="10BPILLERE00")) / "isomme"
     assert len(list(folder.iterdir())) == 2 + 3
-    channels = {channel.code: channel for channel in read_isomme(folder / "fused_expected").channels}
+    channels = {channel.code: channel for channel in read_isomme(folder / "fused_33.554mph_expected").channels}
     assert {code: channel.unit for code, channel in channels.items()} == {
         "10BPILLERE00ACXD": "m/(s*s)",
         "10BPILLERE00VEXD": "m/s",
@@ -226,7 +244,7 @@ def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_locati
     assert velocity[0] == SPEED_MPS
     assert velocity[GRID_S > T0_S + 1e-4] == pytest.approx(0.0, abs=0.02)
     assert displacement.max() == pytest.approx(SPEED_MPS * T0_S / 2, rel=1e-3)
-    header = (folder / "fused_expected/Channel/fused_expected.002").read_text(encoding="latin-1")
+    header = (folder / "fused_33.554mph_expected/Channel/fused_33.554mph_expected.002").read_text(encoding="latin-1")
     assert "Channel frequency class     :60\n" in header
 
 
@@ -235,7 +253,7 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(
 ) -> None:
     """Header and channels name crashfuse, campaign, fingerprint, approach and notes; speed in m/s, masses in kg."""
     named = replace(campaign, name="Tiny\nDate of the test :2024-01-01")
-    test = read_isomme(written(named, estimates, tmp_path, PulseExport()) / "isomme/fused_expected")
+    test = read_isomme(written(named, estimates, tmp_path, PulseExport()) / "isomme/fused_33.554mph_expected")
     comments = [value for name, value in test.descriptors if name == "Comments"]
     assert test.descriptor("Subtype of the test") == "Prediction, no vehicle was crashed"
     assert test.descriptor("Date of the test") is None
@@ -255,7 +273,10 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(
 def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
     """The keyword reader of LS-DYNA's vendor finds one curve, its id and LCINT, and every point."""
     curve = SolverCurve("mm-ms-kg", start_s=0.005, number=77)
-    path = written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve)) / "lsdyna/fused_expected.k"
+    path = (
+        written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve))
+        / "lsdyna/fused_33.554mph_expected.k"
+    )
     reader = "from ansys.dyna.core import Deck\ndeck = Deck()\ndeck.loads(open(sys.argv[1]).read())"
     program = "[(k.get_title(), k.lcid, k.lcint, k.sfa, k.sfo, k.curves.values.tolist()) for k in deck.keywords]"
     ((keyword, number, lcint, sfa, sfo, points),) = asked_of(reader, program, path)
@@ -270,7 +291,10 @@ def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Es
 def test_pyisomme_reads_the_iso_mme_test(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
     """Codes, units, filter class, time and every sample of all three channels."""
     filtered = replace(campaign, channel_filter_class=60.0)
-    path = written(filtered, estimates, tmp_path, PulseExport()) / "isomme/fused_expected/fused_expected.mme"
+    path = (
+        written(filtered, estimates, tmp_path, PulseExport())
+        / "isomme/fused_33.554mph_expected/fused_33.554mph_expected.mme"
+    )
     reader = "import pyisomme\nread = pyisomme.Isomme().read(sys.argv[1])"
     program = (
         "[(c.code, str(c.unit), c.get_info('Channel frequency class'), c.data.index.tolist(),"

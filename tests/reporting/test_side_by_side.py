@@ -45,7 +45,7 @@ def test_a_column_beside_says_where_it_is_an_extrapolation_and_what_it_lacks(cam
     """Of the first column the page and the report speak themselves."""
     far = predicted(campaign, 61, t0=None)  # beyond all CAE runs
     outside, *missing = cautions([far, predicted(campaign, 60, max_crush=None)])
-    assert outside.startswith("60.0 mph: Extrapolation: speed 60 mph lies outside")
+    assert outside.startswith("60.0 mph: Extrapolation: speed 60.0 mph lies outside")
     assert all(sentence.startswith("60.0 mph: ") for sentence in missing)
     assert "Maximum dynamic crush" in missing[0]
     inside = cautions([far, predicted(campaign, 20, max_crush=None)])

@@ -117,6 +117,7 @@ def test_ranges_and_grades_agree_with_what_is_displayed(campaign: Campaign) -> N
     assert told.grades == "Good"
     assert told.outcome(0.8801) == "Expected 0.88 to 0.94 (80 %), came out 0.880 (Good): as expected."
     assert told.outcome(0.8004).endswith("came out 0.800 (Good): below what was expected.")  # the grade of its rating
+    assert told.outcome(0.878).endswith("came out 0.878 (Good): below what was expected.")  # not what 0.88 begins with
     assert told.surprise(0.75) == "below what was expected"
     assert told.surprise(0.96) == "above what was expected"
     assert told.surprise(0.59) == "far below what was expected"

@@ -79,6 +79,12 @@ class Session:
             tabs.set_value(label)
         return self.run()
 
+    def open_folder(self, folder: str) -> "Session":
+        """Type a folder in on Data, and open it."""
+        self.open_tab("data", "Open another campaign")
+        self.app.text_input(key="folder").set_value(folder)
+        return self.press("Open folder")
+
     @property
     def buttons(self) -> list[str]:
         """Labels of all buttons."""

@@ -1,6 +1,7 @@
 """The page Certify: from criteria and conditions, of files or typed in, to verdicts and what stands behind them."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,9 +17,10 @@ from crashfuse.certification.criteria_file import criteria_text, read_criteria
 from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_sentences import to_test
-from crashfuse.reporting.certification_tables import certification_table, matrix_table, probability_text, verdict_counts
+from crashfuse.reporting.certification_tables import certification_table, matrix_table, verdict_counts
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.certify import matrix as matrix_ui
+from crashfuse.wording import probability_text
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
@@ -116,7 +118,9 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert table["Verdict"].tolist() == own["verdict"].tolist()
     assert table["Reason"].tolist() == own["reason"].tolist()
     known = [None if pd.isna(p) else float(p) for p in own["probability"]]
-    assert table["Probability"].tolist() == [probability_text(p) for p in known]
+    assert table["Probability"].tolist() == [
+        probability_text(p, expected.certification.criteria.confidence) for p in known
+    ]
     assert session.charts == 1
     assert session.app.expander[-1].label == "All verdicts as a table"
     assert [button.label for button in tab(session, "Files and report").app.download_button] == FILES
@@ -278,6 +282,29 @@ def test_a_limit_in_other_units_is_shown_rounded_beside_what_was_declared(
     assert "delta_v at most 48 km/h" in session.words
     assert session.app.session_state["criteria"] == ["delta_v~~~48~delta_v"]
     assert "at most 48 km/h" not in visit("certify", **LINK, system="kph-kg").words
+
+
+@pytest.mark.slow
+def test_what_belongs_to_a_campaign_goes_with_it(
+    asking: Path, campaign_on_disk: Path, tmp_path: Path, visit: Visit
+) -> None:
+    """Another campaign without criteria, opened beside verdicts, says so in the open; Back finds what was there."""
+    other = tmp_path / "another vehicle"
+    shutil.copytree(campaign_on_disk, other)
+    session = certified(visit("certify", **LINK))
+    choices = session.app.expander[0]
+    assert (choices.label, choices.proto.expanded) == ("Criteria and conditions", False)
+    session.app.selectbox(key="cell").set_value("M1 | crush")
+    session.run()
+    assert session.app.query_params["cell"] == "M1 | crush"
+    session.go("data").open_folder(str(other)).go("certify")
+    assert session.app.session_state["campaign"] == other.name
+    assert "No criteria yet" in session.words
+    assert session.app.expander[0].proto.expanded
+    assert not {"cell", "criteria"} & {*session.app.query_params}
+    session.app.sidebar.selectbox(key="campaign").set_value(asking.name)
+    assert not session.run().app.expander[0].proto.expanded
+    assert session.charts == 1
 
 
 @pytest.mark.usefixtures("open_campaign")

@@ -82,17 +82,10 @@ def test_the_sample_is_made_where_it_was_not_shipped(
 # --- a folder ------------------------------------------------------------------------------------------------------
 
 
-def open_folder(session: "Session", text: str) -> "Session":
-    """Type a folder in and open it."""
-    session.open_tab("data", "Open another campaign")
-    session.app.text_input(key="folder").set_value(text)
-    return session.press("Open folder")
-
-
 @pytest.mark.slow
 def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, campaign: Campaign) -> None:
     """Numbers, tests, conditions, CAE runs and the rating before any correction."""
-    session = open_folder(visit(), str(campaign_folder))
+    session = visit().open_folder(str(campaign_folder))
     assert session.app.sidebar.selectbox(key="campaign").value == campaign_folder.name
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
     assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
@@ -115,7 +108,7 @@ def test_the_quality_of_the_cae_runs_is_shown(visit: Visit, campaign_folder: Pat
     table["hourglass_share"] = [0.2, *[0.01] * 22, None]
     table.to_csv(campaign_folder / "cae.csv", index=False)
     (campaign_folder / "campaign.toml").write_text("[cae_quality]\nhourglass_share = 0.1\n")
-    session = open_folder(visit(), str(campaign_folder)).open_tab("data", "CAE model")
+    session = visit().open_folder(str(campaign_folder)).open_tab("data", "CAE model")
     assert "22 of 24 pass" in session.words
     assert "1 cannot be judged" in session.words
     assert "Runs that fail" in session.words
@@ -130,7 +123,7 @@ def test_a_bad_folder_shows_every_problem_and_no_traceback(visit: Visit, campaig
     (campaign_folder / "tests" / "T2.csv").unlink()
     cae = campaign_folder / "cae.csv"
     cae.write_text(cae.read_text().replace("front_weight_lb", "front_weight"))
-    session = open_folder(visit(), str(campaign_folder))
+    session = visit().open_folder(str(campaign_folder))
     assert "cannot be used: 2 problems" in session.words
     (table,) = session.tables
     assert table.columns.tolist() == ["File", "Row", "Column", "Expected", "Found", "What to do"]
@@ -146,7 +139,7 @@ def test_a_bad_folder_shows_every_problem_and_no_traceback(visit: Visit, campaig
 @pytest.mark.parametrize("text", ["/no/such/folder", "", "\0"])
 def test_a_folder_that_is_none_breaks_nothing(visit: Visit, text: str) -> None:
     """Whatever is typed in, the page stays."""
-    session = open_folder(visit(), text)
+    session = visit().open_folder(text)
     assert session.app.sidebar.selectbox(key="campaign").value is None
 
 
@@ -162,7 +155,7 @@ def test_a_file_in_the_field_for_a_folder_is_said_to_be_one(
 ) -> None:
     """It is there, so nobody is to check the path."""
     (tmp_path / name).write_bytes(zipped(content_of(campaign_folder)))
-    (table,) = open_folder(visit(), str(tmp_path / name)).tables
+    (table,) = visit().open_folder(str(tmp_path / name)).tables
     assert (table["Found"].tolist(), table["What to do"].tolist()) == ([found], [advice])
 
 
@@ -171,7 +164,7 @@ def test_the_same_problems_are_shown_at_two_places(visit: Visit, open_campaign: 
     """The open campaign went bad, and is opened again."""
     session = visit()
     (open_campaign / "tests.csv").unlink()
-    assert len(open_folder(session, str(open_campaign)).tables) == 2
+    assert len(session.open_folder(str(open_campaign)).tables) == 2
 
 
 @pytest.mark.slow
@@ -486,7 +479,7 @@ def test_a_folder_opened_before_is_one_click_away(visit: Visit, campaign_folder:
     """After a restart, too; one that is gone is not offered."""
     other = shutil.copytree(campaign_folder, campaign_folder.with_name("other"))
     for folder in (other, campaign_folder):
-        open_folder(visit(), str(folder))
+        visit().open_folder(str(folder))
     st.cache_resource.clear()
     shutil.rmtree(other)
     session = visit()

@@ -239,22 +239,20 @@ def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None
     assert ended(job)
 
 
-def test_time_left_is_that_of_the_whole_job(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After 20 s of a first step that was expected to take 10 s, the 30 s of the second will take about 60 s."""
-    now, left = [100.0], []
+def test_a_job_says_for_how_long_it_has_worked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not for how long it has waited."""
+    now, told = [100.0], []
     monkeypatch.setattr("crashfuse.ui.jobs.time.monotonic", lambda: now[0])
 
-    def work(watch: Watch) -> None:
-        watch.expect({"Read": 10.0, "Train": 30.0})
-        for i in range(11):
-            watch.report("Read", i, 10)
-            now[0] += 2.0
-        left.append(job.left_s)
+    def work(_: Watch) -> None:
+        now[0] += 20.0
+        told.append(job.elapsed_s)
 
     job = Job("A", work)
-    assert job.left_s is None
+    now[0] += 5.0
+    assert job.elapsed_s == 0.0
     job.run()
-    assert left == [pytest.approx(60.0, rel=0.1)]
+    assert told == [20.0]
 
 
 def test_only_the_last_outcomes_are_kept() -> None:

@@ -54,9 +54,9 @@ def test_a_page_hands_out_curves_as_they_are_chosen(made: list[tuple[str, dict[s
     app = AppTest.from_function(page).run()
     assert not app.exception
     name, files = made[-1]
-    assert (name, set(files)) == ("fused-lsdyna.zip", {"fused_expected.k"})
-    assert "Units mm-ms-kg" in files["fused_expected.k"]
-    assert "Test T1 was left out." in files["fused_expected.k"]
+    assert (name, set(files)) == ("fused-15mph-lsdyna.zip", {"fused_15mph_expected.k"})
+    assert "Units mm-ms-kg" in files["fused_15mph_expected.k"]
+    assert "Test T1 was left out." in files["fused_15mph_expected.k"]
     app.selectbox(key="export units").set_value("mm-s-t")
     app.button_group(key="export sign").set_value("positive")
     app.number_input(key="export start").set_value(10.0)
@@ -68,14 +68,16 @@ def test_a_page_hands_out_curves_as_they_are_chosen(made: list[tuple[str, dict[s
     name, files = made[-1]
     assert len(files) == 4
     for text in files.values():
-        for said in ("Units mm-s-t", "Braking is positive.", "Contact is at 0.01 s", "scaled by 0.5", "        42   "):
+        for said in ("Units mm-s-t", "Braking is positive.", "Contact is at 0.01 s", "scaled by 0.5"):
             assert said in text
+        assert "-0.000000000000E+00" not in text
+    assert len({text.partition("lcint\n")[2][:10] for text in files.values()}) == 4
     app.button_group(key="export format").set_value("radioss").run()
     assert {name.partition(".")[2] for name in made[-1][1]} == {"inc"}
     app.selectbox(key="export approach").set_value("cae").run()
     assert not app.exception
-    assert made[-1][0] == "cae-radioss.zip"
-    assert set(made[-1][1]) == {"cae_expected.inc"}
+    assert made[-1][0] == "cae-15mph-radioss.zip"
+    assert set(made[-1][1]) == {"cae_15mph_expected.inc"}
 
 
 def test_a_page_hands_out_iso_mme_at_a_location(made: list[tuple[str, dict[str, str]]]) -> None:

@@ -1,6 +1,7 @@
 """The pages say everything in the units that were chosen; the condition stays the same when they are switched."""
 
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -59,23 +60,62 @@ def test_a_condition_stays_the_same_when_the_units_are_switched(visit: Visit) ->
 def test_a_grid_stays_the_same_when_the_units_are_switched(visit: Visit) -> None:
     """The address has it in the units that it was typed in."""
     session = visit("certify", matrix="Grid", system="kph-kg")
-    session.app.text_input(key="speeds in km/h").set_value("30:50:10")
+    session.app.text_input(key="speeds in km/h").set_value("30:40:10")
     session.run()
     session.app.sidebar.button_group(key="system").set_value("mph-lb")
     session.run()
-    assert session.app.text_input(key="speeds in mph").value == "18.6411:31.0686:6.21371"
-    assert session.app.session_state["speeds"] == "30:50:10 km/h"
-    assert any(own.label == "3 conditions, 18.6 to 31.1 mph" for own in session.app.expander)
+    assert session.app.text_input(key="speeds in mph").value == "18.6411:24.8548:6.21371"
+    assert session.app.session_state["speeds"] == "30:40:10 km/h"
+    assert any(own.label == "2 conditions, 18.6 to 24.9 mph" for own in session.app.expander)
+
+
+@pytest.mark.slow
+def test_a_grid_that_nobody_typed_is_round_in_the_readers_units(visit: Visit) -> None:
+    """In whatever units the campaign is declared."""
+    session = visit("certify", matrix="Grid", system="kph-kg")
+    assert session.app.text_input(key="speeds in km/h").value == "30:50:10"
+    assert session.app.text_input(key="front_weights in kg").value == "934"
+    session.app.sidebar.button_group(key="system").set_value("mph-lb")
+    session.run()
+    assert session.app.text_input(key="speeds in mph").value == "15:35:5"
+    assert not {"speeds", "system"} & {*session.app.query_params}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("by_link", [True, False])
+def test_units_that_were_chosen_are_kept_in_any_campaign(
+    campaign_on_disk: Path, tmp_path: Path, visit: Visit, by_link: bool
+) -> None:
+    """Also after one whose own they are; a campaign decides as long as nobody has."""
+    metric = tmp_path / "metric"
+    shutil.copytree(campaign_on_disk, metric)
+    in_metric(metric)
+    session = visit("data", **({"system": "kph-kg"} if by_link else {}))
+    if not by_link:
+        session.open_folder(str(metric))
+        assert session.numbers["Test speeds"] == "24–56 km/h"
+        session.open_folder(str(campaign_on_disk))
+        assert session.numbers["Test speeds"] == "15–35 mph"
+        session.app.sidebar.button_group(key="system").set_value("kph-kg")
+        session.run()
+    for folder in (metric, campaign_on_disk):
+        assert session.open_folder(str(folder)).numbers["Test speeds"] == "24–56 km/h"
+    assert session.app.query_params["system"] == "kph-kg"
+
+
+def in_metric(folder: Path) -> None:
+    """Declare the tests in km/h and kg."""
+    table = pd.read_csv(folder / "tests.csv")
+    table["speed_kph"] = table.pop("speed_mph") * MPH / KPH
+    for weight in ("front_weight", "rear_weight"):
+        table[f"{weight}_kg"] = table.pop(f"{weight}_lb") * LB
+    table.to_csv(folder / "tests.csv", index=False)
 
 
 @pytest.mark.slow
 def test_the_campaigns_files_decide_at_first(open_campaign: Path, visit: Visit) -> None:
     """A table of tests in km/h and kg is shown in these, and its link says nothing of units."""
-    table = pd.read_csv(open_campaign / "tests.csv")
-    table["speed_kph"] = table.pop("speed_mph") * MPH / KPH
-    for weight in ("front_weight", "rear_weight"):
-        table[f"{weight}_kg"] = table.pop(f"{weight}_lb") * LB
-    table.to_csv(open_campaign / "tests.csv", index=False)
+    in_metric(open_campaign)
     session = visit("data")
     assert session.numbers["Test speeds"] == "24–56 km/h"
     assert "system" not in session.app.query_params

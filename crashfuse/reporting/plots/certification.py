@@ -10,11 +10,11 @@ from plotly.colors import hex_to_rgb
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict, Word
-from crashfuse.reporting.certification_tables import ANSWER, answer_texts, probability_text
+from crashfuse.reporting.certification_tables import ANSWER, answer_texts
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import INK, MEASURED_COLOUR, VERDICT_COLOURS
-from crashfuse.wording import unbroken
+from crashfuse.wording import probability_text, unbroken
 
 FEW_CONDITIONS = 40
 """More rows than these are drawn narrower."""
@@ -49,7 +49,7 @@ def verdict_matrix(
     short = [f"{tick_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
     answers, cut, run = answer_texts(certification), answer_texts(certification, tick_name), certification.run
     beside = [f"run: {len(run[i])} tests" if len(run.get(i, ())) > 1 else cut[i] for i in ids]
-    with_words = words and len(rows) <= MOST_WORDS
+    with_words, confidence = words and len(rows) <= MOST_WORDS, certification.criteria.confidence
     in_a_line = len(names) <= _FEW_CRITERIA
     row_px = _NARROW_ROW_PX if in_a_line and len(rows) > FEW_CONDITIONS else _ROW_PX
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
@@ -69,7 +69,7 @@ def verdict_matrix(
     )
     if with_words:
         figure.update_traces(
-            text=[[_cell(verdict, " " if in_a_line else "<br>") for verdict in row] for row in rows],
+            text=[[_cell(verdict, confidence, " " if in_a_line else "<br>") for verdict in row] for row in rows],
             texttemplate="%{text}",
             textfont={"color": MEASURED_COLOUR, "size": min(12, max(_LETTERS // len(names), 6))},
             hoverinfo="skip",
@@ -197,10 +197,10 @@ def _header(criterion: Criterion, width: int, display: Display) -> str:
     return "<br>".join(name + wrap(unbroken(display.words(criterion.limits)), width))
 
 
-def _cell(verdict: Verdict, between: str) -> str:
+def _cell(verdict: Verdict, confidence: float, between: str) -> str:
     if verdict.word == "outside" or verdict.probability is None:
         return verdict.word
-    return f"{verdict.word}{between}{probability_text(verdict.probability)}"
+    return f"{verdict.word}{between}{probability_text(verdict.probability, confidence)}"
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:

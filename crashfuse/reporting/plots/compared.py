@@ -7,7 +7,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.canvas import name_tests, new_figure, tick_name
 from crashfuse.reporting.plots.palette import AXIS, COLOURS
 from crashfuse.study.comparison import StudyComparison
-from crashfuse.wording import signed
+from crashfuse.wording import difference
 
 _APART = 0.14  # of the distance between two tests
 _SMALL, _NONE = 0.01, 5e-4  # differences: no axis is drawn narrower, and none is shown
@@ -22,7 +22,9 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
     tests, means = list(table["held_out"].unique()), compared.means(window_ms, left_out).set_index("approach")
     figure = new_figure(height=380)
     for place, name in enumerate(means.index):
-        gains, mean = table[table["approach"] == name].set_index("held_out")["difference"], means.loc[name]
+        own, mean = table[table["approach"] == name].set_index("held_out"), means.loc[name]
+        gains = own["difference"]
+        pairs = [*own[["second", "first"]].values.tolist(), mean[["second", "first"]].tolist()]
         shift = _APART * (place - (len(means) - 1) / 2)
         error = [0.0] * gains.size + [0.0 if np.isnan(mean["standard_error"]) else 2 * mean["standard_error"]]
         colour = COLOURS.get(name, AXIS)
@@ -34,7 +36,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
             mode="markers",
             name=LABELS.get(name, name),
             marker={"color": colour, "size": 8, "symbol": ["circle"] * gains.size + ["diamond"]},
-            hovertemplate=[signed(gain, 3) for gain in [*gains, mean["difference"]]],
+            hovertemplate=[difference(second, first, 3) for second, first in pairs],
         )
     figure.add_hline(y=0, line={"color": AXIS, "width": 1})
     figure.add_vline(x=len(tests) - 0.5, line={"color": AXIS, "width": 1, "dash": "dot"})

@@ -16,12 +16,11 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_exceptions import exceptions
-from crashfuse.reporting.certification_sentences import least_text, summary
+from crashfuse.reporting.certification_sentences import summary
 from crashfuse.reporting.certification_tables import (
     ANSWER,
     answer_texts,
     counts_table,
-    probability_text,
     record_counts,
 )
 from crashfuse.reporting.domain_sentences import domain_sentences
@@ -39,6 +38,7 @@ from crashfuse.reporting.track_record_sentences import (
 )
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.repeatability import repeatability
+from crashfuse.wording import probability_text
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on paper; of several, two fill a page
@@ -89,7 +89,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         reliability=shown.plot("reliability"),
         bins=_bins(record),
         supports=[(own.name, support_sentence(record, own, criteria.confidence)) for own in criteria.items],
-        trials=_shortened(_trials(record, display), "track_record.csv"),
+        trials=_shortened(_trials(record, criteria.confidence, display), "track_record.csv"),
         exceptions=exceptions(certification),
         open_cells=_shortened(_open_cells(certification, display), "certification.csv"),
     )
@@ -104,6 +104,7 @@ def _shortened(table: pd.DataFrame, file: str) -> dict[str, object]:
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
     matrix, domain = certification.matrix, certification.domain
     answers, all_met = answer_texts(certification), certification.waived | certification.uncertain
+    confidence = certification.criteria.confidence
     return pd.DataFrame(
         {
             "Condition": i,
@@ -111,7 +112,7 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
             **dict(condition.factors),
             "Validated domain": "outside" if domain.outside(condition) else "inside",
             ANSWER: answers[i],
-            "All met at once": f"≥ {least_text(all_met[i])}" if i in all_met else "–",
+            "All met at once": f"≥ {probability_text(all_met[i][0], confidence)}" if i in all_met else "–",
         }
         for i, condition in matrix.items
     )
@@ -159,12 +160,13 @@ def _record_figures(certification: Certification, display: Display) -> Iterator[
 
 
 def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
+    confidence = certification.criteria.confidence
     return pd.DataFrame(
         {
             "Condition": i,
             "Criterion": own.criterion.name,
             "Expected, 95 % of tests": _predicted(own, display),
-            "Probability": probability_text(own.probability),
+            "Probability": probability_text(own.probability, confidence),
             "Verdict": own.word,
             "Reason": display.words(own.reason),
         }
@@ -172,7 +174,7 @@ def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
     )
 
 
-def _trials(record: TrackRecord, display: Display) -> pd.DataFrame:
+def _trials(record: TrackRecord, confidence: float, display: Display) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "Test": trial.held_out,
@@ -180,7 +182,7 @@ def _trials(record: TrackRecord, display: Display) -> pd.DataFrame:
             "Criterion": own.criterion.name,
             "Expected": _together(display.words(own.criterion.shown(own.value))),
             "95 % of tests": _interval(own, display),
-            "Probability": probability_text(own.probability),
+            "Probability": probability_text(own.probability, confidence),
             "Verdict": own.word,
             "Measured": _together(display.words(own.criterion.shown(trial.measured))),
             "The test": _together(("met it" if trial.met else "missed it") + ", wrong" * trial.wrong),
@@ -219,7 +221,7 @@ def _bins(record: TrackRecord) -> pd.DataFrame:
 
 def _open_cells(certification: Certification, display: Display) -> pd.DataFrame:
     """Open verdicts with the distance of the limit from the expected value, the nearest limit first."""
-    rows = []
+    rows, confidence = [], certification.criteria.confidence
     for i, own in certification.cells:
         if own.word != "open" or own.probability is None:
             continue
@@ -233,7 +235,7 @@ def _open_cells(certification: Certification, display: Display) -> pd.DataFrame:
             "Expected": _together(display.words(own.criterion.shown(own.value))),
             "Distance": _together(display.words(own.criterion.shown(margin))),
             "In half widths of the interval": f"{share:.2f}" if math.isfinite(share) else "–",
-            "Probability": probability_text(own.probability),
+            "Probability": probability_text(own.probability, confidence),
         }
         rows.append((share, row))
     return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))

@@ -4,10 +4,9 @@ import streamlit as st
 
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria_file import criteria_text
-from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.certification_tables import matrix_table
+from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.reporting.report import certification_report
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.downloads import download_bytes, download_report, download_table
@@ -18,11 +17,11 @@ def show(judgement: Judgement) -> None:
     verdicts, certification = judgement.verdicts, judgement.certification
     of = certification.campaign.name
     with st.container(horizontal=True):
-        download_table("certification.csv", lambda: verdicts.table, of)
+        download_bytes("certification.csv", lambda: csv_as_given(verdicts.table), of)
         download_table("track_record.csv", lambda: verdicts.track_record, of)
         if certification.since is not None:
-            download_table("changes.csv", lambda: changes_table(Changes.of(certification)), of)
+            download_bytes("changes.csv", lambda: csv_as_given(changes_table(Changes.of(certification))), of)
         download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode(), of)
-        download_bytes("matrix.csv", lambda: csv_bytes(matrix_table(certification.matrix), float_format=None), of)
+        download_bytes("matrix.csv", lambda: csv_as_given(matrix_table(certification.matrix)), of)
         download_bytes("certification.json", lambda: certification_json(certification), of)
         download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)

@@ -18,10 +18,13 @@ from crashfuse.ui.certify.uploaded import choose_kept, show_wrong, uploaded
 from crashfuse.ui.chosen import View
 from crashfuse.ui.figures import choose
 from crashfuse.ui.text import plain
-from crashfuse.wording import IN_SI, UnitSystem, speed
+from crashfuse.wording import IN_SI, speed
 
+JUDGED = "judged"
+"""Session key: whether the conditions that are chosen have verdicts."""
 _FILE = "matrix.csv"
 _OWN, _UPLOAD, _GRID = "The campaign's", "Upload", "Grid"
+_STEPS = {"mph": 5, "km/h": 10}  # between speeds of a grid
 _MOST_VALUES = 1000  # of a range
 _NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 _HELP = "Numbers separated by commas, or first:last:step, such as 20:35:5."
@@ -61,7 +64,7 @@ def _chosen(source: str, view: View) -> Matrix | None:
     if source == _OWN:
         path = view.folder / _FILE
         return _read(path, campaigns.stamp(path), view.campaign.fingerprint, view.campaign)
-    return _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display.units)
+    return _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display)
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -80,10 +83,10 @@ def _checked(content: bytes, fingerprint: str, _campaign: Campaign) -> Matrix:  
     return uploaded(content, _FILE, lambda path: Matrix.read(path, _campaign.factors))
 
 
-def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
-    """A grid as typed in, at first over the tests' speeds at their middle weights."""
-    own = Display(system=campaign.units)  # the first texts are round in these
-    tests, step = own.vectors(np.array([test.condition.vector for test in campaign.tests])), 5
+def _grid(campaign: Campaign, display: Display) -> Matrix:
+    """A grid as typed in, at first over the tests' speeds at their middle weights, in round numbers."""
+    units = display.units
+    tests, step = display.vectors(np.array([test.condition.vector for test in campaign.tests])), _STEPS[units.speed]
     low, high = np.ceil(tests[:, 0].min() / step) * step, np.floor(tests[:, 0].max() / step) * step
     speeds = f"{low:.0f}:{high:.0f}:{step}" if low < high else f"{np.median(tests[:, 0]):.1f}"
     weights = [f"{weight:.0f}" for weight in np.median(tests[:, 1:], axis=0)]
@@ -95,9 +98,9 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
         (speeds, *weights),
         strict=True,
     ):
-        unit = campaign.units.speed if key == "speeds" else campaign.units.weight
-        address.default(key, f"{usual} {unit}")
-        typed[f"{label} ({units.unit(unit)})"] = _axis(column, label, key, units.unit(unit))
+        unit = units.speed if key == "speeds" else units.weight
+        address.default(key, f"{usual} {unit}", follow=not st.session_state.get(JUDGED))  # else verdicts would go
+        typed[f"{label} ({unit})"] = _axis(column, label, key, unit)
     factors = {}
     columns = st.columns(max(len(campaign.factors), 3)) if campaign.factors else []
     for column, (name, known) in zip(columns, campaign.factors.items(), strict=False):
@@ -110,12 +113,15 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
         )  # fmt: skip
         if chosen:
             factors[name] = chosen
-    first, second, third = ([each * in_si for each in _numbers(own, label)] for label, (own, in_si) in typed.items())
-    return Matrix.grid(first, second, third, factors)
+    first, second, third = (
+        [number * IN_SI[unit] for number in _numbers(text, label)] for label, (text, unit) in typed.items()
+    )
+    v0, front, rear = (unit.replace("km/h", "kph") for _, unit in typed.values())
+    return Matrix.grid(first, second, third, factors, (v0, front, rear))
 
 
-def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str, float]:
-    """What is typed for one axis in the reader's unit, and the SI value of the unit that it was typed in.
+def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str, str]:
+    """What is typed for one axis, shown in the reader's unit, and the unit that it was typed in.
 
     The session and the address have the text with the unit that it was typed in: the values stay the same when another
     unit is chosen, whose field shows them converted.
@@ -133,7 +139,7 @@ def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str,
         state[key] = f"{state[field]} {unit}"
 
     column.text_input(f"{label} ({unit})", key=field, help=_HELP, on_change=take)
-    return typed, IN_SI[given]
+    return typed, given
 
 
 def _numbers(text: str, label: str) -> list[float]:

@@ -30,7 +30,7 @@ def show(judgement: Judgement) -> None:
     record = certification.record
     st.markdown(
         "Every test was left out, alone and with all others at about its speed, got its verdicts from the remaining "
-        "tests, and is compared with what was measured."
+        "tests, and is compared with what was measured. The table counts both; what the record supports, a test once."
     )
     waived = waived_sentence(record, certification.criteria)
     evidence = *interval_sentence(record), *brier_sentence(record)

@@ -10,7 +10,7 @@ from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_changes import saved_and_missed
 from crashfuse.reporting.certification_sentences import beside_matrix
-from crashfuse.reporting.certification_tables import probability_text, verdict_counts
+from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
@@ -22,6 +22,7 @@ from crashfuse.ui.look import fill
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.predict.condition import fill_in
 from crashfuse.ui.text import plain
+from crashfuse.wording import probability_text
 
 _CELL = "cell"
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
@@ -135,7 +136,7 @@ def _table(certification: Certification, display: Display) -> pd.DataFrame:
             "Limit": display.words(verdict.criterion.limits),
             "Expected": display.words(verdict.criterion.shown(verdict.value)),
             "95 % of tests": display.words(verdict.criterion.interval(verdict.lower, verdict.upper)),
-            "Probability": probability_text(verdict.probability),
+            "Probability": probability_text(verdict.probability, certification.criteria.confidence),
             "Verdict": verdict.word,
             "Reason": display.words(verdict.reason),
         }

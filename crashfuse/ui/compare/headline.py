@@ -8,7 +8,7 @@ from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting.paper_tables import REPEAT
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.compare.comparison import Comparison
-from crashfuse.wording import joined, signed
+from crashfuse.wording import difference, joined
 
 _NO_CHANGE = 0.005  # in rating
 # The row is painted at once, without this: only a click has to wait for it.
@@ -67,7 +67,7 @@ def _row(comparison: Comparison) -> str:
     for name, rating in overall.items():
         values = f"<b>{rating.overall:.3f}</b>"
         if BASELINE in overall and name != BASELINE:
-            values += _change(rating.overall - overall[BASELINE].overall)
+            values += _change(rating.overall, overall[BASELINE].overall)
         values += explanations.grade_chip(rating.grade)
         label = f'<span role="button" tabindex="0" data-approach="{name}" title="Why">{escape(LABELS[name])}</span>'
         items.append(_item(label, values, recommended=name == comparison.recommended))
@@ -87,6 +87,7 @@ def _item(name: str, values: str, *, recommended: bool = False) -> str:
     )
 
 
-def _change(by: float) -> str:
+def _change(rating: float, raw: float) -> str:
+    by = rating - raw
     style = "" if abs(by) < _NO_CHANGE else ' class="cf-better"' if by > 0 else ' class="cf-worse"'
-    return f"<small{style}>{signed(by, 3)}</small>"
+    return f"<small{style}>{difference(rating, raw, 3)}</small>"

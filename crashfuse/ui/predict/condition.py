@@ -41,6 +41,7 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
         front_weight_kg=_field(middle, *front, runs[1], step=1.0, digits=0),
         rear_weight_kg=_field(right, *rear, runs[2], step=1.0, digits=0),
         factors=tuple((name, choice) for name, choice in factors.items() if choice),
+        units=display.system.endings,
     )
     if notes := campaign.cae.extrapolation(condition):
         st.markdown(f":material/warning: **{plain(joined(notes))}**")

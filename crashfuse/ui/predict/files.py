@@ -2,6 +2,7 @@
 
 import streamlit as st
 
+from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.report import prediction_report
 from crashfuse.reporting.side_by_side import predictions_table
@@ -26,7 +27,7 @@ def show(answer: Answer) -> None:
         download_table("pulses.csv", lambda: prediction.pulses, of)
         download_table("metrics.csv", lambda: prediction.metrics, of)
         if beside:
-            download_table("side_by_side.csv", lambda: predictions_table([prediction, *beside]), of)
+            download_bytes("side_by_side.csv", lambda: csv_as_given(predictions_table([prediction, *beside])), of)
         download_bytes("pulses.parquet", lambda: parquet_bytes(prediction.pulses), of)
         if answer.whole:
             display = answer.view.display
