@@ -106,7 +106,7 @@ def test_sign_and_scale_of_a_curve_are_chosen() -> None:
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
-        ({"unit_system": "in-s-lb"}, "one of mm-ms-kg, mm-s-t, m-s-kg"),
+        ({"unit_system": "in-s-lb"}, "choose from mm-ms-kg, mm-s-t, m-s-kg"),
         ({"start_s": -0.01}, "not at -10 ms"),
         ({"start_s": float("nan")}, "not at nan ms"),
         ({"scale": -1.0}, "the sign is set apart"),
@@ -144,7 +144,7 @@ def test_more_draws_than_there_are_is_one_sentence(estimates: list[Estimate]) ->
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
-        ({"formats": ("csv",)}, "not as csv"),
+        ({"formats": ("csv",)}, "format of pulses 'csv'"),
         ({"formats": ("lsdyna",)}, "unit system"),
         ({"location": "VEHC"}, "12 digits and capitals"),
         ({"location": "10VEHC000000ACXD"}, "12 digits and capitals"),

@@ -226,7 +226,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert "by speed</h2>" in text
     assert "Expected over 0–60 ms: 1.00 (80 %, Excellent)" in text
     assert "Nearest tests by speed and weights: T1 (0.0 mph" in text
-    assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
+    assert "crashfuse predict CAMPAIGN --out DIR --speed-mph 15 " in text
 
 
 def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campaign) -> None:
@@ -342,5 +342,5 @@ def test_notes_stand_in_the_report_as_text(study: Study) -> None:
 
 def test_a_form_that_is_none_is_one_sentence() -> None:
     """With the forms that there are."""
-    with pytest.raises(UsageError, match="short or whole, not 'long'"):
+    with pytest.raises(UsageError, match="'long'; choose from short, whole"):
         ReportOptions("long")  # type: ignore[arg-type]
