@@ -39,8 +39,9 @@ class Outcome:
 
     @property
     def whole(self) -> bool:
-        """True once every approach is known; before that, nothing can be recommended."""
-        return self.study.config.approaches == self.config.approaches
+        """True once every approach is known for every test; before that, nothing can be recommended."""
+        tests = len(self.study.folds) == len(self.view.campaign.tests)
+        return tests and self.study.config.approaches == self.config.approaches
 
     @property
     def window_ms(self) -> float:
