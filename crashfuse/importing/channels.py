@@ -230,14 +230,8 @@ def averaged(
     """The time and the mean of the channels, in the unit of the first."""
     if choices.unit is None and len({channel.unit for channel in channels}) > 1:
         found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
-        raise DataError(
-            Problem(
-                record.source,
-                "channels of one unit to average",
-                found,
-                f"choose one (--channel {shlex.quote(channels[0].name)})",
-            )
-        )
+        advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
+        raise DataError(Problem(record.source, "channels of one unit to average", found, advice))
     time_s, values = on_one_clock(channels, record.source, steps)
     if len(channels) > 1:
         steps.append(f"{len(channels)} channels averaged.")
