@@ -80,9 +80,9 @@ def agreeing_channels(
             steps.append(f"Careful: the file speaks against what was chosen: {', '.join(remarks)}.")
     else:
         chosen = _usable(record, chosen, steps)
+    chosen = _in_one_unit(chosen, choices)
     if role == "tests":
         chosen = _sound(record, chosen, choices, steps)
-    chosen = _in_one_unit(chosen, choices)
     units = {choices.unit or channel.unit for channel in chosen}
     if len(chosen) == 1 or len(units) > 1 or speed_mps <= CREEP_MPS:
         return chosen
