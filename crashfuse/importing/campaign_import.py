@@ -102,6 +102,11 @@ def import_source(
         settled = settle_each(records, problems, choices, role=role or "tests", cae=cae, raw=own is not None)
     except OneCrashOrSeveral as error:
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
+        if role != "cae" and not cae and all(label.is_simulated for label in labels):
+            advice = "say as well that they are CAE runs (--as cae)"
+            problems.append(
+                Problem(source.name, "measured accelerations", "simulated ones, by their own account", advice)
+            )
     except DataError as error:
         problems = [*error.problems, *problems]
     check_names(cae, labels)

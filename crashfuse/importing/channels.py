@@ -1,7 +1,7 @@
 """The channels of a record that are averaged into the pulse: those chosen, or those proposed that agree."""
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -26,7 +26,7 @@ from crashfuse.wording import Sentence, joined, number, time_text
 _DISSENT = 0.2  # of the larger ΔV of two
 _LAG_S = 2e-3
 _SHAPE = 0.4  # sine of the angle between two signals: RMS of what one lacks of the other, over its RMS
-_CARE = 0.5  # of these limits
+_CARE = 0.45  # of these limits
 _STEP_S = 1e-4
 _ONSET = 0.05  # of the peak
 
@@ -39,11 +39,9 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
         expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
         option = f"(--channel {shlex.quote(record.channels[0].name)})"
         advice = f"choose the one that is, or several to be averaged {option}"
-        if all(channel.doubt == Doubt.FAILED for channel in record.channels):
+        if all(channel.doubt == Doubt.FAILED or channel.is_simulated for channel in record.channels):
             expected = f"a sound channel of {record.id}"
-            advice = (
-                f"get a sound one, or choose one that is not as bad (--channel {shlex.quote(record.channels[0].name)})"
-            )
+            advice = f"get a sound one, or choose one that is not as bad {option}"
         missing.append(Problem(record.source, expected, record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
@@ -82,6 +80,7 @@ def agreeing_channels(
             steps.append(f"Careful: the file speaks against what was chosen: {', '.join(remarks)}.")
     else:
         chosen = _usable(record, chosen, steps)
+    chosen = _in_one_unit(chosen, choices)
     if role == "tests":
         chosen = _sound(record, chosen, choices, steps)
     units = {choices.unit or channel.unit for channel in chosen}
@@ -111,7 +110,7 @@ def agreeing_channels(
         raise DataError(Problem(record.source, expected, joined(texts, "; "), advice))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")
-        steps.append(Sentence("Left out, unlike the others: {}.", odd))
+        steps.append(Sentence("Careful: left out, unlike the others: {}.", odd))
     alike = [signal for signal, agrees in zip(signals, near, strict=True) if agrees]
     if any(signal.differences(reference, _CARE) for signal in alike):
         steps.append(Sentence(careful, joined([signal.compared(reference, factor) for signal in alike], "; ")))
@@ -131,6 +130,17 @@ def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[s
     faults = "; ".join(f"{name}, with {one.found} instead of {one.expected}" for name, one in problems.items())
     steps.append(f"Careful: left out as unusable: {faults}.")
     return tuple(channel for channel in proposed if channel.name not in problems)
+
+
+def _in_one_unit(channels: tuple[RecordedChannel, ...], choices: Choices) -> tuple[RecordedChannel, ...]:
+    """The channels in the unit of the first, if all state one and the user gives none."""
+    factors = [ACCELERATION_UNITS[channel.unit] for channel in channels if channel.unit]
+    if choices.unit is not None or len(factors) < len(channels):
+        return channels
+    return tuple(
+        replace(channel, values=channel.values * (factor / factors[0]), unit=channels[0].unit)
+        for channel, factor in zip(channels, factors, strict=True)
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -220,7 +230,8 @@ def averaged(
     """The time and the mean of the channels, in the unit of the first."""
     if choices.unit is None and len({channel.unit for channel in channels}) > 1:
         found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
-        raise DataError(Problem(record.source, "channels of one unit to average", found, "choose some of them"))
+        advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
+        raise DataError(Problem(record.source, "channels of one unit to average", found, advice))
     time_s, values = on_one_clock(channels, record.source, steps)
     if len(channels) > 1:
         steps.append(f"{len(channels)} channels averaged.")

@@ -12,7 +12,7 @@ from crashfuse.errors import Problem, UsageError
 from crashfuse.readers.credibility import names_a_simulation
 from crashfuse.readers.record import Record
 
-_CAE = re.compile(r"(?<![a-z])(runs?|ls-?dyna|radioss|abaqus|pam-?crash|madymo)(?![a-z])", re.IGNORECASE)
+_CAE = re.compile(r"(?<![a-z])runs?(?![a-z])", re.IGNORECASE)
 _TEST = re.compile(
     r"(?<![a-z])(tests?|versuche?|essais?|measure(d|ments?)|messung(en)?|gemessen|nhtsa|barrier)(?![a-z])",
     re.IGNORECASE,

@@ -1,5 +1,6 @@
 """Even, common sampling for the channels of a record."""
 
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
@@ -84,7 +85,8 @@ def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[st
         if abs(time[1] - time[0] - step) > tolerance or clock.size < _FEWEST:
             found = f"{channel.name} at {1 / (time[1] - time[0]):.6g} Hz from {time_text(time[0], 6)}"
             found += f", {channels[0].name} at {1 / step:.6g} Hz from {time_text(first[0], 6)}"
-            raise DataError(Problem(where, "channels sampled alike to average", found, "choose some of them"))
+            advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
+            raise DataError(Problem(where, "channels sampled alike to average", found, advice))
     if any(abs(time[0] - first[0]) > tolerance for time in times):
         starts = ", ".join(
             f"{one.name} from {time_text(time[0], 6)}" for one, time in zip(channels, times, strict=True)

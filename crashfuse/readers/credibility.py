@@ -6,20 +6,24 @@ spellings of their own; NHTSA's database has codes for the same.
 """
 
 import re
+from collections.abc import Iterable
 from enum import IntEnum
 
+_PROGRAM = r"ls ?dyna|ls prepost|nodout|(nodal|element) history|radioss|abaqus|pam ?crash|madymo"
 _SIMULATION = re.compile(
-    r"(?<![^\W\d])(sim(s|ulat\w*)?|cae|fe[am]?|finite element\w*|virtu[ae]l\w*|predict\w*|prognos\w*|vorhersage\w*|"
-    r"(be)?rechnung\w*|modell?$|(nodal|element) history|nodout|ls prepost)(?![^\W\d])"
+    rf"(?<![^\W\d])({_PROGRAM}|sim(s|ula\w*)?|synthetic\w*|synthetisch\w*|cae|fe[am]?|finite element\w*|calculs?|"
+    r"num[eé]ri(c|qu|sch)\w*|virtu[ae]l\w*|predict\w*|prognos\w*|vorhersage\w*|(be)?rechnung\w*|modell?$)(?![^\W\d])"
 )
+_STATEMENT = re.compile(r"\b(predicted by|ls dyna keyword|ls prepost|nodout|(nodal|element) history)\b")
 _PARAMETER = re.compile(
     r"(?<![^\W\d])(param\w*|limit|limit (value|curve|line)s?|grenz(wert|kurve|linie)\w*|corridors?|korridor\w*)"
     r"(?![^\W\d])"
 )
 _COMPUTED = re.compile(r"\b(calc\w*|comput\w*|deriv\w*|cm)\b")
 _SOUND = re.compile(
-    r"(data |channel )?(ok|o k|okay|am|as measured|good|valid|sound|normal|passed|accepted|i o|in ordnung)( data)?|"
-    r"|unknown|undefined|not (specified|stated|checked|applicable)|n a|none|novalue|no (error|failure|fault)s?"
+    r"((data|channel|sensor|signal|filtered|ok|o k|okay|am|as measured|good|valid|sound|normal|passed|accepted|checked|"
+    r"correct|bon|gut|i o|in ordnung|(no|without) (remark|error|failure|fault|comment)s?|not failed|\d{2,})( |$))*|"
+    r"unknown|undefined|not (specified|stated|checked|applicable)|n a|none|novalue"
 )
 _FAILED = re.compile(
     r"\b(fail\w*|meaningless|no (valid )?(data|signal|values?)|not (ok|o k|valid|usable|good)|nok|n i o|nio|bad|"
@@ -50,6 +54,11 @@ def names_a_simulation(name: str) -> bool:
 def names_a_parameter(name: str) -> bool:
     """Whether a name is that of a limit or a parameter."""
     return _PARAMETER.search(_plain(name)) is not None
+
+
+def statement_of_simulation(lines: Iterable[str]) -> str:
+    """The first of the lines above a table that says that its numbers are a program's; empty if there is none."""
+    return next((line.strip() for line in lines if _STATEMENT.search(_plain(line))), "")
 
 
 def is_computed(origin: str) -> bool:

@@ -10,7 +10,7 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Limits
 from crashfuse.readers.channel_codes import UNPLACED, ChannelCode, proposed
 from crashfuse.readers.crash_setup import other_setup
-from crashfuse.readers.credibility import is_simulated
+from crashfuse.readers.credibility import is_simulated, statement_of_simulation
 from crashfuse.readers.isomme import ISOMME_LIMITS, read_isomme
 from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.readers.quantities import speed, weight
@@ -85,8 +85,8 @@ def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[C
 
 def _origin(test: IsommeTest) -> str:
     """What the test says of the source of channels that do not say it, if nothing was measured at all."""
-    texts = (test.descriptor(name) or "" for name in ("Type of the test", "Subtype of the test"))
-    return next(filter(is_simulated, texts), "")
+    texts = (test.descriptor(name) or "" for name in ("Type of the test", "Subtype of the test", "Title"))
+    return next(filter(is_simulated, texts), "") or statement_of_simulation(value for _, value in test.descriptors)
 
 
 def _recorded(name: str, code: ChannelCode, channel: Channel, origin: str) -> RecordedChannel:

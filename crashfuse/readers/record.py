@@ -73,7 +73,8 @@ class RecordedChannel:
     unit_from : str
         What states the unit, in words.
     origin : str
-        What the file says of its source ("transducer", "simulation", "parameter"); empty if nothing.
+        What the file says of its source ("transducer", "simulation", "parameter"); its label if that alone says that
+        it is simulated; empty if nothing does.
     status : str
         What the file says of its quality ("ok", "channel failed", "questionable data"); empty if nothing.
     """
@@ -91,6 +92,8 @@ class RecordedChannel:
     def __post_init__(self) -> None:
         if self.unit is not None:
             object.__setattr__(self, "unit", acceleration_unit(self.unit))
+        if not self.origin and is_simulated(self.label):
+            object.__setattr__(self, "origin", self.label)
 
     def __repr__(self) -> str:
         return f"<RecordedChannel {self.shown}: {self.values.size:,} samples in {self.unit or 'an unknown unit'}>"

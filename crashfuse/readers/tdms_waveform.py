@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
+from crashfuse.readers.credibility import is_simulated
 from crashfuse.readers.nhtsa_sensors import number_in
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile
@@ -62,7 +63,7 @@ def waveform(
         values,
         unit,
         number_of(said, "inst_prefil") or None,
-        origin=_descriptor(said, "data source"),
+        origin=_descriptor(said, "data source") or (channel.group if is_simulated(channel.group) else ""),
         status=_descriptor(said, "data status"),
     )
 

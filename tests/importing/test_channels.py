@@ -66,7 +66,9 @@ def test_a_late_sensor_of_three_is_left_out() -> None:
     settled = settle(record(sensor("A"), sensor("B", 12 * MS), sensor("C", scale=0.98)))
     assert settled.channels == ("A", "C")
     assert crush_of(settled) == pytest.approx(CRUSH_M, rel=0.01)
-    assert any("Left out, unlike the others: B: " in step and "12 ms later than A" in step for step in settled.steps)
+    assert any(
+        "Careful: left out, unlike the others: B: " in step and "12 ms later than A" in step for step in settled.steps
+    )
 
 
 def test_what_differs_a_little_is_told_with_care_and_less_not_at_all() -> None:
@@ -75,6 +77,17 @@ def test_what_differs_a_little_is_told_with_care_and_less_not_at_all() -> None:
         settle(record(sensor("A"), sensor("B", 1.5 * MS)))
     )
     assert careful(settle(record(sensor("A"), sensor("B", 0.3 * MS, 0.97)))) == ""
+
+
+def test_sensors_in_two_units_are_one_pulse() -> None:
+    """Compared and averaged in the unit of the first; without a unit, nobody can."""
+    one, other = sensor("A"), sensor("B")
+    settled = settle(record(one, replace(other, values=other.values * G, unit="m/s²")))
+    assert (settled.channels, settled.unit) == (("A", "B"), "g")
+    assert crush_of(settled) == pytest.approx(CRUSH_M, rel=1e-3)
+    late = sensor("B", 12 * MS)
+    assert "12 ms later" in problem(record(one, replace(late, values=late.values * G, unit="m/s²")))
+    assert "choose one (--channel A)" in problem(record(one, replace(other, unit=None)))
 
 
 def test_a_sensor_of_the_other_sign_or_shape_is_not_averaged() -> None:
@@ -146,6 +159,8 @@ def test_what_the_file_speaks_against_is_not_averaged(
 
 def test_where_all_have_failed_it_is_refused_and_one_may_be_chosen() -> None:
     """In one sentence that names them; who chooses one is told what the file says."""
+    beside = problem(record_of(isomme((LEFT, "", "channel failed"), (RIGHT, "simulation", "ok")), "T1"))
+    assert f"expected a sound channel of T1, found {LEFT} (channel failed), {RIGHT} (simulation)" in beside
     failed = record_of(isomme((LEFT, "", "channel failed"), (RIGHT, "", "no data")), "T1")
     text = problem(failed)
     assert f"expected a sound channel of T1, found {LEFT} (channel failed), {RIGHT} (no data); get a sound one" in text
@@ -169,7 +184,12 @@ def test_a_failed_channel_may_hold_anything(tmp_path: Path, samples: bytes) -> N
 
 @pytest.mark.parametrize(
     ("source", "descriptors"),
-    [("simulation", {}), ("Parameter", {}), ("", {"Subtype_of_the_test": "Prediction, no vehicle was crashed"})],
+    [
+        ("simulation", {}),
+        ("Parameter", {}),
+        ("", {"Subtype_of_the_test": "Prediction, no vehicle was crashed"}),
+        ("", {"Title": "CAE run 12"}),
+    ],
 )
 def test_what_says_that_it_is_simulated_is_no_test(tmp_path: Path, source: str, descriptors: dict[str, str]) -> None:
     """Alone, it is asked for; as a CAE run it is taken; no option makes a test of it."""

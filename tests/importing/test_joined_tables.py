@@ -512,16 +512,40 @@ def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    "header", ["held_out;approach;time_ms;acceleration_g", "time_ms;acceleration_g;lower_g;upper_g"]
+    "header",
+    [
+        "held_out;approach;time_ms;acceleration_g",
+        "time_ms;acceleration_g;lower_g;upper_g",
+        "# Predicted by crashfuse 0.1.0, not measured: CAE.\ntime_ms;acceleration_g",
+    ],
 )
 def test_a_prediction_of_ours_is_no_test(tmp_path: Path, header: str) -> None:
-    """A table that predict wrote, or the library's: by its columns it is one, whatever the user says."""
+    """A table or curve that predict wrote, or the library's: it says so, whatever the user says."""
     columns = {"time_ms": TIME_S / MS, "acceleration_g": PULSE_G, "lower_g": PULSE_G - 1, "upper_g": PULSE_G + 1}
-    path = table(tmp_path, header, *(columns.get(name, np.full(TIME_S.size, np.nan)) for name in header.split(";")))
+    path = table(
+        tmp_path,
+        header,
+        *(columns.get(name, np.full(TIME_S.size, np.nan)) for name in header.split("\n")[-1].split(";")),
+    )
     roles_given: tuple[Role | None, ...] = (None, "tests")
     for role in roles_given:
-        with pytest.raises(DataError, match=r"by its own account acceleration_g \(prediction\)"):
+        with pytest.raises(DataError, match=r"by its own account acceleration_g \((# P|p)redict"):
             import_source(path, tmp_path / "out", GIVEN, role=role)
+
+
+def test_simulated_columns_are_asked_about_once(tmp_path: Path) -> None:
+    """Which one and that it is a CAE run, in one go: a figure's table, with the band of a prediction."""
+    names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]
+    path = table(tmp_path, ";".join(["Time (ms)", *names]), TIME_S / MS, *[PULSE_G] * 3)
+    with pytest.raises(DataError) as caught:
+        import_source(path, tmp_path / "out", GIVEN)
+    assert "(--channel 'Fused: Acceleration (g)')" in str(caught.value.problems[0])
+    assert "(--as cae)" in str(caught.value.problems[1])
+    chosen = ("Fused: Acceleration (g)",)
+    with pytest.raises(DataError, match="by its own account"):
+        import_source(path, tmp_path / "out", replace(GIVEN, channels=chosen), role="tests")
+    (run,) = import_source(path, tmp_path / "out", replace(GIVEN, channels=chosen), role="cae")
+    assert run.channels == chosen
 
 
 def test_sheets_of_dummies_and_other_directions_are_left_out_and_told(tmp_path: Path) -> None:

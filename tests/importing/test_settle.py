@@ -239,7 +239,7 @@ def test_channels_are_averaged_chosen_or_left_out() -> None:
     with pytest.raises(DataError, match="channels sampled alike"):
         settle(record(left, channel("R", rate_hz=5000)))
     with pytest.raises(DataError, match="channels of one unit"):
-        settle(record(left, channel("R", G, "m/s²")))
+        settle(record(left, channel("R", unit=None)))
     with pytest.raises(DataError, match="known to be the vehicle's pulse"):
         settle(replace(record(left), proposed=()))
 

@@ -7,7 +7,18 @@ from hypothesis import strategies as st
 from crashfuse.readers.credibility import Doubt, doubt_of, is_computed, is_simulated
 
 STATUS = {
-    Doubt.NONE: ("", "ok", "O.K.", "as measured", "AM", "unknown", "NOVALUE", "in Ordnung"),
+    Doubt.NONE: (
+        "",
+        "ok",
+        "O.K.",
+        "as measured",
+        "AM",
+        "unknown",
+        "NOVALUE",
+        "in Ordnung",
+        "not failed",
+        "sensor ok, checked 2024-03-01",
+    ),
     Doubt.SOME: ("questionable data", "scaling factor changed", "system noise", "QD", "ok until 60 ms", "linear trend"),
     Doubt.FAILED: ("channel failed", "Channel_failed", "meaningless data", "no data", "not ok", "CF", "cable lost"),
 }
@@ -20,6 +31,10 @@ SIMULATED = (
     "limit curve",
     "Simulated by LS-DYNA",
     "Berechnung",
+    "PAM-CRASH",
+    "modèle numérique",
+    "synthetic",
+    "Simulación",
 )
 MEASURED = ("", "transducer", "hardware", "camera", "calculation", "simultaneous recorder", "femur gauge")
 

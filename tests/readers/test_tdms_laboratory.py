@@ -211,3 +211,14 @@ def test_what_is_kept_of_isomme_descriptors_counts(tmp_path: Path) -> None:
     objects = [ChannelObject("g", name, RAW_G, properties={**WAVE, **own}) for name, own in said]
     (record,) = read_tdms(saved(tmp_path / "converted.tdms", written(objects)))
     assert record.proposed == ("10SEATRIRE00ACXP",)
+
+
+@pytest.mark.parametrize(("group", "name"), [("Simulation", "Vehicle Acc X"), ("Vehicle", "CAE Acc X")])
+def test_a_group_or_name_of_a_simulation_is_heard(tmp_path: Path, group: str, name: str) -> None:
+    """As that of a table's column is; beside a measured channel it is left out."""
+    simulated = ChannelObject(group, name, RAW_G, properties=WAVE)
+    (alone,) = read_tdms(saved(tmp_path / "alone.tdms", written([simulated])))
+    assert alone.is_simulated
+    measured = ChannelObject("Vehicle", "10VEHC000000ACXP", RAW_G, properties=WAVE)
+    (both,) = read_tdms(saved(tmp_path / "both.tdms", written([simulated, measured])))
+    assert both.proposed == ("10VEHC000000ACXP",)

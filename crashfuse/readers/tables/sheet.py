@@ -59,6 +59,8 @@ class Sheet:
         The cells above the headers, "" if empty or missing.
     part_of : str
         Name of the table that this one was split from, unless titles name each part as a separate test.
+    origin : str
+        The line above it that says that a program computed it; empty if there is none.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Sheet:
     steps: tuple[str, ...] = ()
     titles: tuple[str, ...] = ()
     part_of: str = ""
+    origin: str = ""
 
     def title(self, column: str) -> str:
         """The title above a column, or above the nearest one to its left that has one."""
@@ -231,7 +234,8 @@ def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
         blocks = _blocks(grid, decimal, least)
         if blocks:
             most = max(blocks, key=lambda block: block.numbers * len(block.numeric))
-            return next(block.begin for block in blocks if block is most or block.goes_on_in(most, grid))
+            begin = next(block.begin for block in blocks if block is most or block.goes_on_in(most, grid))
+            return begin + (use_of(grid[begin][0], "").role == "time")  # a header whose other names are numbers
     return None
 
 

@@ -10,6 +10,7 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import pandas as pd
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Limits
+from crashfuse.readers.credibility import statement_of_simulation
 from crashfuse.readers.members import as_text
 from crashfuse.readers.tables.labview import is_labview, labview_sheet
 from crashfuse.readers.tables.sheet import SAMPLE, SHEET_LIMITS, Sheet, counts, header_of, is_number, sheet_of
@@ -27,6 +29,7 @@ _MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
 _LARGEST_SAMPLE = 4 << 20  # characters
 _AGAIN = "export it again as CSV"
 _GROUPED_CELLS = re.compile(r"(?<![\w.])[-+]?[1-9]\d{0,2},\d{3}(?!\d)(\.\d+)?")
+_DECIMALS = re.compile(r"-0,\d+|[-+]?\d+,(0\d+|\d+[eE][-+]?\d+)")
 _BETWEEN_NAMES = (r"\s{2,}|\t", r"(?<=[)\]])\s+", r"\s+(?![\[(])", r"\s+")  # the likeliest first
 _DIALECTS = (
     (",", "."),
@@ -67,6 +70,9 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     sample = lines[: max(1, min(SAMPLE, _LARGEST_SAMPLE // (1 + max(map(len, lines[:SAMPLE])))))]
     if is_labview(lines[0]):
         return labview_sheet(lines, path.name, _cells)
+    if lines[0].strip() == "Curveplot":
+        expected, advice = "a table with a row of names", "save the curves as CSV"
+        raise DataError(Problem(path.name, expected, "a curve file of LS-PrePost", advice))
     delimiter, decimal = _dialect([line for line in sample if line.strip()], path.name)
     grid = [_split(line, delimiter) for line in sample]
     if delimiter == " ":
@@ -82,7 +88,8 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     if len(rest) * len(header.columns) > _MOST_CELLS:
         raise DataError(Problem(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns"))
     cells = _cells(rest, delimiter, len(header.columns), path.name, header.begin + 1)
-    return sheet_of(path.name, header, cells, decimal, form)
+    sheet = sheet_of(path.name, header, cells, decimal, form)
+    return replace(sheet, origin=statement_of_simulation(lines[: header.begin]))
 
 
 def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_row: int) -> pd.DataFrame:
@@ -129,13 +136,13 @@ def _commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: str, *, 
     Decimal commas: -0,063 is no -0 and 063, and no cell has a point. Thousands separators: -1,234.5 is no -1 and 234.5,
     and the table is ragged, as other rows have as many cells as there are names.
     """
-    pairs = [(at, *pair) for at, row in rows for pair in pairwise(row) if all(c.strip("+-").isdigit() for c in pair)]
-    broken = [(at, f"{a},{b}") for at, a, b in pairs if b.isdigit() and (a == "-0" or re.fullmatch(r"0\d+", b))]
-    what, instead = "decimal commas", "with decimal points"
-    if not broken or any("." in cell for _, row in rows for cell in row):
-        what, instead = "thousands separators", "without them"
-        broken = [(at, match[0]) for at, row in rows if (match := _GROUPED_CELLS.search(",".join(row)))]
-        if not is_ragged or len(broken) < len(rows):
+    broken = [(at, match[0]) for at, row in rows if (match := _GROUPED_CELLS.search(",".join(row)))]
+    what, instead = "thousands separators", "without them"
+    if not is_ragged or len(broken) < len(rows):
+        pairs = ((at, ",".join(pair)) for at, row in rows for pair in pairwise(row))
+        broken = [(at, pair) for at, pair in pairs if _DECIMALS.fullmatch(pair)]
+        what, instead = "decimal commas", "with decimal points"
+        if not broken or any("." in cell for _, row in rows for cell in row):
             return None
     at, number = broken[0]
     found = f"{what}, as in {number}, in a table separated by commas"
@@ -200,7 +207,7 @@ def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: 
 
 def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == " " and '"' in line:
-        return [cell.strip('"') for cell in re.findall(r'"[^"]*"|[^\s"]+', line)]
+        return [cell.strip('"') for cell in re.findall(r'(?:"[^"]*"|[^\s"])+', line)]
     if delimiter == " ":
         return re.split(r"\s+(?![\[(])", line.strip())
     if '"' not in line:

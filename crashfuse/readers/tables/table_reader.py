@@ -98,11 +98,15 @@ def _left_out(mapping: Mapping) -> str:
 
 
 def _origin(sheet: Sheet, column: str) -> str:
-    """What says that an acceleration was not measured: the columns that our predictions have, its name or its title."""
+    """What says that it was not measured: the lines above, the columns that our predictions have, its name or title."""
     if "approach" in sheet.columns or {"lower_g", "upper_g"} <= set(sheet.columns):
         return "prediction"
+    names = set(map(bare_name, sheet.columns))
+    expected = re.sub(", (lower|upper)$", "", bare_name(column))
+    if {expected, f"{expected}, lower", f"{expected}, upper"} <= names:  # as the tables of figures have them
+        return "prediction"
     texts = (bare_name(column), sheet.title(column), sheet.titles[0]) if sheet.is_titled else (bare_name(column),)
-    return next(filter(is_simulated, texts), "")
+    return next(filter(is_simulated, texts), "") or sheet.origin
 
 
 def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialCondition]:

@@ -16,6 +16,7 @@ import pandas as pd
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, zip_members
+from crashfuse.readers.credibility import statement_of_simulation
 from crashfuse.readers.tables.sheet import SAMPLE, Sheet, header_of, is_number, sheet_of
 
 _MOST_CELLS = 500_000  # of a sheet
@@ -149,7 +150,9 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
     while body and not any(body[-1]):
         body.pop()
     cells = pd.DataFrame(body, columns=range(width), dtype=str)
-    return sheet_of(name, header, cells, decimal, *([f"Left out as hidden: {', '.join(hidden)}."] if hidden else []))
+    left = [f"Left out as hidden: {', '.join(hidden)}."] if hidden else []
+    origin = statement_of_simulation(" ".join(row) for row in rows[: header.begin])
+    return replace(sheet_of(name, header, cells, decimal, *left), origin=origin)
 
 
 def _explained(problem: Problem, rows: list[list[str]], *, calculated: bool) -> Problem:

@@ -51,6 +51,7 @@ QUOTED = [f'"{number}"' for number in NUMBERS]
         text("Nr,time,a_x", NUMBERS, TIME_MS, ACCEL),
         text("time,", TIME_MS, ACCEL),
         "Versuch 7\n" + text("time,A8874", TIME_MS, ACCEL),
+        text("time,8874", TIME_MS, ACCEL),
         text("time,A8874,", TIME_MS, ACCEL, end=","),
         text("time,A8874", TIME_MS, ACCEL, end=","),
         text("time,a_x,,,", TIME_MS, ACCEL, end=",,,"),
@@ -69,6 +70,7 @@ def test_one_pulse_comes_out_of_the_right_columns(tmp_path: Path, content: str) 
 
 
 LARGE = [f"{value:,.1f}" for value in ACCEL * 9806.65]
+WHOLE = [f"{value:,.0f}" for value in [*ACCEL[:20], *ACCEL[20:] * 9806.65]]
 
 
 @pytest.mark.parametrize(
@@ -85,6 +87,13 @@ LARGE = [f"{value:,.1f}" for value in ACCEL * 9806.65]
             text("t [ms];a [mm/s2]", TIME_MS, [cell.replace(",", "'") for cell in LARGE], delimiter=";"),
             "with thousands",
         ),
+        (text("t [ms],a [mm/s2]", range(N), WHOLE), "thousands separators, as in"),
+        (
+            text("t [ms],a [mm/s2]", range(N), [f'"{v:,.0f}"' for v in [*ACCEL[:20], *ACCEL[20:] * 9806.65]]),
+            "are thousands separators",
+        ),
+        (text("t [ms],a [g]", range(N), [f"{v:.3e}" for v in ACCEL], decimal=","), "decimal commas, as in"),
+        ("Curveplot\n" + text("Z-acceleration", TIME_MS, ACCEL, delimiter=" "), "a curve file of LS-PrePost"),
         (text("t [ms],a [g]", TIME_MS, ACCEL, ACCEL), "2 names above 3 columns of numbers"),
     ],
 )
