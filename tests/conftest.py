@@ -11,6 +11,7 @@ from uuid import uuid4
 
 import pandas as pd
 import pytest
+from hypothesis import settings
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import Campaign
@@ -36,6 +37,10 @@ needs_other_readers = pytest.mark.skipif(
     not OTHER_READERS.is_dir(), reason=f"needs the programs of tests/other_readers.txt in {OTHER_READERS}"
 )
 """Skips a test that uses them, and says so."""
+
+
+settings.register_profile("ours", deadline=None)  # machines are noisy: speed is a benchmark's matter
+settings.load_profile("ours")
 
 
 def pytest_configure() -> None:
