@@ -53,7 +53,7 @@ _FLAGS = (
 # element whether it is displayed and what it says take seconds of a page with figures, ten times a second.
 _SHOWN = """
 const shown = e => e.checkVisibility({ opacityProperty: true, visibilityProperty: true }) && e.getClientRects().length;
-const text = e => (e.innerText ?? e.textContent).replace(/[\\u00a0\\t]/g, " ").trim();
+const text = e => (e.innerText ?? e.textContent).replace(/[\\u00a0\\t]/g, " ").replace(/\\u2060/g, "").trim();
 return [...document.querySelectorAll(arguments[0])].filter(shown).map(e => [e, text(e)])
   .filter(([, text]) => text.includes(arguments[1]));
 """

@@ -78,7 +78,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     field = user.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("60", Keys.ENTER)
-    user.sees("Extrapolation: speed 60 mph lies outside")
+    user.sees("Extrapolation: speed 60.0 mph lies outside")
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
     user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.", 10)
