@@ -70,9 +70,7 @@ class ExpectedRating:
         likely = "a guess" if self.beyond else self.grades
         expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {likely})"
         where = f"up to {{}} {self.side}" if self.side else "within {}"
-        return Sentence(
-            f"{expected}; {tests} left out of this fit (a study refits) {where} rated {rated}.", within
-        )
+        return Sentence(f"{expected}; {tests} left out of this fit (a study refits) {where} rated {rated}.", within)
 
     @property
     def range(self) -> str:
