@@ -9,8 +9,8 @@ from crashfuse.errors import printable
 
 T = TypeVar("T")
 
-FAULTS = (Exception, SystemExit)
-"""What the code of another package may raise that is its own fault: all but Ctrl-C."""
+NO_FAULTS = (KeyboardInterrupt, GeneratorExit)
+"""What the code of another package may raise that is not its fault: Ctrl-C, and the end of a generator around it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,9 @@ def load(group: str, kind: str, check: Callable[[str, object], T]) -> Iterator[t
         package = _package(entry)
         try:
             one: tuple[str, T, str] | Broken = entry.name, check(entry.name, entry.load()), package
-        except FAULTS as error:
+        except NO_FAULTS:
+            raise
+        except BaseException as error:  # SystemExit, too, and what test frameworks raise
             sentence = f"The {kind} {entry.name!r} of the package {package} cannot be used: {said(error)}"
             one = Broken(entry.name, sentence)
         yield one

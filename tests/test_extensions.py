@@ -87,7 +87,8 @@ shown["table"] = app.table[0].value.to_string()
 refused("broken approach", lambda: create("broken", Settings()))
 refused("leaving approach", lambda: create("leaving", Settings()))
 campaign = crashfuse.load_campaign(folder)
-for name, fail in (("failing", lambda *_: 1 / 0), ("ending", lambda *_: sys.exit(3))):
+ways = {"failing": lambda *_: 1 / 0, "ending": lambda *_: sys.exit(3), "skipping": lambda *_: pytest.skip("no data")}
+for name, fail in ways.items():
     scaled_cae.ScaledCae.predict = fail
     refused(f"{name} approach", lambda: crashfuse.predict(campaign, campaign.tests[0].condition, "scaled_cae"))
 scaled_cae.polar._record = lambda *_: 1 / 0
@@ -175,6 +176,9 @@ def test_what_breaks_in_it_is_told_as_its_own_fault(shown: dict[str, Any]) -> No
     )
     assert shown["ending approach"] == (
         "The approach 'scaled_cae' of the package scaled-cae failed: SystemExit: 3. Tell its authors."
+    )
+    assert shown["skipping approach"] == (
+        "The approach 'scaled_cae' of the package scaled-cae failed: Skipped: no data. Tell its authors."
     )
     assert shown["failing approach"] == (
         "The approach 'scaled_cae' of the package scaled-cae failed: ZeroDivisionError: division by zero. Tell its "

@@ -16,7 +16,7 @@ from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.settings import Settings
 from crashfuse.approaches.time_domain.about import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
-from crashfuse.extensions import FAULTS, Broken, load, said
+from crashfuse.extensions import NO_FAULTS, Broken, load, said
 
 _ALL: tuple[type[Approach], ...] = (
     Cae,
@@ -109,8 +109,8 @@ def blamed_on(name: str) -> Iterator[None]:
     """Tell an unexpected error of another package's approach as that package's own; ours is passed on."""
     try:
         yield
-    except FAULTS as error:
-        if name not in PACKAGES or isinstance(error, CrashfuseError):
+    except BaseException as error:
+        if name not in PACKAGES or isinstance(error, (CrashfuseError, *NO_FAULTS)):
             raise
         text = f"The approach {name!r} of the package {PACKAGES[name]} failed: {said(error)}"
         raise CrashfuseError(text) from error

@@ -9,6 +9,7 @@ import re
 import shutil
 import tomllib
 from collections.abc import Mapping, Sequence
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from crashfuse.files.atomic import new_folder
 from crashfuse.files.toml_text import toml_text
 
 _STRING = r""" "(?:[^"\\\n]|\\.)*" | '[^'\n]*' """
+_START = re.compile(r"^unused[ \t]*=", re.M)
+_MOST_STARTS = 5  # what looks like one in texts; for each the file is read once more
 _LIST = re.compile(
     rf"""
     ^unused[ \t]*=[ \t]*
@@ -168,7 +171,9 @@ def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
     if value:
         wanted["unused"] = value
     # the first line: before any table, whose setting it would be
-    edits = [line + text, *(line + text[: own.start()] + text[own.end() :] for own in _LIST.finditer(text))]
+    starts = islice(_START.finditer(text), _MOST_STARTS)
+    lists = (own for start in starts if (own := _LIST.match(text, start.start())))
+    edits = chain([line + text], (line + text[: own.start()] + text[own.end() :] for own in lists))
     new = next((edit for edit in edits if _values(edit) == wanted), None)  # what looks like it may be in a text
     if new is None:
         expected, found = "unused = [...] or {...} at the start of a line", "another form"

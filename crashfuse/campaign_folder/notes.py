@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.history import taking_turns
 from crashfuse.errors import DataError, Problem, UsageError, printable, shortened
 from crashfuse.files.atomic import replacing
@@ -100,14 +101,14 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
     Raises
     ------
     DataError
-        If the file that is there, or the one that would be, cannot be read (there are too many notes, say); nothing is
-        changed then.
+        If the file that is there, or the one that would be, cannot be read (there are too many notes, say), or it has
+        other columns, which would be lost; nothing is changed then.
     OSError
         If the folder cannot be written.
     """
     path = Path(folder, FILE)
     with taking_turns(path.parent):
-        notes = change(read_notes(folder))
+        notes = change(_read(path, alone=True) if path.exists() else ())
         if not notes:
             path.unlink(missing_ok=True)
             return
@@ -117,10 +118,14 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
             _read(temporary)
 
 
-def _read(path: Path) -> tuple[Note, ...]:
+def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
+    """The notes in a file, which has no other columns if they are to be alone in it."""
     names, rows, numbers = read_rows(path, FILE)
     if missing := [name for name in COLUMNS if name not in names]:
         raise DataError(Problem(FILE, f"the columns {', '.join(COLUMNS)}", f"none named {missing[0]}", _ADVICE))
+    if alone and (others := [name for name in names if name not in COLUMNS]):
+        expected, found = f"the columns {', '.join(COLUMNS)} alone", f"{listed(others)}, which would be lost"
+        raise DataError(Problem(FILE, expected, found, "take them out, or add notes in the file itself"))
     if len(rows) > MOST:
         raise DataError(Problem(FILE, f"at most {MOST} notes", f"{len(rows)}", "take some out"))
     notes, problems = [], []

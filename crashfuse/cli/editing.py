@@ -1,6 +1,7 @@
 """The command that edits a campaign folder."""
 
 import argparse
+import shlex
 from functools import partial
 
 from crashfuse.errors import UsageError
@@ -21,7 +22,7 @@ def edit(arguments: argparse.Namespace) -> None:
     asked = ((leaving, arguments.leave_out), (use_again, arguments.use), (remove_tests, arguments.remove))
     for change_it, ids in asked:
         if ids:
-            print(f"{change_it(folder, ids)}. crashfuse edit {folder} --undo takes it back.")
+            print(f"{change_it(folder, ids)}. crashfuse edit {shlex.quote(str(folder))} --undo takes it back.")
             return
     kept = changes(folder)
     print("Changes that --undo takes back, the last one first:" if kept else "There is no change that can be undone.")

@@ -34,6 +34,7 @@ _MOST_GIB = "10"
 _IN_USE_S = 3600.0  # since its last use; whoever needs it longer computes it again
 _SWEEP_SHARE = 1 / 32  # of the limit: how much is written between two looks at the size of all entries
 _written: dict[Path, float] = {}  # since the last look, by folder
+_unwritable: set[Path] = set()  # folders of which that was told
 
 
 def default_folder() -> Path:
@@ -209,7 +210,9 @@ class Cache:
         try:
             write_atomically(path, content)
         except OSError as error:  # a full disk must not lose the computed result
-            log.warning("A result could not be kept in %s: %s", self.folder, error)
+            level = logging.DEBUG if self.folder in _unwritable else logging.WARNING  # once is enough
+            _unwritable.add(self.folder)
+            log.log(level, "Results cannot be kept in %s: %s", self.folder, error.strerror or error)
         else:
             self.used.add(self._name(path))
 

@@ -14,6 +14,10 @@ _LINE = 100
 _MOST_PARTS = 20  # of a dotted key; time and memory of parsing one grow with the square of their number
 _PART = r"""(?>[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?<![\w-]){_PART}(?>[ \t]*+\.[ \t]*+{_PART}){{{_MOST_PARTS}}}")
+_MOST_MARKS = 200_000  # dots and opening brackets: a part of a key, or a table, takes a kilobyte
+_LONGEST_WORD = 1000  # of characters that are in no text; a longer number takes a hundred bytes for each
+_LONG_WORD = re.compile(rf"[=,\[]\s*+[\w.+-]{{{_LONGEST_WORD}}}")
+_NUMBERS = f"numbers of fewer than {_LONGEST_WORD} characters"
 _LONGEST_INT = 64  # bits; Python refuses to write the longest that a file can hold
 
 
@@ -24,10 +28,12 @@ def read_toml(path: Path, most_mib: int, advice: str) -> dict[str, Any]:
             text = stream.read((most_mib << 20) + 1)
         if len(text) > most_mib << 20:
             raise DataError(Problem(path.name, f"a file of at most {most_mib} MiB", "more", advice))
-        if key := _LONG_KEY.search(text):
-            row = text.count("\n", 0, key.start()) + 1
-            expected, found = f"keys of at most {_MOST_PARTS} parts", printable(key.group(), 60)
-            raise DataError(Problem(path.name, expected, found, "correct the file", row=row))
+        for pattern, most in ((_LONG_KEY, f"keys of at most {_MOST_PARTS} parts"), (_LONG_WORD, _NUMBERS)):
+            if match := pattern.search(text):
+                row = text.count("\n", 0, match.start()) + 1
+                raise DataError(Problem(path.name, most, printable(match.group(), 60), "correct the file", row=row))
+        if text.count(".") + text.count("[") > _MOST_MARKS:
+            raise DataError(Problem(path.name, f"at most {_MOST_MARKS:,} dots and brackets", "more", advice))
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         found = "brackets too deep" if isinstance(error, RecursionError) else str(error)

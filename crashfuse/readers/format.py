@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from crashfuse.errors import CrashfuseError, DataError, Problem
-from crashfuse.extensions import FAULTS, said
+from crashfuse.extensions import NO_FAULTS, said
 
 if TYPE_CHECKING:
     from crashfuse.campaign_folder.condition_tables import Role
@@ -62,8 +62,8 @@ class Format:
         try:
             read = getattr(importlib.import_module(module), function)
             records: tuple[Record, ...] = read(path, *([travel] if self.axes else []))
-        except FAULTS as error:
-            if not self.package or isinstance(error, CrashfuseError | OSError):
+        except BaseException as error:
+            if not self.package or isinstance(error, (CrashfuseError, OSError, *NO_FAULTS)):
                 raise
             found = f"the reader of the package {self.package} failed: {said(error)}"
             raise DataError(Problem(path.name, self.label, found.rstrip("."), "use another format")) from error

@@ -104,6 +104,16 @@ def test_notes_that_cannot_be_read_are_never_written_over(tmp_path: Path, conten
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {FILE: content}
 
 
+def test_columns_of_somebody_else_are_not_lost(tmp_path: Path) -> None:
+    """They are read past, but no note is added to such a file."""
+    content = "test,start_ms,end_ms,text,who\nT1,,,Cold,Anna\n"
+    (tmp_path / FILE).write_text(content)
+    assert read_notes(tmp_path) == (Note("T1", "Cold"),)
+    with pytest.raises(DataError, match="found who, which would be lost"):
+        change_notes(tmp_path, lambda notes: [*notes, Note("T2", "Warm")])
+    assert (tmp_path / FILE).read_text() == content
+
+
 def test_no_more_notes_are_written_than_can_be_read(tmp_path: Path) -> None:
     """The last one that fits is kept, the next one refused, and all before it stay."""
     many = [Note("T1", f"note {number}") for number in range(MOST - 1)]

@@ -389,3 +389,13 @@ def test_numbers_of_another_form_are_no_entry(wrong: npt.NDArray[np.float64]) ->
     assert numbers({"rated": np.full((5, 2), np.nan)}, "rated", None, 2).shape == (5, 2)
     with pytest.raises(ValueError, match="rated: numbers without a value"):
         finite({"rated": np.full((5, 2), np.nan)}, "rated", 5, 2)
+
+
+def test_a_folder_that_cannot_be_written_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Not with every result: a study has hundreds."""
+    (tmp_path / "file").write_text("no folder")
+    for number in range(3):
+        Cache(tmp_path / "file").put("test", {"number": number}, {"x": [1.0]})
+    assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
+        f"Results cannot be kept in {tmp_path / 'file'}: Not a directory"
+    ]

@@ -30,6 +30,25 @@ def test_keys_of_some_parts_and_texts_with_points_are_read(tmp_path: Path) -> No
     assert read_toml(tmp_path / "x.toml", 1, "") == tomllib.loads(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("\n".join(f"[a{i}{'.a' * 19}]" for i in range(60_000)), "at most 200,000 dots and brackets, found more"),
+        ("\n".join(f"a{i}{'.a' * 19} = 1" for i in range(60_000)), "at most 200,000 dots and brackets, found more"),
+        ("a = 1\nx = [\n1" + "0" * 3_900_000 + "]", "row 2: expected numbers of fewer than 1000 characters"),
+        ("x = 0x1" + "_0" * 1_900_000, "row 1: expected numbers of fewer than 1000 characters"),
+    ],
+    ids=["tables", "keys", "number", "hexadecimal"],
+)
+def test_what_takes_a_gigabyte_to_parse_is_refused_before(text: str, said: str, tmp_path: Path) -> None:
+    """Many tables of many parts, and numbers of millions of digits: 0.4 to 1.2 GB for 4 MiB."""
+    (tmp_path / "x.toml").write_text(text, encoding="utf-8")
+    start = time.process_time()
+    with pytest.raises(DataError, match=said):
+        read_toml(tmp_path / "x.toml", 4, "leave out what is no setting")
+    assert time.process_time() - start < 2
+
+
 _TEXTS = st.text(st.characters(exclude_categories=["Cs"]))
 
 

@@ -563,3 +563,13 @@ def test_sheets_of_dummies_and_other_directions_are_left_out_and_told(tmp_path: 
     left = next(step for step in one.steps if step.startswith("Left out"))
     assert "another direction than X: Y" in left
     assert "a dummy's, not the vehicle's: Kopf" in left
+
+
+def test_a_table_of_far_too_many_conditions_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No library has so many: half a million took 0.7 GB."""
+    monkeypatch.setattr("crashfuse.readers.tables.table_reader.MOST_ROWS", 3)
+    path = tmp_path / "c.csv"
+    path.write_text("id,speed_kph\n" + "".join(f"A{i},50\n" for i in range(4)))
+    (sheet,) = read_sheets(path)
+    with pytest.raises(DataError, match="expected conditions in at most 3 rows, found 4"):
+        apply_conditions(sheet, propose(sheet))

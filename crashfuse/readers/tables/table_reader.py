@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, collecting, printable
+from crashfuse.files.csv_text import MOST_ROWS
 from crashfuse.readers.credibility import is_simulated
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.tables.headers import bare_name, cutoff_of, is_ahead, names_a_dummy
@@ -114,6 +115,9 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     ids = mapping.of("id")
     if len(ids) != 1:
         raise DataError(_one_column(sheet, "id", ids))
+    if len(sheet.cells) > MOST_ROWS:
+        expected, found = f"conditions in at most {MOST_ROWS:,} rows", f"{len(sheet.cells):,}"
+        raise DataError(Problem(sheet.name, expected, found, "leave out what is not needed"))
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
     if times != 1:
