@@ -66,11 +66,11 @@ class ExpectedRating:
     def sentence(self) -> str:
         """A sentence on the expected rating, and the number of tests near the condition."""
         n, within = len(self.tests), speed(self.reach_mps)
-        tests, rated = f"{n} test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
+        tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
         likely = "a guess" if self.beyond else self.grades
         expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {likely})"
         where = f"up to {{}} {self.side}" if self.side else "within {}"
-        return Sentence(f"{expected}; {tests} left out of this fit (a study refits) {where} rated {rated}.", within)
+        return Sentence(f"{expected}; {tests} {where} rated {rated}.", within)
 
     @property
     def range(self) -> str:

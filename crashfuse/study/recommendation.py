@@ -95,6 +95,9 @@ def recommend_for(
         good = grade(_GOOD + 1e-9)
         likely = "to be expected" if expected[chosen].upper <= _GOOD else "likely"
         sentences.append(f"Less than {good} is {likely}: a guide, not a proof.")
+    sentences.append(
+        "Here tests are left out of this one fit; a study fits anew without each, and rates them otherwise."
+    )
     return Recommendation(chosen, (*sentences, *campaign.cae.extrapolation(condition)), expected[chosen])
 
 

@@ -96,9 +96,7 @@ def test_a_perfect_record_is_told_with_its_count(campaign: Campaign) -> None:
     perfect = {test.id: test.pulse.accel_mps2 for test in campaign.tests}
     found = expected_rating(at(campaign, 25.5, perfect), campaign)
     assert found is not None
-    assert found.sentence.startswith(
-        "Expected over 0–60 ms: 1.00 (80 %, Excellent); 3 tests left out of this fit (a study refits) within"
-    )
+    assert found.sentence.startswith("Expected over 0–60 ms: 1.00 (80 %, Excellent); 3 left-out tests within")
 
 
 def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(campaign: Campaign) -> None:
@@ -109,7 +107,7 @@ def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(cam
     assert far is not None
     assert not near.farther
     assert far.farther
-    assert "3 tests left out of this fit (a study refits) up to 35.0 mph slower rated 1.00." in far.sentence
+    assert "3 left-out tests up to 35.0 mph slower rated 1.00." in far.sentence
     assert "slower" not in near.sentence
     slow = expected_rating(at(campaign, 8.0, known), campaign)
     assert slow is not None
