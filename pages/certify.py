@@ -13,6 +13,7 @@ from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
 from crashfuse.ui.certify.request import CertificationRequest
 from crashfuse.ui.computation import chosen_config
+from crashfuse.ui.navigation import end_page
 from crashfuse.ui.notes import notes_of
 from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.tabs import show_tabs
@@ -60,7 +61,7 @@ if (verdicts is not None) != st.session_state.get(JUDGED, False):  # the choices
     st.session_state[JUDGED] = verdicts is not None
     st.rerun()
 if verdicts is None:
-    st.stop()
+    end_page()
 verdicts = earlier.beside(verdicts, request.key)
 since = verdicts.certification.since
 key = request.key, None if since is None else since.earlier.digest

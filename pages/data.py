@@ -12,7 +12,7 @@ from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
-from crashfuse.ui.navigation import open_page, show_link
+from crashfuse.ui.navigation import end_page, open_page, show_link
 from crashfuse.ui.opening import show_open_forms
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.tabs import show_tabs
@@ -186,7 +186,7 @@ TABS = {
 view = frame.enter()
 if (source := running()) is not None:
     importing.show(source, view)
-    st.stop()
+    end_page()
 if view is None:
     st.title("crashfuse")
     st.markdown(
@@ -197,7 +197,7 @@ if view is None:
     st.caption("A synthetic car: 11 tests and about a thousand CAE runs, made by a small simulation.")
     st.subheader("Or open a campaign of your own")
     show_open_forms()
-    st.stop()
+    end_page()
 
 frame.show_head(view, plain(view.campaign.name))
 show_summary(view)

@@ -14,6 +14,7 @@ from crashfuse.ui.history import (
     with_ticked,
 )
 from crashfuse.ui.history_notes import edit_ticked
+from crashfuse.ui.navigation import end_page
 from crashfuse.ui.reopening import say_refused
 
 view = frame.enter()
@@ -22,7 +23,7 @@ say_refused()
 results = visible()
 if not results:
     st.markdown("Nothing was computed on this machine yet. Studies, and predictions that were pinned, appear here.")
-    st.stop()
+    end_page()
 display, here = (DEFAULT, "") if view is None else (view.display, view.campaign.name)
 st.caption(
     "Studies, tests predicted one by one, and predictions that were pinned or made with the command, by whomever on "

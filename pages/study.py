@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-import streamlit as st
-
 from crashfuse.study.recommendation import recommend
 from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figures import choose
 from crashfuse.ui.learning_curve import show_learning_curve
+from crashfuse.ui.navigation import end_page
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.study import band, files, paper, ratings
 from crashfuse.ui.study.outcome import Outcome
@@ -36,7 +35,7 @@ stop_with_a_single_test(campaign)
 tab = choose("Tab", [*TABS, LEARNING_CURVE], key="study_tab")
 if tab == LEARNING_CURVE:
     show_learning_curve(view, chosen_config())
-    st.stop()
+    end_page()
 again = "; then again without any other test at about its speed" if config.leave_out == "both" else ""
 study = result_of(
     request,

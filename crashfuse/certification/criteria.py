@@ -63,10 +63,10 @@ class Criterion:
     def shown(self, *values: float | None) -> Quantity:
         """Values of the metric as displayed, with its unit; several are the ends of a range.
 
-        They have as many digits as it takes not to be carried over a limit by rounding: 0.797 misses 0.80.
+        They have as many digits as it takes not to be carried over a limit by rounding: 0.7997 misses 0.80.
         """
         for more in range(9):
-            form = f"#.{4 + more}g" if self.unit else f".{2 + more}f"
+            form = f"#.{4 + more}g" if self.unit else f".{3 + more}f"
             known = [value for value in values if value is not None]
             if all(self.is_met_by(float(format(value, form))) == self.is_met_by(value) for value in known):
                 break

@@ -107,4 +107,5 @@ class Support:
         if self.own_wrong:
             wrong = f"{self.own_wrong} of {count} on this metric, one a test, wrong"
             own = f"{wrong} ({most}): too many to support the confidence alone"
-        return f"{own}; with those on other criteria, {self.wrong} of {self.decided} wrong."
+        all_of_them = f"{self.wrong} of {self.decided} wrong"
+        return f"{own}; with those on other criteria, at most {MOST_OF_A_TEST} a test, {all_of_them}."

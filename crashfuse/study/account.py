@@ -91,7 +91,7 @@ class Account:
         else:
             said.append(f"There is no other test at about its speed; {few}")
         if self.without_neighbours is not None:
-            told = f"It is rated {self.without_neighbours:.2f} without its neighbours and {self.rating:.2f} with them"
+            told = f"It is rated {self.without_neighbours:.3f} without its neighbours and {self.rating:.3f} with them"
             gained = self.without_neighbours > self.rating + _CHANGED
             said.append(f"{told}{': what they teach does not hold for it' if gained else ''}.")
         if self.inside is not None:

@@ -53,7 +53,7 @@ class Repeatability:
     @property
     def text(self) -> str:
         """The value with its interval."""
-        return f"{self.value:.2f} [{self.lower:.2f}, {self.upper:.2f}]"
+        return f"{self.value:.3f} [{self.lower:.2f}, {self.upper:.2f}]"
 
     def sentence(self, rating: float, label: str) -> str:
         """How the rating of an approach's prediction compares with what a repeat would get."""
@@ -64,7 +64,7 @@ class Repeatability:
         else:
             compared = "is within what repeats reach"
         repeat = f"A repeat of this test would rate {self.text} (95 %)"
-        return f"{repeat}; the prediction's {rating:.2f} ({label}) {compared}."
+        return f"{repeat}; the prediction's {rating:.3f} ({label}) {compared}."
 
 
 def repeatability(

@@ -24,6 +24,7 @@ from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
 from crashfuse.ui.earlier import EARLIER, Earlier, earlier_of_test
 from crashfuse.ui.kept import kept_choice
+from crashfuse.ui.navigation import end_page
 from crashfuse.ui.other_seeds import other_seeds
 from crashfuse.ui.pins import pinned
 from crashfuse.ui.text import plain
@@ -116,7 +117,7 @@ def choose_curves(
     approaches = tuple(name for name in chosen if name in predictions)
     if offered is None and not (approaches or beside or TEST in chosen):
         st.info("No curve is chosen.", icon=":material/visibility_off:")
-        st.stop()
+        end_page()
     key = approaches, key_of(beside), band, TEST in chosen
     usual = _usual_band(predictions, recommended) if offered is None else band
     unlike = unlike_usual([name for name in known if name not in chosen], band, usual)

@@ -2,11 +2,13 @@
 
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from contextvars import ContextVar
 from typing import Literal
 
 import streamlit as st
 from streamlit.navigation.page import Page
+from streamlit.runtime.scriptrunner import StopException
 
 from crashfuse.execution.cache import default_folder
 from crashfuse.study.config import StudyConfig
@@ -14,7 +16,7 @@ from crashfuse.ui import address, campaigns, login, uploads
 from crashfuse.ui.chosen import ASKED, NOT_FOUND, View, choose_campaign
 from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.look import STYLE
-from crashfuse.ui.navigation import navigate, open_asked, show_link
+from crashfuse.ui.navigation import end_page, navigate, open_asked, show_link
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.sidebar import Choice, sidebar
 from crashfuse.ui.text import plain
@@ -34,7 +36,8 @@ def route(page: Page) -> None:
     if ASKED not in st.session_state:  # else the link stays as it was given
         address.publish()
     try:
-        page.run()
+        with suppress(StopException):  # of end_page
+            page.run()
     finally:
         _choice.reset(token)
 
@@ -85,7 +88,7 @@ def enter_with_campaign(
         st.markdown("No campaign is open yet. Open one on the page **Data**, or look around with the sample.")
         offer_sample()
         show_link("data", "Open a campaign of your own", ":material/folder_open:")
-        st.stop()
+        end_page()
     return view
 
 
@@ -99,7 +102,7 @@ def _require_a_seed() -> None:
     if seed not in seeds:
         st.error(f"There is no seed {seed}: it is from {seeds[0]} to {seeds[-1]}.", icon=":material/error:")
         show_link("train", "Choose another seed", ":material/tune:")
-        st.stop()
+        end_page()
 
 
 def show_head(

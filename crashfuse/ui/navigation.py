@@ -3,9 +3,11 @@
 Importing this takes no time: it paints the window while all else is imported (:mod:`crashfuse.ui.starting`).
 """
 
+from typing import NoReturn
+
 import streamlit as st
 from streamlit.navigation.page import Page
-from streamlit.runtime.scriptrunner import get_script_run_ctx
+from streamlit.runtime.scriptrunner import StopException, get_script_run_ctx
 
 _PAGES = {
     "data": ("Data", ":material/folder_open:"),
@@ -62,6 +64,15 @@ def show_link(name: str, label: str, icon: str = ":material/arrow_forward:") -> 
     from crashfuse.ui import address
 
     st.page_link(pages()[name], label=label, icon=icon, query_params=address.parameters(name))
+
+
+def end_page() -> NoReturn:
+    """End a page before its end.
+
+    After ``st.stop`` Streamlit would keep what widgets showed that the browser has forgotten, and not send it again: a
+    field that comes back would be empty.
+    """
+    raise StopException
 
 
 def open_page(name: str) -> None:

@@ -12,7 +12,7 @@ from crashfuse.reporting.watched import Step
 from crashfuse.ui.computation import Request, jobs
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.jobs import Job
-from crashfuse.ui.navigation import show_link
+from crashfuse.ui.navigation import end_page, show_link
 from crashfuse.ui.text import plain
 from crashfuse.ui.visitors import names, visitor
 
@@ -29,7 +29,7 @@ def result_of(request: Request[T], *, invitation: str, button: str) -> T:
     """
     result = result_or_none(request, invitation=invitation, button=button)
     if result is None:
-        st.stop()
+        end_page()
     return result
 
 
@@ -61,7 +61,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
         icon=":material/looks_one:",
     )
     show_link("predict", "Predict another condition")
-    st.stop()
+    end_page()
 
 
 def show_end(job: Job[Any]) -> None:

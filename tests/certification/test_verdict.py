@@ -141,7 +141,7 @@ def test_a_rating_is_at_most_one(campaign: Campaign) -> None:
     found = verdict(campaign, Criterion("rating", "rating", at_least=0.7, window_ms=60.0))
     assert (found.lower, found.upper) == pytest.approx((0.802, 0.998), abs=1e-3)
     assert found.word == "met"
-    assert found.reason.startswith("0.90 expected, 0.80 to 1.00 in 95 % of tests; the limit is at least 0.70")
+    assert found.reason.startswith("0.900 expected, 0.802 to 0.998 in 95 % of tests; the limit is at least 0.70")
 
 
 def test_outside_the_domain_no_probability_decides(campaign: Campaign) -> None:

@@ -86,9 +86,10 @@ def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
     repeats = {"T1": {60.0: Repeatability(0.95, 0.91, 0.97, ("T9",))}, "T2": {60.0: Repeatability(1.0, 0.9, 1.0)}}
     text = study_report(replace(study, repeatability=repeats))
     assert "<h2>How well tests repeat" in text
-    assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.95 \[0.91, 0.97\]</td><td>T9</td>", text)
+    assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.950 \[0.91, 0.97\]</td><td>T9</td>", text)
     assert re.search(r"<td>A repeat</td><td>–</td><td>–</td><td>0.975</td>", text)
-    assert "A repeat of this test would rate 0.95 [0.91, 0.97] (95 %); the prediction&#39;s 1.00 (CAE) is above" in text
+    repeat = "A repeat of this test would rate 0.950 [0.91, 0.97] (95 %)"
+    assert f"{repeat}; the prediction&#39;s 1.000 (CAE) is above" in text
     assert "How well tests repeat" not in study_report(study)
 
 

@@ -77,7 +77,7 @@ def test_the_worst_test_of_a_study_is_told_with_and_without_its_neighbours(campa
     found = worst_test(study)
     assert found.test.id == "T3"
     assert found.without_neighbours == groups.fold("T3").ratings["displacement_domain"][60.0].overall
-    told = f"It is rated {found.without_neighbours:.2f} without its neighbours and {found.rating:.2f} with them"
+    told = f"It is rated {found.without_neighbours:.3f} without its neighbours and {found.rating:.3f} with them"
     assert f"{told}: what they teach does not hold for it." in found.sentences
     assert worst_test(study) is found
 

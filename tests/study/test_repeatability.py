@@ -112,11 +112,11 @@ def test_a_sentence_places_a_prediction_beside_what_repeats_reach() -> None:
     """Below, within and above the interval."""
     repeat = Repeatability(0.95, 0.91, 0.97)
     assert repeat.sentence(0.93, "Fused") == (
-        "A repeat of this test would rate 0.95 [0.91, 0.97] (95 %); the prediction's 0.93 (Fused) is within what "
+        "A repeat of this test would rate 0.950 [0.91, 0.97] (95 %); the prediction's 0.930 (Fused) is within what "
         "repeats reach."
     )
-    assert "0.85 (CAE) is below what repeats reach" in repeat.sentence(0.85, "CAE")
-    assert "0.98 (CAE) is above what a repeat would get" in repeat.sentence(0.98, "CAE")
+    assert "0.850 (CAE) is below what repeats reach" in repeat.sentence(0.85, "CAE")
+    assert "0.980 (CAE) is above what a repeat would get" in repeat.sentence(0.98, "CAE")
 
 
 @pytest.mark.slow

@@ -84,7 +84,7 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     assert [[colour_of(heat, z) for z in row] for row in heat.z] == [[VERDICT_COLOURS[w] for w in row] for row in words]
     assert list(marks.customdata) == [f"{i} | {name}" for i in ("slow", "fast", "far") for name in ("crush", "rating")]
     assert marks.hovertext[0].endswith("Because of crush.")
-    assert marks.hovertext[-1].endswith("0.90 expected, 0.85 to 0.95 in 95 % of tests; the limit is at least 0.80")
+    assert marks.hovertext[-1].endswith("0.900 expected, 0.850 to 0.950 in 95 % of tests; the limit is at least 0.80")
 
 
 def test_beside_each_row_stands_the_answer_at_its_condition(campaign: Campaign) -> None:
