@@ -83,6 +83,7 @@ class Account:
         way = ", left out with all at about its speed" if self.with_group and self.neighbours else ""
         over = f"{way}, over 0–{self.window_ms:g} ms"
         said: list[str] = [Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), over, outcome)]
+        said += [Sentence("Its record is in doubt: {}.", joined([fault.text for fault in test.faults], "; "))][: len(test.faults)]
         if self.departure is not None:
             said += self.departure.sentences
         elif self.neighbours:
