@@ -232,10 +232,11 @@ def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
             lost = abs(level) < _JUMP * abs(around)
             yield raw.fault("lost" if lost else "held", first, last, around if lost else level, np.inf)
         elif abs(level) > _IN_CRASH * raw.peak and last - first >= _LONGEST * longest_elsewhere(level):
-            if np.sign(level) * level < _RINGS * (np.sign(level) * crash).max():
-                yield raw.fault("held", first, last, level, np.inf)
+            is_smooth = max(abs(accel[first - 1] - level), abs(accel[last + 1] - level)) < 3 * resolution
+            if is_smooth and np.sign(level) * level > _RINGS * (np.sign(level) * crash).max():
+                yield _saturated(raw, level, np.inf)  # and filtered after that
             else:
-                yield _saturated(raw, level, np.inf)
+                yield raw.fault("held", first, last, level, np.inf)
 
 
 def _saturated(signal: _Signal, level: float, strength: float) -> SensorFault:
