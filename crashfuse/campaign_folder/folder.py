@@ -87,10 +87,11 @@ def read_folder(folder: str | Path) -> Campaign:
     _check_counts(tables, len(left_out), problems, warnings)
     if problems:
         raise DataError(shortened(problems))
-    faults = confirmed_faults(tables, pulses, faults)
+    is_comparable = gap is None or not gap.hides_tests
+    faults = confirmed_faults(tables, pulses, faults, is_comparable=is_comparable)
     warnings += _shortened([f"tests.csv, {test}: {fault_advice(test, failed)}." for test, failed in faults.items()])
     # of tests against CAE runs that have a gap nothing can be seen
-    for findings in (check_units, unlike_weights, unlike_others) if gap is None else (unlike_weights,):
+    for findings in (check_units, unlike_weights, unlike_others) if is_comparable else (unlike_weights,):
         explained = {warning.partition(":")[0] for warning in warnings}  # by a failed sensor, a wrong speed or unit
         warnings += _shortened([said for said in findings(tables, pulses) if said.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)

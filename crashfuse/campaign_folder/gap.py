@@ -19,22 +19,35 @@ LEAST_M = 0.015
 """Shorter gaps are no finding."""
 _LEAST_S = 1e-3
 _SMEARED_S = 5e-3  # by so much an onset may come before contact
+_LATE_S, _TIMES = 3e-3, 4.0  # later than the tests, over no one distance; that scatters by so much more than the time
 _MOST_RUNS, _FAST = 500, 1 / 3  # looked at, those faster than a share of the fastest: slow ones may begin gently
 _FEWEST, _SPEEDS_APART = 3, 1.3  # runs, and the ratio of their speeds, that tell a distance from a time
 _OFF = 0.15  # of the time of the onset, in the median: less is one distance
+_MOST, _FEW = 0.5, 0.1  # shares of the runs: begin late over no one distance; are too few to be near any test
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """The distance in m, the share of CAE runs that have it, and how much of a gap has been taken out already."""
+    """How far and how long CAE runs move freely, what share of them, and how much of a gap is taken out already.
 
-    distance_m: float
+    The distance, in m, is None if it is not one: records of a late trigger, or of models with different gaps.
+    """
+
+    distance_m: float | None
+    lasts_s: tuple[float, float]
     share: float
     taken_m: float = 0.0
 
     @property
+    def hides_tests(self) -> bool:
+        """Whether tests cannot be compared with the CAE runs near their speed."""
+        return self.share >= _FEW
+
+    @property
     def advice(self) -> str:
         """What takes it out."""
+        if self.distance_m is None:
+            return "check the time zero of the CAE runs, which is first contact"
         whole_mm = (self.taken_m + self.distance_m) / MS
         return f"take the gap before the barrier out: cae_gap_mm = {whole_mm:.0f} in campaign.toml"
 
@@ -42,10 +55,12 @@ class Gap:
     def warning(self) -> str:
         """That it is there, and what to do."""
         who = "the CAE runs move" if self.share == 1 else f"{100 * self.share:.0f} % of the CAE runs move"
-        return (
-            f"cae.csv: {who} {self.distance_m / MS:.0f} mm before they decelerate, whatever their speed; "
-            f"{self.advice}. Until then tests are not compared with CAE runs."
-        )
+        first, last = (f"{lasts / MS:.1f}" for lasts in self.lasts_s)
+        far = f"freely for {first} to {last} ms before they decelerate, over no one distance"
+        if self.distance_m is not None:
+            far = f"{self.distance_m / MS:.0f} mm before they decelerate, whatever their speed"
+        until = " Until then tests are not compared with CAE runs." if self.hides_tests else ""
+        return f"cae.csv: {who} {far}; {self.advice}.{until}"
 
 
 def find_gap(
@@ -55,22 +70,27 @@ def find_gap(
     tests: npt.NDArray[np.float32],
     taken_m: float = 0.0,
 ) -> Gap | None:
-    """The gap of CAE runs that have one where the tests have none; pulses on the study grid, shape (n, 1250)."""
+    """The gap of CAE runs that have one, or begin late, where the tests do not; pulses on the study grid, shape (n, 1250)."""
     speed, free_s, sudden = _free_travel(speeds_mps, accel)
     late = sudden & (free_s >= _LEAST_S) & (speed * free_s >= LEAST_M)
     if not late.any():
         return None
     v, t = speed[late], free_s[late]
+    lasts = float(t.min()), float(t.max())
+    test_speed, test_free_s, _ = _free_travel(test_speeds_mps, tests)
     distance = float(np.median(v * t))
     if v.size >= _FEWEST and v.max() > _SPEEDS_APART * v.min():
-        slope, constant = map(float, theilslopes(t, 1 / v)[:2])
-        if np.median(np.abs(t - slope / v - constant) / t) > _OFF or abs(constant) > _SMEARED_S:
-            return None
+        with np.errstate(invalid="ignore"):  # of its confidence interval, where all times are one
+            slope, constant = map(float, theilslopes(t, 1 / v)[:2])
+        usual = np.median(t)
+        is_distance = abs(constant) < _SMEARED_S and _scatter(v * t) <= _TIMES * _scatter(t)
+        if np.median(np.abs(t - slope / v - constant) / t) > _OFF or not is_distance:
+            is_late = usual > _LATE_S and late.mean() >= _MOST and not np.median(test_free_s) > usual / 2
+            return Gap(None, lasts, float(late.mean()), taken_m) if is_late else None
         distance = (distance + slope) / 2  # after CFC 60 the one is up to 8 % short, the other up to 8 % long
-    test_speed, test_free_s, _ = _free_travel(test_speeds_mps, tests)
     if distance < LEAST_M or (test_speed.size and np.median(test_speed * test_free_s) > distance / 2):
         return None
-    return Gap(distance, float(_is_through(free_s, distance / speed).mean()), taken_m)
+    return Gap(distance, lasts, float(_is_through(free_s, distance / speed).mean()), taken_m)
 
 
 def gap_s(time_s: FloatArray, accel: FloatArray, speed_mps: float, distance_m: float) -> float:
@@ -80,6 +100,11 @@ def gap_s(time_s: FloatArray, accel: FloatArray, speed_mps: float, distance_m: f
         return 0.0
     lasts = distance_m / speed_mps
     return lasts if _is_through(np.array(free_travel_s(time_s[begun], accel[begun])), np.array(lasts)) else 0.0
+
+
+def _scatter(values: FloatArray) -> float:
+    """The median deviation, as a share of the median."""
+    return float(np.median(np.abs(values / np.median(values) - 1)))
 
 
 def _is_through(free_s: FloatArray, lasts_s: FloatArray) -> npt.NDArray[np.bool_]:

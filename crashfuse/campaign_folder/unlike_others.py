@@ -64,15 +64,23 @@ def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Flo
 
 
 def confirmed_faults(
-    tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], faults: Mapping[str, Sequence[SensorFault]]
+    tables: Mapping[str, ConditionTable],
+    pulses: Mapping[str, FloatArray],
+    faults: Mapping[str, Sequence[SensorFault]],
+    *,
+    is_comparable: bool = True,
 ) -> dict[str, tuple[SensorFault, ...]]:
     """The faults of sensors that a record shows alone, and those likely ones that the other tests do not show.
 
-    What is flat in all tests is the structure.
+    What is flat in all tests is the structure. Tests are not comparable if the CAE runs begin before the barrier.
     """
+
+    def expected(row: int) -> FloatArray:
+        return _expected(tables, pulses, row) if is_comparable else pulses["tests"][row]
+
     rows = {test_id: row for row, test_id in enumerate(tables["tests"].ids)}
     judged = {
-        test_id: confirmed(likely, GRID_S, pulses["tests"][rows[test_id]], _expected(tables, pulses, rows[test_id]))
+        test_id: confirmed(likely, GRID_S, pulses["tests"][rows[test_id]], expected(rows[test_id]))
         for test_id, likely in faults.items()
     }
     return {test_id: sure for test_id, sure in judged.items() if sure}

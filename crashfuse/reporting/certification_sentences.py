@@ -183,10 +183,12 @@ def _run(certification: Certification, known_of: Mapping[str, str]) -> Iterator[
             missed = [
                 criterion.name for criterion, value in values if value is not None and not criterion.is_met_by(value)
             ]
-            there = certification.campaign.test(test).condition
-            off = "" if there.is_at(row[0].condition) else Sentence(", at {}", there)
+            measured = certification.campaign.test(test)
+            off = "" if measured.condition.is_at(row[0].condition) else Sentence(", at {}", measured.condition)
             what = f", which missed {', '.join(missed)}" if missed else ""
-            tests.append(Sentence("{}{}{}", test, off, what))
+            failed = joined([fault.text for fault in measured.faults], "; ")
+            doubt = Sentence(", in doubt as {}", failed) if measured.faults else ""
+            tests.append(Sentence("{}{}{}{}", test, off, what, doubt))
         if tests:
             also = [known_of[i]] if i in known_of else []
             yield Sentence("{} (test {})", i, joined([joined(tests, " and "), *also], "; "))

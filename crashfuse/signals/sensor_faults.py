@@ -34,6 +34,8 @@ _IN_CRASH = 0.1  # of the peak at CFC 60: from the first to the last such sample
 _SAME = 1e-7  # of the peak, by which equal values differ in another unit
 _JUMP = 0.05  # of the peak
 _RUN_S, _RUN = 2e-3, 4  # of equal samples; sound: 0.6 ms
+_LONGER, _LONGEST = 2, 4  # times the longest run at another value, at the extreme, and where the signal hardly leaps
+_RINGS = 0.9  # of the extreme: what a filter makes of the corners of a flat top goes beyond it
 _TOP, _AT_TOP = 8, 2.0  # samples at the extreme, and their ratio to those just below; sound: 0.8
 _FINE, _FEWEST = 1e-4, 8  # s, a time step in the band, and samples of what is called flat
 _FLAT, _FLOOR = 22.0, 0.002  # ratio of the fall on both sides to the range between, a share of the peak at least
@@ -108,14 +110,15 @@ def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFau
     step_s = float((time_s[-1] - time_s[0]) / (time_s.size - 1))
     if time_s.size * step_s < _PADDING_S or 1 / step_s < 10 * _CFC:
         return ()
-    raw = _signal(time_s, accel_mps2, step_s, cfc_filter(accel_mps2, cfc=_CFC, dt_s=step_s))
+    smooth = cfc_filter(accel_mps2, cfc=_CFC, dt_s=step_s)
+    raw = _signal(time_s, accel_mps2, step_s, smooth)
     if raw is None:
         return ()
     band, hidden = _band(raw)
     found: list[SensorFault] = []
     for candidates in (
         _equal_samples(raw), _noise(raw, hidden), _lost(band), _spike(raw, band),
-        _flat_top(band), _left_at_once(raw), _held(band),
+        _flat_top(band), _left_at_once(raw), _held(band), _noise(raw, accel_mps2 - smooth),
     ):  # fmt: skip
         for one in candidates:
             if one.strength >= LIKELY and not any(_overlap(one, other) for other in found):
@@ -196,13 +199,13 @@ def _band(raw: _Signal) -> tuple[_Signal, FloatArray]:
 def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
     """Samples that repeat a value: at the extreme of the record, or elsewhere."""
     accel, same = raw.accel, _SAME * raw.peak
-    ends = np.flatnonzero(np.diff(np.r_[False, np.abs(np.diff(accel)) <= same, False]))
-    runs = [
-        (first, last)
-        for first, last in ends.reshape(-1, 2).tolist()
-        if last - first >= max(raw.samples(_RUN_S), _RUN) and first > 0 and last < accel.size - 1
-        if last > raw.first and first < raw.last
-    ]
+    ends = np.flatnonzero(np.diff(np.r_[False, np.abs(np.diff(accel)) <= same, False])).reshape(-1, 2)
+    ends = ends[(ends[:, 0] > 0) & (ends[:, 1] < accel.size - 1) & (ends[:, 1] > raw.first) & (ends[:, 0] < raw.last)]
+    lengths = np.diff(ends)[:, 0]
+    runs: list[tuple[int, int]] = [*map(tuple, ends[lengths >= max(raw.samples(_RUN_S), _RUN)].tolist())]
+
+    def longest_elsewhere(level: float) -> int:
+        return int(lengths[np.abs(accel[ends[:, 0]] - level) > same].max(initial=1))
 
     def leaves_at_once(first: int, last: int) -> bool:
         start, end = abs(accel[first - 1] - accel[first]), abs(accel[last + 1] - accel[last])
@@ -217,15 +220,29 @@ def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
         level = float(accel[top[0]])
         single = [run for run in runs if run[0] <= top[0] and top[-1] <= run[1]]
         held = bool(single) and leaves_at_once(*single[0])
-        stays = top.size >= _TOP and np.count_nonzero(np.diff(top) == 1) >= _RUN
+        repeats = np.count_nonzero(np.diff(top) == 1)
+        stays = top.size >= _TOP and repeats >= max(_RUN, _LONGER * longest_elsewhere(level))
         if stays and ratio >= _AT_TOP and sign * level > 3 * _IN_CRASH * raw.peak and not held:
             yield raw.fault("saturated", top[0], top[-1], level, ratio)
     for first, last in runs:
         sides = accel[max(first - 2, 0)], accel[min(last + 2, accel.size - 1)]
         level, around = float(accel[first]), float(max(sides, key=lambda value: abs(value - accel[first])))
-        if abs(around - level) > max(0.4 * _JUMP * raw.peak, 6 * resolution):
+        leaps = abs(around - level) > max(0.4 * _JUMP * raw.peak, 6 * resolution)
+        if leaps:
             lost = abs(level) < _JUMP * abs(around)
             yield raw.fault("lost" if lost else "held", first, last, around if lost else level, np.inf)
+        elif abs(level) > _IN_CRASH * raw.peak and last - first >= _LONGEST * longest_elsewhere(level):
+            is_smooth = max(abs(accel[first - 1] - level), abs(accel[last + 1] - level)) < 3 * resolution
+            if is_smooth and np.sign(level) * level > _RINGS * (np.sign(level) * crash).max():
+                yield _saturated(raw, level, np.inf)  # and filtered after that
+            else:
+                yield raw.fault("held", first, last, level, np.inf)
+
+
+def _saturated(signal: _Signal, level: float, strength: float) -> SensorFault:
+    """From the first to the last sample that is about at the level."""
+    flat = np.flatnonzero(np.abs(signal.accel - level) < 0.02 * abs(level))
+    return signal.fault("saturated", flat[0], flat[-1], level, strength)
 
 
 class _Spans(NamedTuple):
@@ -269,8 +286,7 @@ def _flat_top(band: _Signal) -> Iterator[SensorFault]:
     score_, first, length = best
     if score_:
         level = float(band.accel[first : first + length + 1].mean())
-        flat = np.flatnonzero(np.abs(band.accel - level) < 0.02 * abs(level))
-        yield band.fault("saturated", flat[0], flat[-1], level, score_ / _FLAT)
+        yield _saturated(band, level, score_ / _FLAT)
 
 
 def _lost(band: _Signal) -> Iterator[SensorFault]:

@@ -18,7 +18,7 @@ from crashfuse.study.expected_rating import ExpectedRating, expected_rating
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
-from crashfuse.wording import Sentence, speed
+from crashfuse.wording import Sentence, joined, speed
 
 _CHANGED = 0.02  # in rating: less is no difference
 
@@ -83,6 +83,8 @@ class Account:
         way = ", left out with all at about its speed" if self.with_group and self.neighbours else ""
         over = f"{way}, over 0–{self.window_ms:g} ms"
         said: list[str] = [Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), over, outcome)]
+        if test.faults:
+            said.append(Sentence("Its record is in doubt: {}.", joined([fault.text for fault in test.faults], "; ")))
         if self.departure is not None:
             said += self.departure.sentences
         elif self.neighbours:

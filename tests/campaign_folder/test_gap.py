@@ -27,7 +27,7 @@ def half_sine(speed_mps: float, contact_s: float) -> FloatArray:
 
 @settings(max_examples=30, deadline=None)
 @given(
-    gap_mm=st.floats(40, 400),
+    gap_mm=st.floats(100, 400),  # 5 ms at least: a shorter wait before a gentle pulse is no sudden contact
     speeds=st.lists(st.floats(6, 20), min_size=4, max_size=12, unique=True),
     every=st.sampled_from([1, 2]),
 )
@@ -43,15 +43,43 @@ def test_the_distance_is_found_whatever_it_is(gap_mm: float, speeds: list[float]
         assert gap_s(GRID_S, pulse, v, gap_mm * 1e-3) == pytest.approx(own / v)
 
 
-def test_what_is_late_in_time_or_in_the_tests_too_is_no_gap() -> None:
-    """A common trigger shifts all runs by one time; where tests have the same free travel, the model is right."""
+@pytest.mark.parametrize("late_s", [np.full(8, 0.004), np.full(8, 0.02), np.tile([0.012, 0.03], 4)])
+def test_what_is_late_over_no_one_distance_is_told_as_a_time(late_s: FloatArray) -> None:
+    """A common trigger shifts all runs by one time, and two models may have two gaps: no distance is proposed."""
     speeds = np.linspace(6, 18, 8)
-    late = np.array([half_sine(v, 0.02) for v in speeds], dtype=np.float32)
-    gaps = np.array([half_sine(v, 0.2 / v) for v in speeds], dtype=np.float32)
+    late = np.array([half_sine(v, by) for v, by in zip(speeds, late_s, strict=True)], dtype=np.float32)
     tests = np.array([half_sine(v, 0.0) for v in speeds], dtype=np.float32)
-    assert find_gap(speeds, late, speeds, tests) is None
+    gap = find_gap(speeds, late, speeds, tests)
+    assert gap is not None
+    assert gap.distance_m is None
+    assert gap.hides_tests
+    assert gap.lasts_s == pytest.approx((late_s.min(), late_s.max()), abs=1e-3)
+    assert "check the time zero of the CAE runs" in gap.warning
+
+
+def test_what_tests_have_too_is_no_gap() -> None:
+    """Where tests have the same free travel, the model is right."""
+    speeds = np.linspace(6, 18, 8)
+    gaps = np.array([half_sine(v, 0.2 / v) for v in speeds], dtype=np.float32)
+    late = np.array([half_sine(v, 0.02) for v in speeds], dtype=np.float32)
+    tests = np.array([half_sine(v, 0.0) for v in speeds], dtype=np.float32)
     assert find_gap(speeds, gaps, speeds, gaps) is None
+    assert find_gap(speeds, late, speeds, late) is None
     assert find_gap(speeds, tests, speeds, tests) is None
+
+
+def test_one_run_before_the_barrier_hides_no_test(tmp_path: Path) -> None:
+    """It is told, and a test whose time zero is off is, too."""
+    folder = tmp_path / "campaign"
+    with_gap(folder, 0.2, every=40, filtered=False, slowest_mph=9)
+    path = folder / "tests" / "T05.csv"
+    record = pd.read_csv(path)
+    record["acceleration_g"] = np.interp(record["time_ms"] - 5, record["time_ms"], record["acceleration_g"], left=0.0)
+    record.to_csv(path, index=False)
+    gap, late = load_campaign(folder).warnings
+    assert proposed_mm(gap) == pytest.approx(200, abs=4)
+    assert "not compared" not in gap
+    assert late.startswith("tests.csv, T05: its deceleration begins")
 
 
 def with_gap(folder: Path, gap_m: float, *, every: int, filtered: bool, slowest_mph: float) -> FloatArray:

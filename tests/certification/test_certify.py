@@ -18,9 +18,10 @@ from crashfuse.reporting.report import certification_report
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
+from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate_cache import estimate_at
-from crashfuse.units import KPH, MPH
+from crashfuse.units import KPH, MPH, G
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]
 
@@ -228,6 +229,10 @@ def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_littl
         assert found.run == {"P1": (test.id,)}
         assert not {"P1"} & {*found.waived}
     assert f"Run already: P1 (test {test.id}, at {test.condition}, which missed crush)." in list(to_test(found))
+    failed = replace(test, faults=(SensorFault("spike", 0.03, 0.03, 60 * G, 2.0),))
+    tests = tuple(failed if one.id == test.id else one for one in campaign.tests)
+    doubtful = replace(found, campaign=replace(campaign, tests=tests))
+    assert "which missed crush, in doubt as its signal has a spike of 60.0 g at 30.0 ms)." in next(to_test(doubtful))
     ran = f"Test {test.id} was run for it, at {test.condition}, and measured "
     assert ran in found.verdicts[0][0].reason
     assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CONFIG, workers=1).run == {}

@@ -28,7 +28,6 @@ def crash(time_s: FloatArray, *, noise_g: float = 0.3) -> FloatArray:
 
 def saturated(_: FloatArray, accel: FloatArray) -> FloatArray:
     """The sensor ends at 18 g."""
-    """The sensor ends at 18 g."""
     return np.maximum(accel, -18 * G)
 
 
@@ -93,6 +92,52 @@ def test_a_held_value_is_found_to_the_sample(rate: int) -> None:
     assert fault.kind == "held"
     assert fault.start_s == pytest.approx(0.05, abs=2 / rate)
     assert fault.end_s == pytest.approx(0.055, abs=2 / rate)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_equal_samples_that_end_without_a_leap_are_held(rate: int) -> None:
+    """At the bottom between two humps the signal goes on where it stayed; before, it repeated no value."""
+    time_s = np.arange(-0.02, 0.15, 1 / rate)
+    accel = np.round(crash(time_s, noise_g=0.0) / G, 4) * G
+    within = (time_s >= 55 * MS) & (time_s < 60 * MS)
+    place = np.flatnonzero(within)
+    accel[place] = accel[place].mean()
+    accel[place[-1] + 1 :] += accel[place[0]] - accel[place[-1] + 1]
+    accel[: place[0]] += accel[place[0]] - accel[place[0] - 1]
+    assert [(one.kind, round(one.start_s, 3), round(one.end_s, 3)) for one in sensor_faults(time_s, accel)] == [
+        ("held", 0.055, 0.06)
+    ]
+
+
+@pytest.mark.parametrize("cfc", [60, 180])
+def test_a_filtered_flat_top_is_saturated_where_rounding_makes_it_equal(cfc: int) -> None:
+    """What the filter makes of its corners goes beyond it."""
+    time_s = np.arange(-0.02, 0.15, 8e-5)
+    accel = np.maximum(crash(time_s, noise_g=0.0), -20 * G)
+    accel = np.round(cfc_filter(accel, cfc=cfc, dt_s=8e-5) / G, 3) * G
+    (fault,) = sensor_faults(time_s, accel)
+    assert fault.kind == "saturated"
+    assert fault.strength > 1
+    assert (fault.start_s, fault.end_s) == pytest.approx((0.0348, 0.0492), abs=2e-3)
+    assert fault.size_mps2 == pytest.approx(-20 * G, rel=0.01)
+
+
+@pytest.mark.parametrize(("rate", "cfc"), [(1_600, None), (12_500, 180)])
+def test_noise_is_found_in_slow_records_and_after_a_wider_filter(rate: int, cfc: int | None) -> None:
+    """What lies above CFC 60 counts, as far as the record goes."""
+    time_s = np.arange(-0.02, 0.15, 1 / rate)
+    accel = noisy(time_s, crash(time_s))
+    accel = accel if cfc is None else cfc_filter(accel, cfc=cfc, dt_s=1 / rate)
+    (fault,) = sensor_faults(time_s, accel)
+    assert fault.kind == "noise"
+    assert fault.start_s == pytest.approx(0.04, abs=5e-3)
+    assert not sensor_faults(time_s, crash(time_s))
+
+
+def test_a_record_that_repeats_all_its_samples_is_sound() -> None:
+    """One of 1 kHz that was written at 12 kHz without interpolation."""
+    accel = np.repeat(crash(np.arange(-0.02, 0.15, 1e-3)), 12)
+    assert not any(fault.strength >= 1 for fault in sensor_faults(np.arange(accel.size) / 12_000, accel))
 
 
 @pytest.mark.parametrize("rate", RATES)

@@ -9,12 +9,14 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import METRIC_LABELS
+from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.account import account, worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate_cache import store_estimate
 from crashfuse.study.expected_rating import expected_rating
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
+from crashfuse.units import G
 from tests.study.test_recommendation import estimate
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"))
@@ -65,6 +67,15 @@ def test_without_enough_neighbours_nothing_is_claimed_of_the_test(campaign: Camp
         campaign, CONFIG, fold(campaign, "T3", 0.9, 0.9)
     ).sentences[1]  # fmt: skip
     assert "There is no other test" in account(campaign, CONFIG, fold(campaign, "T1", 0.9, 0.9)).sentences[1]
+
+
+def test_what_a_failed_sensor_measured_is_in_doubt(campaign: Campaign) -> None:
+    """The rating against it is no verdict on the prediction."""
+    sound = fold(campaign, "T3", 0.4, 0.9)
+    failed = replace(sound, test=replace(sound.test, faults=(SensorFault("spike", 0.03, 0.03, 60 * G, 2.0),)))
+    said = account(campaign, CONFIG, failed).sentences
+    assert said[1] == "Its record is in doubt: its signal has a spike of 60.0 g at 30.0 ms."
+    assert not any("in doubt" in sentence for sentence in account(campaign, CONFIG, sound).sentences)
 
 
 def test_the_worst_test_of_a_study_is_told_with_and_without_its_neighbours(campaign: Campaign) -> None:
