@@ -70,7 +70,7 @@ def find_gap(
     tests: npt.NDArray[np.float32],
     taken_m: float = 0.0,
 ) -> Gap | None:
-    """The gap of CAE runs that have one, or begin late, where the tests do not; pulses on the study grid, shape (n, 1250)."""
+    """The gap of CAE runs that have one, or begin late, where the tests do not; pulses have shape (n, 1250)."""
     speed, free_s, sudden = _free_travel(speeds_mps, accel)
     late = sudden & (free_s >= _LEAST_S) & (speed * free_s >= LEAST_M)
     if not late.any():
