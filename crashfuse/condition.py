@@ -10,7 +10,7 @@ from urllib.parse import quote, unquote
 
 import numpy as np
 
-from crashfuse.errors import UsageError, printable
+from crashfuse.errors import UsageError, printable, require_number
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, LB, MASS, MPH, SPEED
 from crashfuse.wording import UnitSystem, speed, weight
@@ -40,6 +40,11 @@ class Condition:
         Further columns of the table (powertrain, drive) as pairs of name and value.
     units : tuple of str
         What speed, front and rear weight were given in, by the endings of columns; in files they stand in these again.
+
+    Raises
+    ------
+    UsageError
+        If speed or a weight is no number.
     """
 
     speed_mps: float
@@ -47,6 +52,10 @@ class Condition:
     rear_weight_kg: float
     factors: tuple[tuple[str, str], ...] = ()
     units: tuple[str, str, str] = field(default=FILE_UNITS, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("speed_mps", "front_weight_kg", "rear_weight_kg"):
+            require_number(name, getattr(self, name))  # its sign is judged where tables and requests are
 
     @classmethod
     def of(cls, **given: float | str | None) -> Self:
@@ -62,7 +71,7 @@ class Condition:
         Raises
         ------
         UsageError
-            If a quantity is missing, given in two units or none, or is not a number above 0.
+            If a quantity is missing, given in two units or in an unknown one, or is not a number above 0.
 
         Examples
         --------
@@ -186,13 +195,13 @@ def _read(text: str, units: Mapping[str, float]) -> tuple[float, str]:
 def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float | str | None]) -> tuple[float, str]:
     """The one quantity of this name in SI, and the unit that its name ends in."""
     words, names = name.replace("_", " "), [f"{name}_{unit}" for unit in units]
-    found = [key for key in given if key in names]
+    found = [key for key in given if key == name or key.startswith(f"{name}_")]
+    unknown = [key for key in found if key not in names]
+    if unknown or not found:
+        ending = f"; {printable(unknown[0], 40)} does not end in one of these units" if unknown else ""
+        raise UsageError(f"A condition needs a {words}: {' or '.join(names)}{ending}.")
     if len(found) > 1:
         raise UsageError(f"A condition has one {words}; given are {' and '.join(found)}.")
-    if not found:
-        alike = [key for key in given if key.startswith(name)]
-        ending = f"; {printable(alike[0], 40)} does not end in one of these units" if alike else ""
-        raise UsageError(f"A condition needs a {words}: {' or '.join(names)}{ending}.")
     try:
         value = float(given[found[0]] or math.nan)
     except (TypeError, ValueError):

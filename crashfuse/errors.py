@@ -1,10 +1,12 @@
 """Exceptions of crashfuse, all derived from :class:`CrashfuseError`."""
 
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
+from numbers import Real
+from types import UnionType
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -114,15 +116,22 @@ class UsageError(CrashfuseError):
     """The request refers to something that does not exist, or is invalid (exit code 2)."""
 
 
-def require_a(kind: type, given: object, how: str) -> None:
+def require_a(kind: type | UnionType, given: object, how: str) -> None:
     """Raise a UsageError if this is no such object; ``how`` is how to get one."""
     if not isinstance(given, kind):
-        raise UsageError(f"This takes a {kind.__name__} ({how}), not {printable(repr(given), 60)}.")
+        name = kind.__name__ if isinstance(kind, type) else "path"
+        raise UsageError(f"This takes a {name} ({how}), not {printable(repr(given), 60)}.")
 
 
-def several(given: str | Sequence[T]) -> tuple[str | T, ...]:
-    """What is given one by one, or a single name as it is."""
-    return (given,) if isinstance(given, str) else tuple(given)
+def require_number(what: str, given: object) -> None:
+    """Raise a UsageError if this is no number: a text, a list, a truth value."""
+    if not isinstance(given, Real) or isinstance(given, bool):
+        raise UsageError(f"{what} is a number, not {printable(repr(given), 60)}.")
+
+
+def several(given: str | Iterable[T]) -> tuple[str | T, ...]:
+    """What is given one by one; a single name, or whatever else is no series, alone: who uses it says what is wrong."""
+    return tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
 
 
 def one_of(kind: str, name: object, choices: Mapping[str, T]) -> T:

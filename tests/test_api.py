@@ -4,6 +4,9 @@ import inspect
 import re
 from collections.abc import Callable
 
+import numpy as np
+import pytest
+
 import crashfuse
 from crashfuse import errors
 
@@ -129,3 +132,60 @@ def test_types_that_public_calls_ask_for_are_public() -> None:
                 kind = scope.get(word)
                 made = inspect.isclass(kind) and not issubclass(kind, dict) and not getattr(kind, "_is_protocol", False)
                 assert not made or not kind.__module__.startswith("crashfuse") or word in public, f"{name}: {word}"
+
+
+TIME_S = np.arange(1250) * 8e-5
+BRAKING = -680.0 * np.sin(np.pi * TIME_S / 0.07) * (TIME_S < 0.07)  # takes 30.3 m/s away, so it stops a vehicle at 28
+WRONG: dict[str, tuple[Callable[[], object], str]] = {
+    "sign": (lambda: crashfuse.SolverCurve("mm-s-t", deceleration_sign="Positive"), "did you mean positive"),  # type: ignore[arg-type]
+    "text for a number": (lambda: crashfuse.SolverCurve("mm-s-t", start_s="0.01"), "start_s is a number"),  # type: ignore[arg-type]
+    "curve": (lambda: crashfuse.PulseExport("lsdyna", curve="mm-s-t"), "takes a SolverCurve"),  # type: ignore[arg-type]
+    "seed": (lambda: crashfuse.PulseExport(draws=2, seed=-1), "seed of draws is 0 or more"),
+    "no series": (lambda: crashfuse.StudyConfig(approaches=5), "There is no approach 5"),  # type: ignore[arg-type]
+    "window in s": (lambda: crashfuse.Display(window_ms=0.06), "choose 10 to 100 ms"),
+    "yes and no": (lambda: crashfuse.Display(deceleration="no"), "takes a bool"),  # type: ignore[arg-type]
+    "m for mm": (lambda: crashfuse.OccupantModel(olc_free_flight_mm=0.065), "write 65"),
+    "mm for m": (lambda: crashfuse.Choices(gap_m=390), "390 mm are 0.39 m"),
+    "no condition": (lambda: crashfuse.Choices(condition="35 mph"), "takes a PartialCondition"),  # type: ignore[arg-type]
+    "role": (lambda: crashfuse.ColumnChoice("Zeit", "zeit"), "There is no role of a column"),  # type: ignore[arg-type]
+    "two units": (
+        lambda: crashfuse.Condition.of(speed_mph=35, speed_kmh=56, front_weight_kg=950, rear_weight_kg=700),
+        "speed_kmh does not end in one of these units",
+    ),
+    "text for a speed": (
+        lambda: crashfuse.Condition(speed_mps="15", front_weight_kg=950, rear_weight_kg=700),  # type: ignore[arg-type]
+        "speed_mps is a number",
+    ),
+    "a note": (lambda: crashfuse.ReportOptions(notes=["x"]), "takes a Note"),  # type: ignore[arg-type]
+    "ms for s": (lambda: crashfuse.Pulse(1e3 * TIME_S, BRAKING), "0.08 ms are 8e-05 s"),
+    "window as text": (lambda: crashfuse.rate_iso18571(BRAKING, BRAKING, dt_s=8e-5, window_ms="60"), "is a number"),  # type: ignore[arg-type]
+    "a path": (lambda: crashfuse.rate_iso18571("a.csv", "b.csv", dt_s=8e-5), "expected an array of numbers"),  # type: ignore[arg-type]
+    "a step of pulses": (
+        lambda: crashfuse.rate_iso18571(*2 * [crashfuse.Pulse(TIME_S, BRAKING)], dt_s=8e-5),
+        "leave out",
+    ),
+    "mph for m/s": (lambda: crashfuse.energy_crush(BRAKING, 28 / 0.44704), "62.6342 mph are 28 m/s"),
+    "no speed": (lambda: crashfuse.energy_crush(BRAKING, -28.0), "a number above 0"),
+    "another grid": (lambda: crashfuse.energy_crush(BRAKING[:1000], 28.0), "1250 samples"),
+    "other sign": (lambda: crashfuse.pulse_metrics(-BRAKING, 28.0), "change its sign"),
+    "g for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING / 9.80665, 28.0), "if it is in g"),
+    "mm/s² for m/s²": (lambda: crashfuse.pulse_metrics(BRAKING * 1e3, 28.0), "correct the unit"),
+    "not finite": (lambda: crashfuse.pulse_metrics(np.nan * BRAKING, 28.0), "finite"),
+    "draws": (lambda: crashfuse.pulse_metrics(BRAKING, 28.0, draws_mps2=np.ones((3, 7))), r"shape \(n_draws, 1250\)"),
+    "no campaign": (lambda: crashfuse.Fit.of("campaign", "cae"), "takes a Campaign"),  # type: ignore[arg-type]
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_what_is_wrong_is_refused_where_it_is_given(kind: str) -> None:
+    """With the likely unit or the nearest word, and no other exception."""
+    call, sentence = WRONG[kind]
+    with pytest.raises(crashfuse.CrashfuseError, match=sentence):
+        call()
+
+
+def test_one_thing_stands_for_a_series_of_it() -> None:
+    """A name, a window; equal settings are equal, however they are given."""
+    one = crashfuse.StudyConfig(approaches="cae", windows_ms=60)  # type: ignore[arg-type]
+    assert one == crashfuse.StudyConfig(approaches=["cae", "cae"], windows_ms=[60.0])  # type: ignore[arg-type]
+    assert hash(one) == hash(crashfuse.StudyConfig(approaches=("cae",), windows_ms=(60.0,)))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.history import taking_turns
-from crashfuse.errors import DataError, Problem, UsageError, printable, shortened
+from crashfuse.errors import DataError, Problem, UsageError, printable, require_a, require_number, shortened
 from crashfuse.files.atomic import replacing
 from crashfuse.files.csv_output import csv_text
 from crashfuse.files.csv_text import read_rows
@@ -48,12 +48,17 @@ class Note:
     end_ms: float | None = None
 
     def __post_init__(self) -> None:
+        require_a(str, self.test, "the id of a test")
+        require_a(str, self.text, "the text of the note")
         object.__setattr__(self, "text", printable(" ".join(self.text.split()), 10 * LONGEST_TEXT))
         if not self.text:
             raise UsageError("A note needs a text.")
         if len(self.text) > LONGEST_TEXT:
             raise UsageError(f"A note has at most {LONGEST_TEXT} characters, not {len(self.text)}.")
         start, end = self.start_ms, self.end_ms
+        for name, time_ms in (("start_ms", start), ("end_ms", end)):
+            if time_ms is not None:
+                require_number(name, time_ms)
         if start is None and end is not None:
             raise UsageError("A mark that has an end needs a start.")
         if start is not None and not 0 <= start <= (LATEST_MS if end is None else end) <= LATEST_MS:
@@ -109,6 +114,8 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
     path = Path(folder, FILE)
     with taking_turns(path.parent):
         notes = change(_read(path, alone=True) if path.exists() else ())
+        for note in notes:
+            require_a(Note, note, "crashfuse.Note(test, text)")
         if not notes:
             path.unlink(missing_ok=True)
             return

@@ -4,7 +4,7 @@ from typing import Any
 
 from crashfuse.errors import Problem, printable
 from crashfuse.files.toml_text import shown
-from crashfuse.signals.occupant import OCCUPANT_RANGES, USUAL_OCCUPANT, OccupantModel
+from crashfuse.signals.occupant import OCCUPANT_RANGES, USUAL_OCCUPANT, OccupantModel, likely_m
 
 _WHERE, _TABLE = "campaign.toml", "[occupant]"
 
@@ -25,11 +25,13 @@ def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> Occupa
             )
             continue
         low, high = OCCUPANT_RANGES[name]
-        if isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high:
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        advice = likely_m(name, value) if is_number else ""
+        if is_number and low <= value <= high and not advice:
             own[name] = float(value)
         else:
             expected = f"a number from {low} to {high}"
-            problems.append(Problem(_WHERE, expected, shown(value), "correct the value", f"occupant.{name}"))
+            problems.append(Problem(_WHERE, expected, shown(value), advice or "correct the value", f"occupant.{name}"))
     return OccupantModel(**own)
 
 

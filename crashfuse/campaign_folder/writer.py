@@ -12,7 +12,7 @@ from crashfuse.campaign_folder.ids import id_trouble
 from crashfuse.campaign_folder.occupant_settings import occupant_lines
 from crashfuse.campaign_folder.quality_columns import QualitySettings
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, require_a
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_output import csv_text
 from crashfuse.files.toml_text import toml_text
@@ -38,6 +38,7 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
     OSError
         If writing fails; nothing is left behind.
     """
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     folder = Path(folder)
     check_ids([*campaign.test_ids, *campaign.cae.ids], folder.name)
     with new_folder(folder) as home:

@@ -5,10 +5,12 @@ import sys
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any, TypeAlias, TypeGuard, cast
+
+import pandas as pd
 
 from crashfuse.certification.criteria import CONFIDENCE, RATING, WINDOW_MS, Criteria, Criterion
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, printable, require_a, several
 from crashfuse.files.toml_text import read_toml, shown, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 
@@ -16,6 +18,8 @@ LEAST_SURE, MOST_SURE = 0.5, 0.999999
 _MOST_CRITERIA = 100
 _LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
 """Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
+CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria
+"""``criteria.toml``, its tables as rows of a frame or as mappings, or criteria as they are judged."""
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
 
@@ -42,6 +46,20 @@ def read_criteria(path: Path) -> Criteria:
 def criteria_of(criteria: Sequence[Mapping[str, Any]], confidence: float = CONFIDENCE) -> Criteria:
     """Create criteria from mappings with the keys of ``criteria.toml``; raises as :func:`read_criteria`."""
     return _checked([dict(item) for item in criteria], confidence, "the criteria", [])
+
+
+def criteria_given(criteria: CriteriaGiven, confidence: float = CONFIDENCE) -> Criteria:
+    """Criteria in any form in which the library takes them; raises as :func:`read_criteria`."""
+    if isinstance(criteria, Criteria):
+        return criteria
+    if isinstance(criteria, str | Path):
+        return read_criteria(Path(criteria))
+    if isinstance(criteria, pd.DataFrame):
+        criteria = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in criteria.to_dict("records")]
+    items = (criteria,) if isinstance(criteria, Mapping) else several(criteria)
+    for item in items:
+        require_a(Mapping, item, "such as {'metric': 'max_crush', 'at_most': 430}")
+    return criteria_of(cast(Sequence[Mapping[str, Any]], items), confidence)
 
 
 def criteria_text(criteria: Criteria) -> str:

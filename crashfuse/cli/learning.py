@@ -11,7 +11,6 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.certification.criteria_file import read_criteria
-    from crashfuse.certification.decided import with_decided
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.watched import watching
     from crashfuse.study import learning_curve as curves
@@ -30,7 +29,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
             campaign, config, repeats=repeats, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler
         )
     if criteria is not None:
-        curve = with_decided(curve, criteria)
+        curve = curve.decided(criteria)
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
         curve.write(folder, cost=arguments.cost_per_test, display=display_of(arguments, campaign))
     if not (table := gains_table(curve, cost)).empty:

@@ -11,7 +11,7 @@ from crashfuse.campaign_folder.added import Added
 from crashfuse.campaign_folder.additions import Addition, add_each
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.settings import own_filter_class
-from crashfuse.errors import DataError, Problem, UsageError, one_of
+from crashfuse.errors import DataError, Problem, UsageError, one_of, require_a
 from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import Lacking, missing_values, told_of_several
@@ -81,6 +81,7 @@ def import_source(
         If a choice does not exist.
     """
     source, out, conditions = Path(source), Path(out), None if conditions is None else Path(conditions)
+    require_a(Choices, choices, "crashfuse.Choices()")
     own = own_filter_class(out)
     if own is not None and choices.channel_filter_class not in (None, own):
         raise UsageError(f"The campaign filters every record with CFC {own:g}; remove --channel-filter-class.")

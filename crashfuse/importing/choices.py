@@ -3,10 +3,12 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from crashfuse.errors import UsageError, one_of, printable, several
+from crashfuse.errors import UsageError, one_of, printable, require_a, require_number, several
 from crashfuse.readers.axle_weights import AxleWeights
 from crashfuse.readers.record import PartialCondition
 from crashfuse.readers.unit_spelling import acceleration_unit
+
+_LONGEST_GAP_M = 10.0  # at 56 km/h more than half a second
 
 
 def require_filter_class(cfc: object) -> None:
@@ -37,7 +39,7 @@ class Choices:
     Raises
     ------
     UsageError
-        If there is no such unit, sign or filter class.
+        If there is no such unit, sign or filter class, or a number is none or in another unit.
     """
 
     channels: tuple[str, ...] = ()
@@ -56,6 +58,13 @@ class Choices:
         if self.deceleration_sign is not None:
             one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
         require_filter_class(self.channel_filter_class)
+        require_a(PartialCondition, self.condition, "crashfuse.PartialCondition()")
+        for name in ("time_zero_s", "gap_m", "front_share"):
+            if (value := getattr(self, name)) is not None:
+                require_number(name, value)
+        if self.gap_m is not None and not 0 <= self.gap_m <= _LONGEST_GAP_M:
+            meant = f"{self.gap_m:g} mm are {1e-3 * self.gap_m:g} m"
+            raise UsageError(f"gap_m is from 0 to {_LONGEST_GAP_M:g} m, not {self.gap_m:g}: {meant}.")
 
     @property
     def weights(self) -> AxleWeights:

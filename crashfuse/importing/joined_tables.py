@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from crashfuse.campaign_folder.columns import listed
-from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
+from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable
 from crashfuse.readers.axes import Travel
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tables.headers import likelihood
@@ -24,6 +24,9 @@ class ColumnChoice:
     column: str
     role: ColumnRole
     unit: str | None = None
+
+    def __post_init__(self) -> None:
+        one_of("role of a column", self.role, dict.fromkeys(get_args(ColumnRole)))
 
     @classmethod
     def parsed(cls, text: str) -> "ColumnChoice":

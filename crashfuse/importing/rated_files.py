@@ -16,7 +16,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.sample_tables import read_pulse
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem, several
+from crashfuse.errors import CrashfuseError, DataError, Problem, require_a, several
 from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.importing.channels import missing_choices
@@ -191,6 +191,7 @@ def _of_pair(
 
 
 def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Read) -> tuple[Curve, Curve]:
+    require_a(RatingChoices, choices, "crashfuse.RatingChoices()")
     shared = choices.channel_filter_class, choices.unit
     return (
         read(reference, choices.channels, *shared),

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
+from typing import get_args
 
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.ids import safe_id
-from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable
+from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable, require_a
 from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
 from crashfuse.files.tarball import is_tar, tar_members
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral, read_tables
@@ -53,6 +54,14 @@ class Reading:
     conditions: Path | None = None
     record_id: str | None = None
     travel: Travel | None = None
+
+    def __post_init__(self) -> None:
+        if self.travel is not None:
+            one_of("direction of travel", self.travel, dict.fromkeys(get_args(Travel)))
+        for column in self.columns:
+            require_a(ColumnChoice, column, "crashfuse.ColumnChoice(column, role)")
+        if self.record_id is not None:
+            require_a(str, self.record_id, "the id of the one record")
 
 
 def format_of(source: Path) -> str:

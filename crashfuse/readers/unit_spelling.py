@@ -54,7 +54,7 @@ def acceleration_unit(text: str) -> str:
     UsageError
         If it is none.
     """
-    if (name := unit_named(text, "acceleration")) is None:
+    if (name := unit_named(str(text), "acceleration")) is None:
         units = ", ".join(ACCELERATION_UNITS)
         raise UsageError(f"There is no unit {printable(repr(text), 40)} of acceleration; take {units}.")
     return name

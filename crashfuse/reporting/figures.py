@@ -10,7 +10,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, one_of, several
+from crashfuse.errors import UsageError, one_of, printable, several
 from crashfuse.reporting.plots.displacement import energy_over_crush, integration_check, over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import motion, overlay
@@ -75,8 +75,10 @@ class Curves:
         Raises
         ------
         UsageError
-                If there is none.
+            If there is none, or no curve whose band is to be filled.
         """
+        if self.band is not None:
+            one_of("curve", self.band, self.shown)
         return one_of("figure of pulses", figure, PULSES)(self, display)
 
 
@@ -138,6 +140,8 @@ def prediction_name(approach: str, condition: Condition, display: Display) -> st
 
 def _further(campaign: Campaign, each: Further, display: Display) -> tuple[str, Estimate | Prediction]:
     if not isinstance(each, str):
+        if not hasattr(each, "curve"):
+            raise UsageError(f"Shown beside are ids and predictions, not {printable(repr(each), 60)}.")
         return each.curve(display)
     if each in campaign.test_ids:
         test = campaign.test(each)

@@ -15,7 +15,7 @@ import numpy as np
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, one_of, several
+from crashfuse.errors import UsageError, one_of, require_a, several
 from crashfuse.reporting.isomme_prediction import isomme_pulse
 from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve, solver_include
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
@@ -57,7 +57,8 @@ class PulseExport:
     Raises
     ------
     UsageError
-        If a format is unknown, a solver's has no curve, the location is no code, or the number of draws is negative.
+        If a format is unknown, a solver's has no curve, the location is no code, or the number of draws or the seed is
+        negative.
     """
 
     formats: tuple[PulseFormat, ...] = ("isomme",)
@@ -70,15 +71,18 @@ class PulseExport:
         object.__setattr__(self, "formats", several(self.formats))
         for name in self.formats:
             one_of("format of pulses", name, dict.fromkeys(PULSE_FORMATS))
-        if self.curve is None and set(self.formats) & set(SOLVERS):
+        if self.curve is not None:
+            require_a(SolverCurve, self.curve, 'crashfuse.SolverCurve("mm-ms-kg")')
+        elif set(self.formats) & set(SOLVERS):
             raise UsageError("A curve for a solver needs the unit system of its model.")
-        if not _LOCATION.fullmatch(self.location):
+        if not (isinstance(self.location, str) and _LOCATION.fullmatch(self.location)):
             raise UsageError(
                 "An ISO-MME location has 12 digits and capitals (test object, position, main location, three fine "
                 f"locations), such as {LOCATION} or 10BPILLERE00, not {self.location!r}."
             )
-        if not (isinstance(self.draws, Integral) and self.draws >= 0):
-            raise UsageError(f"The number of draws is 0 or more, not {self.draws}.")
+        for what, number in (("The number of draws", self.draws), ("The seed of draws", self.seed)):
+            if not (isinstance(number, Integral) and number >= 0):
+                raise UsageError(f"{what} is 0 or more, not {number!r}.")
 
     def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
         """The files of each format that is asked for; each states these remarks, besides its own.

@@ -1,9 +1,9 @@
 """Planning as the library offers it: metrics over impact speed, and which test to run next, as tables and figures."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Unpack
+from typing import Unpack, cast
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, one_of, several
+from crashfuse.errors import UsageError, one_of, printable, require_a, require_number, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.notebook import card
@@ -22,7 +22,7 @@ from crashfuse.reporting.predicted import check_factors, fits_of
 from crashfuse.reporting.result_tables import sweep_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Fit
+from crashfuse.study.estimate import FASTEST_MPS, Fit
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
 from crashfuse.study.sweep import Sweep, speeds_between, sweep_speed, usual_speeds
 from crashfuse.units import MPH
@@ -36,6 +36,10 @@ class SpeedSweep:
     campaign: Campaign
     sweeps: tuple[Sweep, ...]
     config: StudyConfig = StudyConfig()
+
+    def __post_init__(self) -> None:
+        names = tuple(sweep.approach for sweep in self.sweeps)
+        object.__setattr__(self, "config", replace(self.config, approaches=names))
 
     @property
     def table(self) -> pd.DataFrame:
@@ -150,14 +154,24 @@ def sweep(
         If there is no such approach, the campaign lacks a factor of the condition or its value, or the speeds are none.
     """
     check_factors(campaign, condition)
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     speeds = usual_speeds(campaign)
     if speeds_mph is not None:
-        low, high = speeds_mph
-        if not 0 < low < high:
-            raise UsageError(f"A sweep takes a speed above 0 and a higher one, not {low:g} and {high:g} mph.")
-        speeds = speeds_between(low * MPH, high * MPH)
+        speeds = speeds_between(*_ends_mps(speeds_mph))
     fits = fits_of(campaign, (approach,) if isinstance(approach, Fit) else several(approach), config, cache, watch)
     return SpeedSweep(campaign, sweep_speed(fits, condition, speeds, watch), fits[0].config)
+
+
+def _ends_mps(speeds_mph: tuple[float, float]) -> tuple[float, float]:
+    """Both ends of a sweep; a UsageError if they are none."""
+    ends: list[float] = []
+    for end in several(speeds_mph):
+        require_number("A speed of a sweep", end)
+        ends.append(float(end) * MPH)
+    if len(ends) != 2 or not 0 < ends[0] < ends[1] <= FASTEST_MPS:
+        found, most = printable(repr(speeds_mph), 60), f"{FASTEST_MPS / MPH:.0f}"
+        raise UsageError(f"A sweep takes a speed above 0 and a higher one, up to {most} mph, not {found}.")
+    return ends[0], ends[1]
 
 
 def next_test(
@@ -185,12 +199,19 @@ def next_test(
     Raises
     ------
     UsageError
-        If the range is none, or the campaign lacks a factor of it, or does not say of which kind the vehicle is.
+        If the range is none, there is no candidate, or the campaign lacks a factor of a condition, or
+        does not say of which kind the vehicle is.
     """
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     usual = ConditionRange.of(campaign.tests)
     low, high = low or usual.low, high or usual.high
-    for end in (low, high):
-        check_factors(campaign, end)
+    planned = cast(tuple[Condition, ...], several(planned))
+    candidates = None if candidates is None else cast(tuple[Condition, ...], several(candidates))
+    for condition in (low, high, *planned, *(candidates or ())):
+        check_factors(campaign, condition)
+    if candidates == ():
+        raise UsageError("Of no candidates none can be ranked: name one, or leave candidates out.")
     over = ConditionRange(low, high)
     fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker

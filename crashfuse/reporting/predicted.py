@@ -41,7 +41,8 @@ _MM = 1e-3
 class PredictedPulse:
     """The pulse at a condition as one or several approaches predict it with some settings, and its band.
 
-    ``estimates`` have the draws; of the settings it does not matter how tests would be left out, as none is.
+    ``estimates`` have the draws; of the settings, the approaches are theirs, and it does not matter how tests would be
+    left out, as none is.
     """
 
     campaign: Campaign
@@ -49,8 +50,9 @@ class PredictedPulse:
     config: StudyConfig = StudyConfig()
 
     def __post_init__(self) -> None:
-        """Take the settings without what means nothing here: two predictions would seem to differ in it."""
-        object.__setattr__(self, "config", replace(self.config, leave_out="test"))
+        """Take the settings of these approaches, without what means nothing here: two would seem to differ in it."""
+        names = tuple(estimate.approach for estimate in self.estimates)
+        object.__setattr__(self, "config", replace(self.config, approaches=names, leave_out="test"))
 
     @property
     def condition(self) -> Condition:
@@ -165,8 +167,9 @@ class PredictedPulse:
         from crashfuse.reporting.outgoing_pulses import PulseExport
         from crashfuse.reporting.results import write_prediction
 
-        shown = Display.of(self.campaign.units, **display)
-        write_prediction(self, folder, shown, PulseExport() if export is None else export, report)
+        export = PulseExport() if export is None else export
+        require_a(PulseExport, export, "crashfuse.PulseExport()")
+        write_prediction(self, folder, Display.of(self.campaign.units, **display), export, report)
 
     def beside(self, other: "PredictedPulse") -> OtherPrediction:
         """Itself in a figure of another one: at the same condition it is named by its settings."""
@@ -225,6 +228,7 @@ def predict(
         value, or speed or a weight is beyond any barrier test.
     """
     check_factors(campaign, condition)
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     asked = (approach,) if isinstance(approach, Fit) else several(approach)
     names = tuple(dict.fromkeys(name for name in asked if not isinstance(name, Fit)))
     if names and len(names) == len(set(asked)):  # what is predicted is cached, too

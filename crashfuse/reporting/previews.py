@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Unpack
+from typing import Unpack, get_args
 
 import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.campaign_folder.condition_tables import Role
-from crashfuse.errors import Problem
+from crashfuse.errors import Problem, one_of, require_a
 from crashfuse.importing import ColumnChoice, Reading, Settled, read_records, settle_each
 from crashfuse.importing.choices import Choices
 from crashfuse.readers.axes import Travel
@@ -97,6 +97,8 @@ def preview_source(
     UsageError
         If a choice does not exist.
     """
+    one_of("kind of record", role, dict.fromkeys(get_args(Role)))
+    require_a(Choices, choices, "crashfuse.Choices()")
     together = record_id is not None or bool(choices.channels)
     table = None if conditions is None else Path(conditions)
     reading = Reading(Path(source), fmt, tuple(columns), together, table, record_id, travel)

@@ -26,7 +26,7 @@ from typing import Literal
 
 import numpy as np
 
-from crashfuse.errors import UsageError, one_of
+from crashfuse.errors import UsageError, one_of, require_number
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.units import MS
 
@@ -85,6 +85,8 @@ class SolverCurve:
     def __post_init__(self) -> None:
         one_of("unit system", self.unit_system, UNIT_SYSTEMS)
         one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
+        require_number("start_s", self.start_s)
+        require_number("scale", self.scale)
         if not 0 <= self.start_s <= LATEST_S:
             raise UsageError(f"A curve starts between 0 and {LATEST_S / MS:g} ms, not at {self.start_s / MS:g} ms.")
         if not 0 < self.scale < np.inf:

@@ -14,7 +14,7 @@ from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.registry import by_preference
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.errors import UsageError, one_of
+from crashfuse.errors import UsageError, one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.figures import PULSES, Curves, Further, beside, chosen
 from crashfuse.reporting.plots.bias import bias_parts
@@ -74,6 +74,10 @@ def figure_of_test(
 ) -> go.Figure:
     """A figure of one held-out test, see :meth:`Study.plot`."""
     draw = one_of("figure of a held-out test", figure, OF_A_TEST)
+    require_a(bool, measured, "measured=False leaves the test out")
+    require_a(bool, corridors, "corridors=True shades them")
+    for note in notes:
+        require_a(Note, note, "crashfuse.Note(test, text)")
     if corridors and figure not in _ACCELERATIONS:
         raise UsageError(f"Corridors stand in the figures {' and '.join(_ACCELERATIONS)}, not in {figure}.")
     fold, display = study.fold(held_out), _display(study, options)

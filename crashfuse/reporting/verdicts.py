@@ -1,9 +1,9 @@
 """Certification as commands, pages and scripts call it: files, mappings or tables in, tables and figures out."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self, Unpack
+from typing import Self, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -12,8 +12,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.criteria import CONFIDENCE, Criteria
-from crashfuse.certification.criteria_file import criteria_of, read_criteria
+from crashfuse.certification.criteria import CONFIDENCE
+from crashfuse.certification.criteria_file import CriteriaGiven, criteria_given
 from crashfuse.certification.earlier_file import read_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import one_of, require_a
@@ -97,6 +97,8 @@ class Verdicts:
         """
         from crashfuse.reporting.results import write_certification
 
+        for note in notes:
+            require_a(Note, note, "crashfuse.Note(test, text)")
         shown = Display.of(self.certification.campaign.units, **display)
         write_certification(self.certification, folder, shown, since, notes)
 
@@ -151,7 +153,7 @@ FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {
 
 def certify(
     campaign: Campaign,
-    criteria: str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria,
+    criteria: CriteriaGiven,
     matrix: str | Path | pd.DataFrame | Matrix,
     *,
     confidence: float = CONFIDENCE,
@@ -188,13 +190,10 @@ def certify(
     if isinstance(matrix, pd.DataFrame):
         matrix = Matrix.of(matrix, campaign.factors)
     elif not isinstance(matrix, Matrix):
+        require_a(str | Path, matrix, "the path of matrix.csv, or a DataFrame with its columns")
         matrix = Matrix.read(Path(matrix), campaign.factors)
-    if isinstance(criteria, str | Path):
-        criteria = read_criteria(Path(criteria))
-    elif not isinstance(criteria, Criteria):
-        if isinstance(criteria, pd.DataFrame):
-            criteria = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in criteria.to_dict("records")]
-        criteria = criteria_of([criteria] if isinstance(criteria, Mapping) else criteria, confidence)
+    criteria = criteria_given(criteria, confidence)
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     config = replace(config, approaches=(approach,))
     return Verdicts(
         certify_matrix(

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crashfuse.errors import DataError, Problem
 from crashfuse.signals.loading import loading_phase
-from crashfuse.signals.metrics import TAIL
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.metrics import TAIL, checked_pulse
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 
 _POINTS = 201
 
@@ -36,11 +37,16 @@ def energy_crush(accel_mps2: FloatArray, speed_mps: float, *, draws_mps2: FloatA
     Parameters
     ----------
     accel_mps2 : ndarray, shape (n,)
-        Signed acceleration on the study grid, in m/s².
+        Signed acceleration on the study grid, 12.5 kHz over 0–100 ms, in m/s².
     speed_mps : float
         Impact speed in m/s.
     draws_mps2 : ndarray, shape (n_draws, n), optional
         Equally likely whole pulses.
+
+    Raises
+    ------
+    DataError
+        As :func:`crashfuse.signals.metrics.pulse_metrics`, or if the grid is another.
 
     Returns
     -------
@@ -52,6 +58,15 @@ def energy_crush(accel_mps2: FloatArray, speed_mps: float, *, draws_mps2: FloatA
     A draw that stops before some crush counts there as v0²/2. One whose record ends before it counts as the energy
     absorbed so far in the lower end of the band, and as v0²/2 in the upper.
     """
+    accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, DT_S, draws_mps2)
+    if accel_mps2.size != N_SAMPLES:
+        expected, found = f"{N_SAMPLES} samples, 12.5 kHz over 0–100 ms", f"{accel_mps2.size} samples"
+        raise DataError(Problem("accel_mps2", expected, found, "use crashfuse.Pulse.resampled"))
+    return checked_energy(accel_mps2, speed_mps, draws_mps2)
+
+
+def checked_energy(accel_mps2: FloatArray, speed_mps: float, draws_mps2: FloatArray | None = None) -> EnergyCurve:
+    """The same of a pulse whose units were checked as it was read."""
     phase = loading_phase(accel_mps2, speed_mps)
     crush = np.linspace(0.0, phase.crush_m, _POINTS)
     total = speed_mps**2 / 2

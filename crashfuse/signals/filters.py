@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, require_number
 from crashfuse.signals.pulse import FloatArray
 
 _CORNER = 2.0775  # corner frequency of one pass in Hz per unit of class (SAE J211-1, Appendix C)
@@ -90,6 +90,7 @@ def noise_share(accel: FloatArray, *, dt_s: float) -> float:
 
 
 def _check(accel: FloatArray, cfc: float, dt_s: float, padding: int) -> None:
+    require_number("A channel filter class", cfc)
     if not cfc > 0:
         raise UsageError(f"There is no channel filter class {cfc:g}; take 60, 180, 600 or 1000.")
     if 1 / dt_s < 10 * cfc * (1 - 1e-9):

@@ -11,16 +11,26 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, require_a, require_number
 from crashfuse.signals import pulse_shape
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel, occupant_load_criterion, vehicle_pulse_index
-from crashfuse.signals.pulse import DT_S, FloatArray, Kinematics, kinematics, require_step, with_late_stops
+from crashfuse.signals.pulse import (
+    DT_S,
+    FloatArray,
+    Kinematics,
+    Pulse,
+    kinematics,
+    numbers,
+    require_step,
+    with_late_stops,
+)
 from crashfuse.units import KPH, MPH, MS, G
 
 TAIL = 0.025  # share on either side of the central 95 %
 _WINDOW_S = 0.025  # of SM25
 _FASTEST_MPS = 100.0
 _OVER = 0.02  # share of the peak that is left in the last tenth of a record when the crash is over
+_GAINED = 0.1  # share of the impact speed; a pulse before contact may add some hundredths
 _REBOUND = (0.98, 1.3)  # change of velocity over impact speed, rebound included
 
 
@@ -245,20 +255,51 @@ def metric_values(
     return {name: reading.of(motion, occupant) for name, reading in _READINGS.items()}
 
 
-def _require_mps(speed_mps: float, motion: Kinematics) -> None:
-    """Raise a DataError if an impact speed is none, or is in mph or km/h as the whole change of velocity tells."""
-    expected, stated = "the impact speed in m/s", f"{speed_mps:g}"
+def checked_pulse(
+    accel_mps2: FloatArray, speed_mps: float, dt_s: float, draws_mps2: FloatArray | None
+) -> tuple[FloatArray, FloatArray | None]:
+    """A pulse from contact on and its draws as float64.
+
+    Raises
+    ------
+    DataError
+        If they are no such arrays, or what they do to the impact speed tells that a unit or the sign is another.
+    """
+    expected, accel_mps2 = "the impact speed in m/s", numbers("accel_mps2", accel_mps2)
+    require_step(dt_s, accel_mps2.size)
+    accel_mps2 = Pulse(np.arange(accel_mps2.size) * dt_s, accel_mps2).accel_mps2
+    require_number("speed_mps", speed_mps)
+    stated = f"{speed_mps:g}"
     if not 0 < speed_mps < math.inf:
         raise DataError(Problem("speed_mps", expected, stated, "state a number above 0"))
+    motion = kinematics(accel_mps2, speed_mps, dt_s)
+    if (lost := float(speed_mps - motion.velocity_mps.min())) > _FASTEST_MPS:
+        expected, found = "times in s and acceleration in m/s²", f"a pulse that takes away {lost / KPH:,.0f} km/h"
+        raise DataError(Problem("accel_mps2", expected, found, "correct the unit, of dt_s or of the acceleration"))
+    gained = float(motion.velocity_mps.max()) / speed_mps - 1
+    if gained > _GAINED and gained > lost / speed_mps:
+        found = f"a pulse that adds {100 * gained:.0f} % to the impact speed"
+        raise DataError(Problem("accel_mps2", "acceleration, negative while braking", found, "change its sign"))
     likely = {"km/h": KPH} if speed_mps > _FASTEST_MPS else {}
     accel, last = np.abs(motion.accel_mps2), max(motion.accel_mps2.size // 10, 1)
-    if motion.velocity_mps[-1] > 0 and accel[-last:].mean() < _OVER * accel.max():
-        change, (least, most) = float(speed_mps - motion.velocity_mps.min()) / speed_mps, _REBOUND
+    is_over = motion.velocity_mps[-1] > 0 and accel[-last:].mean() < _OVER * accel.max()
+    change, (least, most) = lost / speed_mps, _REBOUND
+    if is_over:
         likely |= {unit: size for unit, size in (("mph", MPH), ("km/h", KPH)) if least < change / size < most}
         stated += f", of which the pulse takes away {100 * change:.0f} %"
     for unit, size in likely.items():
         advice = f"convert it: {speed_mps:g} {unit} are {speed_mps * size:.4g} m/s"
         raise DataError(Problem("speed_mps", expected, stated, advice))
+    if is_over and least < change * G < most:
+        found = f"a pulse that takes away {100 * change:.0f} % of the impact speed"
+        raise DataError(Problem("accel_mps2", "acceleration in m/s²", found, f"multiply it by {G:g} if it is in g"))
+    if draws_mps2 is None:
+        return accel_mps2, None
+    draws_mps2 = numbers("draws_mps2", draws_mps2)
+    if draws_mps2.ndim != 2 or draws_mps2.shape[-1] != accel_mps2.size or not draws_mps2.size:
+        expected, shape = f"whole pulses, shape (n_draws, {accel_mps2.size})", f"shape {draws_mps2.shape}"
+        raise DataError(Problem("draws_mps2", expected, shape, "give each draw as many samples as the pulse has"))
+    return accel_mps2, draws_mps2
 
 
 def pulse_metrics(
@@ -316,9 +357,8 @@ def pulse_metrics(
     One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
     more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
-    accel_mps2 = np.asarray(accel_mps2, dtype=np.float64)
-    require_step(dt_s, accel_mps2.size)
-    _require_mps(speed_mps, kinematics(accel_mps2, speed_mps, dt_s))
+    accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, dt_s, draws_mps2)
+    require_a(OccupantModel, occupant, "crashfuse.OccupantModel()")
     return checked_metrics(accel_mps2, speed_mps, dt_s=dt_s, draws_mps2=draws_mps2, occupant=occupant)
 
 

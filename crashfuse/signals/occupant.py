@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, require_number
 from crashfuse.signals.pulse import FloatArray
 
 
@@ -27,7 +27,7 @@ class OccupantModel:
     Raises
     ------
     UsageError
-        If one is outside of :data:`OCCUPANT_RANGES`.
+        If one is outside of :data:`OCCUPANT_RANGES`, or a length is in m.
     """
 
     olc_free_flight_mm: float = 65.0
@@ -37,8 +37,11 @@ class OccupantModel:
 
     def __post_init__(self) -> None:
         for name, (low, high) in OCCUPANT_RANGES.items():
-            if not low <= getattr(self, name) <= high:
-                raise UsageError(f"{name} is between {low} and {high}, not {getattr(self, name)!r}.")
+            require_number(name, value := getattr(self, name))
+            if not low <= value <= high:
+                raise UsageError(f"{name} is between {low} and {high}, not {value!r}.")
+            if advice := likely_m(name, value):
+                raise UsageError(f"{name} is in mm, and {value:g} is no such length: {advice}.")
 
     @property
     def olc_words(self) -> str:
@@ -58,6 +61,11 @@ class OccupantModel:
     def _unless_usual(self, words: str) -> str:
         own = words.format(self)
         return "" if own == words.format(USUAL_OCCUPANT) else own
+
+
+def likely_m(name: str, value: float) -> str:
+    """What to write if a length in mm must have been given in m; empty if it need not."""
+    return f"if {value:g} m is meant, write {1e3 * value:g}" if name.endswith("_mm") and 0 < value < 1 else ""
 
 
 # a slack or free flight of nothing is a choice; without a restraint or a spring there is no metric

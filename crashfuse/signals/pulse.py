@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable, require_number
 
 FloatArray = npt.NDArray[np.floating[Any]]
 
@@ -37,18 +37,19 @@ class Pulse:
     Raises
     ------
     DataError
-        If the two differ in length, have fewer than two samples or a NaN, or time steps are not even.
+        If the two differ in length, have fewer than two samples or a NaN, time steps are not even, or the time can only
+        be in ms.
     """
 
     time_s: FloatArray
     accel_mps2: FloatArray
 
     def __post_init__(self) -> None:
-        time = np.asarray(self.time_s, dtype=np.float64)
-        accel = np.asarray(self.accel_mps2, dtype=np.float64)
+        time, accel = numbers("time_s", self.time_s), numbers("accel_mps2", self.accel_mps2)
         found = _trouble(time, accel)
         if found:
             raise DataError(Problem("pulse", "evenly sampled, finite numbers", found, "mend the record"))
+        require_step(float(time[1] - time[0]), time.size)
         for name, values in (("time_s", time), ("accel_mps2", accel)):
             values = values.copy() if values.flags.writeable else values
             values.flags.writeable = False
@@ -73,13 +74,23 @@ class Pulse:
         return kinematics(self.accel_mps2, speed_mps, self.dt_s)
 
 
+def numbers(name: str, values: object) -> FloatArray:
+    """Values as float64; a DataError if they are a path, text or another object."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = printable(repr(values), 60)
+        raise DataError(Problem(name, "an array of numbers", found, "pass the values of the curve")) from None
+
+
 def require_step(dt_s: float, n: int) -> None:
     """Raise a DataError if a time step in s of a record of n samples is none, or is in ms rather."""
+    require_number("dt_s", dt_s)
     if not 0 < dt_s < np.inf:
         raise DataError(Problem("dt_s", "a time step above 0, in s", f"{dt_s:g}", "state the step of the record"))
     if dt_s > _LONGEST_STEP_S or n * dt_s > _LONGEST_S:
         found = f"{dt_s:g}, a record of {n * dt_s:g} s"
-        advice = f"state it in s: if {dt_s:g} ms is meant, dt_s={dt_s * 1e-3:g}"
+        advice = f"state times in s: {dt_s:g} ms are {dt_s * 1e-3:g} s"
         raise DataError(Problem("dt_s", "the time step of a crash, in s", found, advice))
 
 

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.signals.pulse import FloatArray, Pulse, require_step
+from crashfuse.errors import DataError, Problem, UsageError, printable, require_number
+from crashfuse.signals.pulse import FloatArray, Pulse, numbers, require_step
 from crashfuse.signals.rating_scores import (
     MAX_SHIFT,
     WARP_BAND,
@@ -108,7 +108,7 @@ def rate_iso18571(
         If the reference is flat, a value is NaN or beyond 1e100, the lengths differ, the window is under 10 ms or
         reaches beyond a record, or the step can only be in ms.
     UsageError
-        If a pulse is to be rated against an array, or arrays have no step.
+        If a pulse is to be rated against an array, arrays have no step, or a pulse is given one.
 
     Notes
     -----
@@ -125,12 +125,14 @@ def curves_at_10_khz(
 ) -> tuple[FloatArray, FloatArray]:
     """The two curves as :func:`rate_iso18571` rates them, which says what they may be."""
     if isinstance(reference, Pulse) and isinstance(comparison, Pulse):
+        if dt_s is not None:
+            raise UsageError("A pulse has its times: leave out dt_s, which is the step of arrays.")
         return rated_curves(reference, comparison, USUAL_WINDOW_MS if window_ms is None else window_ms)
     if isinstance(reference, Pulse) or isinstance(comparison, Pulse):
         raise UsageError("A pulse is rated against a pulse, and an array against an array with its step, dt_s.")
     if dt_s is None:
         raise UsageError("Arrays are rated with their time step in s, such as dt_s=8e-5.")
-    reference, comparison = (np.asarray(curve, dtype=np.float64) for curve in (reference, comparison))
+    reference, comparison = numbers("reference", reference), numbers("comparison", comparison)
     _check(reference, comparison[None], dt_s)
     if window_ms is None:
         return _at_10_khz(reference, dt_s), _at_10_khz(comparison, dt_s)
@@ -173,6 +175,7 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
 
 def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple[FloatArray, FloatArray]:
     """The two curves that are rated over [0, window_ms), in m/s² at 10 kHz; raises as :func:`rate_windows`."""
+    require_number("window_ms", window_ms)
     curves = []
     for name, pulse in (("reference", reference), ("comparison", comparison)):
         begin, end = pulse.time_s[0], pulse.time_s[-1] + pulse.dt_s

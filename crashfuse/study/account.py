@@ -8,6 +8,7 @@ from crashfuse.approaches.registry import CLASSES
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
+from crashfuse.errors import one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
@@ -170,8 +171,10 @@ def worst_test(
     cache : Cache, optional
         As for :func:`account`.
     """
+    require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms
     chosen = recommend(study).approach if approach is None else approach
+    one_of("approach of this study", chosen, dict.fromkeys(study.config.approaches))
     known = _worst.setdefault(study, {})  # requested by files, report, and terminal or page
     if (window, chosen) not in known:
         known[window, chosen] = _worst_test(study, window, chosen, cache)

@@ -10,7 +10,7 @@ from crashfuse.approaches.base import Approach
 from crashfuse.approaches.registry import APPROACHES, create, require_approach
 from crashfuse.approaches.settings import DEVICES, PRESETS, Device, Preset, Settings
 from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError, one_of, several
+from crashfuse.errors import UsageError, one_of, printable, several
 from crashfuse.execution.cache import Cache
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
@@ -47,23 +47,23 @@ class StudyConfig:
 
     def __post_init__(self) -> None:
         approaches, way = several(self.approaches), self.leave_out
-        object.__setattr__(self, "approaches", approaches)
         object.__setattr__(self, "leave_out", re.sub("[-_]", " ", way) if isinstance(way, str) else way)
         if not approaches:
             raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
         for name in approaches:
             require_approach(name)
+        object.__setattr__(self, "approaches", tuple(dict.fromkeys(approaches)))
         one_of("preset", self.preset, dict.fromkeys(PRESETS))
         one_of("way to leave tests out", self.leave_out, dict.fromkeys(get_args(LeaveOut)))
         one_of("device", self.device, dict.fromkeys(DEVICES))
         if not (isinstance(self.seed, Integral) and 0 <= self.seed < 2**32):
             raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {self.seed}.")
-        if isinstance(self.windows_ms, str) or not (isinstance(self.windows_ms, Sequence) and self.windows_ms):
-            raise UsageError(f"Name at least one rating window, such as (60.0,), not {self.windows_ms!r}.")
-        for window in self.windows_ms:
-            if not (isinstance(window, Real) and 10 <= window <= 100):
-                asked = str(window).removesuffix(".0")
-                raise UsageError(f"A rating window of {asked} ms is not possible; choose 10 to 100 ms.")
+        windows = several(self.windows_ms)
+        if not windows:
+            raise UsageError("Name at least one rating window, such as (60.0,).")
+        for window in windows:
+            require_window(window)
+        object.__setattr__(self, "windows_ms", tuple(dict.fromkeys(map(float, windows))))
 
     @classmethod
     def parse(cls, values: Mapping[str, Any]) -> Self:
@@ -108,6 +108,13 @@ class StudyConfig:
     def create(self, approach: str, cache: Cache | None = None) -> Approach:
         """Create the unfitted approach with this name and these settings."""
         return create(approach, settings=Settings(self.preset, self.seed, self.device, cache))
+
+
+def require_window(window_ms: object) -> None:
+    """Raise a UsageError if nothing can be rated over [0, window_ms) of a prediction."""
+    if not (isinstance(window_ms, Real) and 10 <= float(window_ms) <= 100):
+        asked = printable(str(window_ms), 40).removesuffix(".0")
+        raise UsageError(f"A rating window of {asked} ms is not possible; choose 10 to 100 ms.")
 
 
 def require_rated(what: str, window_ms: float, known: Sequence[float]) -> None:

@@ -27,7 +27,7 @@ class Cost:
         UsageError
             If it is no number above 0.
         """
-        found = _AMOUNT.fullmatch(text.strip())
+        found = _AMOUNT.fullmatch(str(text).strip())
         amount = float(found["number"].replace(",", "")) if found else 0.0
         if found is None or not 0 < amount < math.inf:
             raise UsageError(

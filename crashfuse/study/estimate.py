@@ -15,7 +15,7 @@ from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, 
 from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, require_a
 from crashfuse.execution.cache import Cache, Entry, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.one_thread import one_thread
@@ -107,6 +107,8 @@ class Fit:
         Cancelled
             If the watch was told to stop.
         """
+        require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+        require_a(StudyConfig, config, "crashfuse.StudyConfig()")
         cache = cache or Cache()
         with blamed_on(approach):
             learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
@@ -159,6 +161,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     UsageError
         If the speed or a weight is not above 0, or beyond any barrier test.
     """
+    require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
         raise UsageError(Sentence("A prediction takes a speed and weights above 0, not {}.", condition))
     if is_beyond(condition):

@@ -7,6 +7,7 @@ import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS
+from crashfuse.errors import require_number
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.estimate import Estimate
@@ -114,6 +115,7 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     window_ms : float
         The rating is over [0, window_ms).
     """
+    require_number("window_ms", window_ms)
     speed_mps, left_out = estimate.prediction.condition.speed_mps, estimate.left_out_mps2
     speeds = np.array([test.condition.speed_mps for test in campaign.tests])
     tests = [test for test in campaign.tests if test.id in left_out]

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, replace
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -22,7 +23,7 @@ from crashfuse.approaches.metric_calibration import Distribution, metric_distrib
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.one_thread import one_thread_throughout
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 
     import plotly.graph_objects as go
 
+    from crashfuse.certification.criteria_file import CriteriaGiven
     from crashfuse.reporting.plots.display import DisplayOptions
 
 REPEATS = 3
@@ -102,10 +104,29 @@ class LearningCurve:
 
         Each is a mean over the even choices that leave the test out. So means over the rows count every test once, and
         differences between columns compare the same tests.
+
+        Raises
+        ------
+        UsageError
+            If the curve is not of this approach.
         """
+        one_of("approach of this learning curve", approach, dict.fromkeys(self.config.approaches))
         table = self.table
         own = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[own].pivot_table(index="held_out", columns="n_tests", values="overall")
+
+    def decided(self, criteria: "CriteriaGiven") -> "LearningCurve":
+        """The same curve with the share of verdicts that each prediction decides, as ``crashfuse learning-curve`` adds.
+
+        Parameters
+        ----------
+        criteria : path, DataFrame, mapping or sequence of mappings, or Criteria
+            As in :func:`crashfuse.reporting.verdicts.certify`, which raises the same.
+        """
+        from crashfuse.certification.criteria_file import criteria_given
+        from crashfuse.certification.decided import with_decided
+
+        return with_decided(self, criteria_given(criteria))
 
     def plot(self, **display: "Unpack[DisplayOptions]") -> "go.Figure":
         """Rating and width of the band over the number of tests, as the page Study shows them.
@@ -181,8 +202,9 @@ def learning_curve(
     CrashfuseError
         If workers die repeatedly, or the cluster cannot be reached or has other versions.
     """
-    if repeats < 0:
-        raise UsageError(f"The number of random choices must be 0 or more, not {repeats}.")
+    require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+    if not (isinstance(repeats, Integral) and repeats >= 0):
+        raise UsageError(f"The number of random choices is 0 or more, not {repeats!r}.")
     start = time.perf_counter()
     config = replace(config, leave_out="test")
     StudyPlan(campaign, config)  # checks tests, windows and settings

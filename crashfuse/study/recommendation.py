@@ -18,6 +18,7 @@ from crashfuse.approaches.registry import BASELINE, CLASSES, by_preference
 from crashfuse.approaches.time_domain.about import AboutTimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.errors import require_a
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import grade
 from crashfuse.study.estimate import Estimate
@@ -125,6 +126,7 @@ def recommend(study: Study) -> Recommendation:
     these the mixture comes first, then the displacement domain, which the paper prefers (Sect. 4.3). Of a study of a
     single test it is the recommendation that was made without that test, with how it came out.
     """
+    require_a(Study, study, "crashfuse.run_study(campaign)")
     if study not in _recommended:  # requested by files, report, and terminal or page
         _recommended[study] = _recommendation(study) if len(study.folds) > 1 else _recommendation_for_one(study)
     return _recommended[study]

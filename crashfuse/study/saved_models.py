@@ -18,7 +18,7 @@ from crashfuse.approaches.base import Approach, FittedState
 from crashfuse.approaches.metric_calibration import metric_errors
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, require_a
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.files.atomic import write_atomically
 from crashfuse.study.config import StudyConfig
@@ -39,7 +39,13 @@ def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
         If the approach has not been fitted.
     OSError
         If the file cannot be written.
+    UsageError
+        If the fit is of another campaign.
     """
+    require_a(Fit, fit, "crashfuse.Fit.of(campaign, approach)")
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    if fit.campaign.fingerprint != campaign.fingerprint:
+        raise UsageError(f"The fit of {fit.approach.name} learned from other data than {campaign.name} holds.")
     write_atomically(Path(path), model_bytes(fit, campaign))
 
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 import streamlit as st
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria_file import read_criteria
-from crashfuse.certification.decided import with_decided
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
@@ -69,7 +67,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     criteria = view.folder / "criteria.toml"
     if criteria.is_file():
         try:
-            found = with_decided(found, read_criteria(criteria))
+            found = found.decided(criteria)
         except DataError as error:
             st.warning(plain(str(error.problems[0])), icon=":material/error:")
     curve = found.over(view.display.window_ms)

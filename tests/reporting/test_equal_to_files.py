@@ -70,6 +70,12 @@ def test_those_of_a_prediction(read: crashfuse.Campaign, campaign_on_disk: Path,
     assert_is_file(prediction.metrics, out / "metrics.csv")
     own = prediction.pulses.query("approach == 'displacement_domain'")[["time_ms", "acceleration_g", "lower_g"]]
     assert prediction.to_frame()[list(own)].equals(own.reset_index(drop=True))
+    prediction.write(tmp_path / "library")
+    ours, theirs = (
+        json.loads((of / "prediction.json").read_text(encoding="utf-8")) for of in (tmp_path / "library", out)
+    )
+    assert ours["config"] == theirs["config"]
+    assert ours["config"]["approaches"] == list(APPROACHES)
 
 
 @pytest.mark.slow
@@ -78,7 +84,10 @@ def test_those_of_plans(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_pa
     weights, kind = OPTIONS[2:], ("--factor", "drive=FWD")
     speeds = ("--speed-mph", "28", "30.5")
     out = run("sweep", campaign_on_disk, tmp_path / "sweep", *weights, *speeds, *kind, "--approach", *APPROACHES)
-    assert_is_file(crashfuse.sweep(read, CONDITION, (28, 30.5), APPROACHES).table, out / "sweep.csv")
+    sweep = crashfuse.sweep(read, CONDITION, (28, 30.5), APPROACHES)
+    assert_is_file(sweep.table, out / "sweep.csv")
+    sweep.write(tmp_path / "library")
+    assert (tmp_path / "library" / "report.html").read_bytes() == (out / "report.html").read_bytes()
     out = run("next-test", campaign_on_disk, tmp_path / "next")
     assert_is_file(crashfuse.next_test(read).table, out / "next_tests.csv")
 
@@ -100,11 +109,22 @@ def test_those_of_a_certification(read: crashfuse.Campaign, campaign_on_disk: Pa
 
 @pytest.mark.slow
 def test_that_of_a_learning_curve(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
-    """Each part of the tests, held-out test, approach and window."""
-    options = ("--approach", *APPROACHES, "--repeats", "0", "--workers", "1")
+    """Each part of the tests, held-out test, approach and window; with what criteria are decided."""
+    (tmp_path / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 430.0\n', encoding="utf-8")
+    options = (
+        "--approach",
+        *APPROACHES,
+        "--repeats",
+        "0",
+        "--workers",
+        "1",
+        "--criteria",
+        str(tmp_path / "criteria.toml"),
+    )
     out = run("learning-curve", campaign_on_disk, tmp_path / "out", *options)
-    curve = crashfuse.learning_curve(read, CONFIG, repeats=0, workers=1)
+    curve = crashfuse.learning_curve(read, CONFIG, repeats=0, workers=1).decided(CRITERIA)
     assert_is_file(curve.table, out / "learning_curve.csv")
+    assert curve.table["decided"].notna().all()
 
 
 def test_what_check_says_of_the_runs(

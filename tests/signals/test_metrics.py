@@ -97,7 +97,7 @@ def test_vehicle_that_does_not_stop_has_no_t0_and_no_crush() -> None:
         (0.95 * DELTA_V_MPS / MPH, DT_S, "mph are"),
         (0.95 * DELTA_V_MPS / KPH, DT_S, "km/h are"),
         (130.0, DT_S, "130 km/h are 36.11 m/s"),
-        (15.0, 0.08, "if 0.08 ms is meant, dt_s=8e-05"),
+        (15.0, 0.08, "0.08 ms are 8e-05 s"),
         (-15.0, DT_S, "a number above 0"),
         (np.nan, DT_S, "a number above 0"),
         (15.0, 0.0, "a time step above 0"),

@@ -381,7 +381,7 @@ def nan_at(index: int) -> FloatArray:
         (lambda: rate_iso18571(bell(250), 1e200 * bell(250), dt_s=DT_S), "expected finite numbers, found -"),
         (lambda: rate_iso18571(bell(20, 99), bell(20, 99), dt_s=DT_S), "window: expected at least 10 ms, found 9.9 ms"),
         (lambda: rate_iso18571(bell(250), bell(250), dt_s=0.0), "dt_s: expected a time step above 0, in s, found 0"),
-        (lambda: rate_iso18571(bell(250), bell(250), dt_s=0.08), "dt_s: .* found 0.08, .* dt_s=8e-05"),
+        (lambda: rate_iso18571(bell(250), bell(250), dt_s=0.08), "dt_s: .* found 0.08, .* 0.08 ms are 8e-05 s"),
         (lambda: rate_iso18571(bell(250), bell(250), dt_s=DT_S, window_ms=80), "reference: .* 0–80 ms, found 0–60 ms"),
         (lambda: rate_iso18571(bell(250), bell(250, 599), dt_s=DT_S), "comparison: .* 600 samples, found 599"),
         (lambda: rate_iso18571(bell(250), np.ones((2, 600)), dt_s=DT_S), "comparison: .* found 2 × 600"),

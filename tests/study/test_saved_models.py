@@ -17,7 +17,7 @@ from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, NotFittedError
+from crashfuse.errors import DataError, NotFittedError, UsageError
 from crashfuse.study import saved_models as models
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
@@ -105,6 +105,13 @@ def test_other_data_is_refused(campaign: Campaign, saved: Path) -> None:
     """A model is shown beside the data it learned from, or not at all."""
     with pytest.raises(DataError, match=r"a model of the data in Tiny .* found one of Tiny .* take the campaign"):
         load_model(saved, campaign.without(["T1"]))
+
+
+def test_a_fit_is_not_saved_as_one_of_other_data(campaign: Campaign, fits: dict[str, Fit], tmp_path: Path) -> None:
+    """It would be taken for one that has not seen the test that is missing there."""
+    with pytest.raises(UsageError, match="learned from other data"):
+        save_model(fits["displacement_domain"], campaign.without(["T1"]), tmp_path / "other.safetensors")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["crashfuse", "numpy", "torch", "Python"])

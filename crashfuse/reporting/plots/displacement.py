@@ -14,7 +14,7 @@ from crashfuse.approaches.displacement_domain.dynamics import replay
 from crashfuse.reporting.plots.canvas import add_line, new_figure, room_for_names
 from crashfuse.reporting.plots.curves import TEST, Curve, curve_lines, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.signals.energy import energy_crush
+from crashfuse.signals.energy import checked_energy
 from crashfuse.signals.loading import LoadingPhase, loading_phase
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray, Pulse
@@ -109,11 +109,11 @@ def energy_over_crush(
     """
     figure = displacement_figure(height=460 + room_for_names(predictions))
     pulses = {
-        name: (energy_crush(own.accel_mps2, own.condition.speed_mps, draws_mps2=own.draws_mps2), own.condition.mass_kg)
+        name: (checked_energy(own.accel_mps2, own.condition.speed_mps, own.draws_mps2), own.condition.mass_kg)
         for name, own in predictions.items()
     }
     if measured is not None:
-        pulses[TEST] = energy_crush(measured.accel_mps2, speed_mps), mass_kg
+        pulses[TEST] = checked_energy(measured.accel_mps2, speed_mps), mass_kg
     curves = {}
     for name, (found, own_mass_kg) in pulses.items():
         band, scale = None, own_mass_kg / _KJ

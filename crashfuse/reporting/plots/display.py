@@ -3,16 +3,15 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from numbers import Real
 from typing import Any, Self, TypedDict, TypeVar, Unpack, cast
 
 import numpy as np
 
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, one_of, printable
+from crashfuse.errors import one_of, require_a
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.study.config import WINDOWS_MS
+from crashfuse.study.config import WINDOWS_MS, require_window
 from crashfuse.units import G
 from crashfuse.wording import MPH_LB, SYSTEMS, AccelerationUnit, UnitSystem, said, speed, weight
 
@@ -55,7 +54,7 @@ class Display:
     Raises
     ------
     UsageError
-        If there is no such unit or system, or the window is no time above 0.
+        If there is no such unit or system, the window is not of 10 to 100 ms, or the sign is no bool.
     """
 
     window_ms: float = WINDOWS_MS[-1]
@@ -67,8 +66,8 @@ class Display:
         object.__setattr__(self, "unit", one_of("unit of accelerations", self.unit, _UNITS))
         if not isinstance(self.system, UnitSystem):
             object.__setattr__(self, "system", one_of("system of units", self.system, SYSTEMS))
-        if not (isinstance(self.window_ms, Real) and self.window_ms > 0):
-            raise UsageError(f"The rated window is a time above 0, in ms, not {printable(repr(self.window_ms), 20)}.")
+        require_window(self.window_ms)
+        require_a(bool, self.deceleration, "deceleration=True shows braking as positive")
 
     @classmethod
     def of(
@@ -86,6 +85,7 @@ class Display:
             one_of("option of a figure", name, DisplayOptions.__annotations__)
         changed = {{"units": "system"}.get(name, name): value for name, value in given.items() if name != "display"}
         shown: Self = given.get("display", replace(DEFAULT, window_ms=usual_ms, system=system))
+        require_a(Display, shown, "crashfuse.Display()")
         return replace(shown, **changed)
 
     @property

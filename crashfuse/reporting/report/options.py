@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.errors import one_of, several
+from crashfuse.errors import one_of, require_a, several
 
 ReportForm = Literal["short", "whole"]
 REPORT_FORMS: tuple[ReportForm, ...] = get_args(ReportForm)
@@ -36,3 +36,5 @@ class ReportOptions:
     def __post_init__(self) -> None:
         one_of("form of a report", self.form, dict.fromkeys(REPORT_FORMS))
         object.__setattr__(self, "tests", several(self.tests))
+        for note in self.notes:
+            require_a(Note, note, "crashfuse.Note(test, text)")

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.crash_test import SPEED_STEP_MPS
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, require_a
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import REPEAT, TABLE_3, TABLE_5, best, rating_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -41,6 +41,8 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
     UsageError
         If a test that is to be shown was not left out.
     """
+    require_a(Study, study, "crashfuse.run_study(campaign)")
+    require_a(ReportOptions, options, "crashfuse.ReportOptions('short')")
     campaign, config = study.campaign, study.config
     held_out = [fold.held_out for fold in study.folds]
     if unknown := set(options.tests).difference(held_out):
