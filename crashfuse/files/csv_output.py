@@ -8,7 +8,7 @@ without it. Numbers stay as they are, negative ones included.
 import csv
 import io
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Literal, TextIO
 
@@ -46,8 +46,8 @@ def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
     return safe
 
 
-def csv_bytes(table: pd.DataFrame, float_format: str | None = "%.6g") -> bytes:
-    """A table as CSV in UTF-8, by default with six significant digits."""
+def csv_bytes(table: pd.DataFrame, float_format: Callable[[float], str] | None = "{:z.6g}".format) -> bytes:
+    """A table as CSV in UTF-8, by default with six significant digits and without a negative zero."""
     text = without_formulas(table).to_csv(index=False, float_format=float_format, lineterminator="\n")
     return str(text).encode()
 

@@ -110,3 +110,9 @@ def test_a_spreadsheet_program_sees_text() -> None:
     for row, text in enumerate(FORMULAS[-3:], start=1):
         cell = book.active.cell(row, 1, neutral(text).strip())
         assert cell.data_type == "s"
+
+
+def test_no_number_is_a_negative_zero() -> None:
+    """A record that begins with −0.0 is written from 0, in six digits as it was."""
+    table = pd.DataFrame({"g": [-0.0, -1e-12, 1 / 3, np.nan]})
+    assert csv_bytes(table) == b'g\n0\n-1e-12\n0.333333\n""\n'
