@@ -75,10 +75,8 @@ class Curves:
         Raises
         ------
         UsageError
-            If there is none, or no curve whose band is to be filled.
+            If there is none.
         """
-        if self.band is not None:
-            one_of("curve", self.band, self.shown)
         return one_of("figure of pulses", figure, PULSES)(self, display)
 
 
@@ -99,14 +97,16 @@ PULSES: dict[str, Callable[[Curves, Display], go.Figure]] = {
 absorbed over crush; a check of the integration over displacement."""
 
 
-def chosen(known: Mapping[str, T], approaches: Sequence[str] | None) -> dict[str, T]:
+def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str | None = None) -> dict[str, T]:
     """What is known by approach, of those that are asked for, by default all.
 
     Raises
     ------
     UsageError
-        If one of them did not predict.
+        If one of them did not predict, or that whose band is to be filled, shown or not.
     """
+    if band is not None:
+        one_of("prediction by", band, known)
     names = known if approaches is None else several(approaches)
     return {name: one_of("prediction by", name, known) for name in names}
 

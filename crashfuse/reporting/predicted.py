@@ -143,7 +143,7 @@ class PredictedPulse:
             If there is no such figure, approach, test, CAE run, option or unit.
         """
         shown = Display.of(self.campaign.units, **display)
-        own = chosen({each.approach: each for each in self.estimates}, approaches)
+        own = chosen({each.approach: each for each in self.estimates}, approaches, band)
         others = [each.beside(self) if isinstance(each, PredictedPulse) else each for each in several(also)]
         return Curves(None, own | beside(self.campaign, others, shown), self.condition, band).draw(figure, shown)
 

@@ -81,7 +81,7 @@ def figure_of_test(
     if corridors and figure not in _ACCELERATIONS:
         raise UsageError(f"Corridors stand in the figures {' and '.join(_ACCELERATIONS)}, not in {figure}.")
     fold, display = study.fold(held_out), _display(study, options)
-    estimates = chosen({each.approach: each for each in fold.estimates}, approaches)
+    estimates = chosen({each.approach: each for each in fold.estimates}, approaches, band)
     shown = estimates | beside(study.campaign, also, display)
     curves = Curves(fold.test.pulse if measured else None, shown, fold.test.condition, band)
     drawn = draw(_Shown(study, tuple(estimates), display, fold, curves))

@@ -130,6 +130,7 @@ def test_the_parts_of_a_bias_do_not_change_with_the_held_out_pulse(study: Study)
             {"held_out": "T2", "figure": "motoin"},
             "There is no figure of a held-out test 'motoin'; did you mean motion?",
         ),
+        ({"held_out": "T2", "band": "fusd"}, "There is no prediction by 'fusd'; did you mean fused? All are"),
         ({"held_out": "T2", "approaches": ["fusd"]}, "There is no prediction by 'fusd'; did you mean fused? All are"),
         ({"held_out": "T2", "also": ["T7"]}, "Tiny has no test and no CAE run 'T7'; its tests are T1, T2, T3, T4."),
         ({"held_out": "T2", "unit": "mph"}, "There is no unit of accelerations 'mph'; choose from g, m/s², m/s2."),
