@@ -65,14 +65,23 @@ def test_no_page_makes_anything_of_it(server: "Server", user: "User", foreign: P
         user.open_tab(tab)
         user.find(MAIN)
         assert made(user) == []
+    user.go("Study")
+    user.starts("Leave out each", FIGURE)
+    for tab in ("Bands", "The paper's tables", "Files and report", "Ratings"):
+        user.open_tab(tab)
+        assert made(user) == []
     user.go("Predict")
     user.starts("Predict", FIGURE)
     user.press("Pin this prediction")
     user.press("1 pinned")
     assert made(user) == []
-    user.go("Certify")
+    user.open(server, "certify", campaign=foreign.name, approach="cae")
     user.sees("Criteria and conditions")
     assert made(user) == []
+    user.starts("Certify", '[class*="_tab"] button')
+    for tab in ("Track record", "Earlier verdicts", "Validated domain", "Exceptions", "Verdicts"):
+        user.open_tab(tab)
+        assert made(user) == []
     user.go("History")
     user.sees("History")
     assert made(user) == []
