@@ -162,7 +162,10 @@ def words(app: AppTest) -> str:
 
 def tables(app: AppTest) -> list[pd.DataFrame]:
     """All tables of the page."""
-    return [table.value.map(lambda cell: as_read(cell) if isinstance(cell, str) else cell) for table in app.table]
+    return [
+        table.value.rename(columns=as_read).map(lambda cell: as_read(cell) if isinstance(cell, str) else cell)
+        for table in app.table
+    ]
 
 
 def downloads(app: AppTest) -> list[str]:
@@ -794,7 +797,7 @@ def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("crashfuse.study.config.create", gone)
     app = start("compare")
     finish(press(app, "Predict test T1"))
-    assert app.error[0].value == "There is no CUDA device."
+    assert as_read(app.error[0].value) == "There is no CUDA device."
     for page in ("train", "study", "predict"):
         go(app, page)
 
