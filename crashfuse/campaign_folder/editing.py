@@ -152,6 +152,8 @@ def _require_one_in_use(known: Sequence[str], unused: set[str]) -> None:
 def _set_why(folder: Path, known: Sequence[str], unused: Mapping[str, str], ids: Sequence[str], why: str) -> str:
     why = reason(why)
     told = f"Left out of use: {named(ids)}{f' ({why})' if why else ''}"
+    if all(unused.get(test_id) == why for test_id in ids):
+        return told  # nothing that could be undone
     return _set_unused(folder, known, {**unused, **dict.fromkeys(ids, why)}, told)
 
 

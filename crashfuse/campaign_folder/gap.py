@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import theilslopes
 
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.signals.onset import free_travel_s, onset
@@ -80,6 +79,8 @@ def find_gap(
     test_speed, test_free_s, _ = _free_travel(test_speeds_mps, tests)
     distance = float(np.median(v * t))
     if v.size >= _FEWEST and v.max() > _SPEEDS_APART * v.min():
+        from scipy.stats import theilslopes  # half a second
+
         with np.errstate(invalid="ignore"):  # of its confidence interval, where all times are one
             slope, constant = map(float, theilslopes(t, 1 / v)[:2])
         usual = np.median(t)

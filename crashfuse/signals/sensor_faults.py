@@ -255,11 +255,12 @@ class _Spans(NamedTuple):
     after: FloatArray
 
 
-def _spans(band: _Signal, length: int, gap_s: float) -> _Spans:
-    """All spans within the crash that have a sample so far off on both sides."""
+def _spans(band: _Signal, length: int, gap_s: float) -> _Spans | None:
+    """All spans within the crash that have a sample so far off on both sides; None if there is none."""
     gap = max(length // 2, band.samples(gap_s))
     first = np.arange(max(gap, band.first + 1), min(band.accel.size - length - gap, band.last - length))
-    first = first[: first.size * (length >= _FEWEST)]
+    if length < _FEWEST or not first.size:
+        return None
     views = sliding_window_view(band.accel, length + 1)[first]
     mean = views.mean(axis=1)
     return _Spans(
@@ -274,7 +275,7 @@ def _flat_top(band: _Signal) -> Iterator[SensorFault]:
     for lasts_s in (3, 4, 6, 9, 14, 20, 30):
         length = band.samples(lasts_s * MS)
         spans = _spans(band, length, 2 * MS)
-        if not spans.first.size:
+        if spans is None:
             continue
         sign = np.sign(spans.mean)
         at_top = np.abs(spans.mean) > 0.97 * np.where(sign < 0, -extremes[0], extremes[1])
@@ -295,7 +296,7 @@ def _lost(band: _Signal) -> Iterator[SensorFault]:
     for lasts_s in (1.6, 2, 2.5, 3, 4):
         length = band.samples(lasts_s * MS)
         spans = _spans(band, length, 2 * MS)
-        if not spans.first.size:
+        if spans is None:
             continue
         around = np.minimum(np.abs(spans.before), np.abs(spans.after))
         gap = (np.abs(spans.mean) < _ZERO * around) & (spans.before * spans.after > 0) & (around > 0.2 * band.peak)
@@ -334,7 +335,7 @@ def _held(band: _Signal) -> Iterator[SensorFault]:
     """The best flat stretch of 3 ms that the signal leaves at once on one side; sound: 0.8."""
     length = band.samples(3 * MS)
     spans = _spans(band, length, 1.5 * MS)
-    if not spans.first.size:
+    if spans is None:
         return
     leap = np.maximum(np.abs(spans.before), np.abs(spans.after))
     score = leap * (leap > _JUMP * band.peak) * (np.abs(spans.mean) > _IN_CRASH * band.peak)

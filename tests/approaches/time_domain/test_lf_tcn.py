@@ -80,7 +80,7 @@ def test_another_seed_or_library_is_another_entry(campaign: Campaign) -> None:
 def test_a_condition_beyond_the_library_is_flagged(lf: LfTcn) -> None:
     """The note names the input that lies outside."""
     (note,) = lf.predict(Condition.of_vector([60 * MPH, 2050 * LB, 1550 * LB])).notes
-    assert "speed 60 mph" in note
+    assert "speed 60.0 mph" in note
 
 
 def test_members_differ_and_their_mean_predicts(campaign: Campaign, lf: LfTcn) -> None:
