@@ -195,8 +195,10 @@ class User:
         self.wait(lambda: self.all(shown), f"{label!r} never came to {shown}.", 4 * SOON)
 
     def go(self, page: str) -> None:
-        """Turn to a page by the link in the sidebar."""
+        """Turn to a page by the link in the sidebar, and wait until it has taken the place of the one before."""
         self.press(page, LINK)
+        if page != "Data":  # whose title is the campaign's name
+            self.wait(lambda: self.all(f"{MAIN} h1", page), f"The page {page} never began.")
 
     def choose_approaches(self, *labels: str) -> None:
         """On Train, choose these approaches of all."""
