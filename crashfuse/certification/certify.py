@@ -89,7 +89,7 @@ class Certification:
         earlier.require_of(self.campaign)
         since = TestedSince(earlier, self.campaign)
         record = replace(self.record, since=since.trials(self.criteria))
-        rows = held(self.judged, run_at(self.campaign, self.matrix), self.criteria, record)
+        rows = held(self.judged, self.campaign, self.matrix, self.criteria, record)
         gone = [since.gone_at(condition) for condition in self.matrix.conditions]
         verdicts = tuple(
             tuple(beside_gone_tests(own, tests) for own in row) for row, tests in zip(rows, gone, strict=True)
@@ -226,7 +226,7 @@ def certify_matrix(
         judge(forecasts[cell], cell.condition, criteria, domain.outside(cell.condition), was_run=bool(tests))
         for cell, tests in zip(cells, run, strict=True)
     )
-    verdicts = held(judged, run, criteria, record)
+    verdicts = held(judged, campaign, matrix, criteria, record)
     return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
 
 

@@ -11,7 +11,8 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, beside_tests
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.wording import joined
+from crashfuse.study.facts import departures_near
+from crashfuse.wording import Sentence, joined, read_out
 
 
 def run_near(campaign: Campaign, condition: Condition) -> tuple[CrashTest, ...]:
@@ -32,17 +33,28 @@ def run_at(campaign: Campaign, matrix: Matrix) -> tuple[tuple[str, ...], ...]:
 
 def held(
     judged: tuple[tuple[Verdict, ...], ...],
-    run: Sequence[Sequence[str]],
+    campaign: Campaign,
+    matrix: Matrix,
     criteria: Criteria,
     record: TrackRecord,
 ) -> tuple[tuple[Verdict, ...], ...]:
-    """Verdicts held against the record, and against the tests that were ``run`` at each condition."""
+    """Verdicts held against the record, and against the tests that were run at each condition, or stand apart there."""
     supports = {own: record.support(own) for own in criteria.items}
     found = []
-    for row, tests in zip(judged, run, strict=True):
+    for row, tests, condition in zip(judged, run_at(campaign, matrix), matrix.conditions, strict=True):
         own = (_supported(verdict, supports[verdict.criterion], criteria.confidence) for verdict in row)
-        found.append(tuple(_beside_tests(verdict, tests, record) for verdict in own))
+        beside = (_beside_tests(verdict, tests, record) for verdict in own)
+        apart = [departure.test for departure in departures_near(campaign, condition)]
+        found.append(tuple(_beside_apart(verdict, apart) for verdict in beside))
     return tuple(found)
+
+
+def _beside_apart(verdict: Verdict, tests: Sequence[str]) -> Verdict:
+    """The verdict with a word on tests that stand apart at about its speed."""
+    if not tests:
+        return verdict
+    caveat = Sentence("{} stands apart at about this speed: another test may fold as it did.", read_out(tests))
+    return replace(verdict, reason=joined([verdict.reason, caveat]))
 
 
 def _beside_tests(verdict: Verdict, run: Sequence[str], record: TrackRecord) -> Verdict:

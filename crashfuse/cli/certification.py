@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
-from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
+from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import DataError, Problem, UsageError
 
 if TYPE_CHECKING:
@@ -57,13 +57,12 @@ def certify(arguments: argparse.Namespace) -> None:
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it
         kept_files.keep_certification(content, campaign)
+    say_facts(campaign, display)
     print(counts_table(certification, display.units).to_string(index=False))
     since = () if earlier is None else change_sentences(Changes.of(certification))
     print(*map(display.words, dict.fromkeys((*summary(certification), *since))), sep="\n")
     if alone:
         print(f"{alone} --since holds one against them.")
-    if campaign.notice:
-        print(campaign.notice)
     say_written(arguments.out, "certification")
     print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
 

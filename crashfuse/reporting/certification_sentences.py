@@ -9,6 +9,7 @@ from crashfuse.certification.evidence import run_near
 from crashfuse.certification.verdict import WORDS, Verdict, reaches
 from crashfuse.reporting.certification_changes import outcome_sentences, saved_and_missed
 from crashfuse.reporting.certification_exceptions import (
+    APART,
     FEW,
     MOVED,
     NARROW_SINCE,
@@ -49,7 +50,7 @@ def summary(certification: Certification) -> tuple[str, ...]:
 
 def beside_matrix(certification: Certification) -> tuple[str, ...]:
     """What stands beside the matrix: what came of it, what speaks against it, and why likely criteria are open."""
-    told, subjects = exceptions(certification), (WRONG_SINCE, MOVED, NARROW_SINCE, NOT_USED, UNSUPPORTED)
+    told, subjects = exceptions(certification), (APART, WRONG_SINCE, MOVED, NARROW_SINCE, NOT_USED, UNSUPPORTED)
     return (*to_test(certification), *(sentence for subject in subjects for sentence in told.get(subject, ())))
 
 

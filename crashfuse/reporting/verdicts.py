@@ -26,7 +26,7 @@ from crashfuse.reporting.certification_tables import (
     track_record_table,
     verdict_counts,
 )
-from crashfuse.reporting.notebook import card
+from crashfuse.reporting.notebook import card, facts_words
 from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.track_record import record_figure, reliability
@@ -140,7 +140,7 @@ class Verdicts:
             }
             for i, own in self.certification.cells
         )
-        return card(repr(self)[1:-1], pd.DataFrame(rows))
+        return card(repr(self)[1:-1], pd.DataFrame(rows), facts_words(self.certification.campaign, display))
 
 
 FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {

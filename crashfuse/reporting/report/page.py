@@ -13,6 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
+from crashfuse.fact import Fact
 from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
@@ -20,6 +21,7 @@ from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import campaign_facts
 from crashfuse.wording import Sentence, speed, weight
 
 
@@ -66,7 +68,7 @@ def render(
         template,
         f"{campaign.name}: {title}",
         display,
-        notice=campaign.notice,
+        facts=campaign_facts(campaign),
         campaign=campaign,
         config=config,
         tests=tests_table(campaign, display),
@@ -81,7 +83,7 @@ def render(
     )
 
 
-def render_in_frame(template: str, title: str, display: Display, *, notice: str | None = None, **own: object) -> str:
+def render_in_frame(template: str, title: str, display: Display, *, facts: Sequence[Fact] = (), **own: object) -> str:
     """The complete file of a report that has nothing but its frame in common with the others."""
     return (
         _templates(display)
@@ -89,7 +91,7 @@ def render_in_frame(template: str, title: str, display: Display, *, notice: str 
         .render(
             own,
             title=title,
-            notice=notice,
+            facts=facts,
             verdict_colours=VERDICT_COLOURS,
             plotly=Markup(get_plotlyjs()),  # noqa: S704
             numbers=count(1),
