@@ -10,7 +10,7 @@ from crashfuse.cli.output import display_of, replacing, require_output, say_fact
 def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.certification.criteria_file import read_criteria
+    from crashfuse.certification.criteria import read_criteria
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.watched import watching
     from crashfuse.study import learning_curve as curves

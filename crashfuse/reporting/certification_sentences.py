@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from crashfuse.certification.answer import answers
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Certification, answers
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.evidence import run_near
 from crashfuse.certification.verdict import WORDS, Verdict, reaches

@@ -7,12 +7,10 @@ from dataclasses import replace
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.answer import answers
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Certification, answers
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.support import largest_share
-from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS, all_met
 from crashfuse.condition import Condition
 from crashfuse.files.csv_output import csv_bytes

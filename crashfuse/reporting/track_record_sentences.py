@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.support import MOST_OF_A_TEST, largest_share
-from crashfuse.certification.track_record import TrackRecord, Trial
+from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, largest_share
 from crashfuse.wording import Quantity, Sentence, joined, probability_text
 
 INTERVAL = 0.95

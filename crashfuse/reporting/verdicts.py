@@ -12,9 +12,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.criteria import CONFIDENCE
-from crashfuse.certification.criteria_file import CriteriaGiven, criteria_given
-from crashfuse.certification.earlier_file import read_earlier
+from crashfuse.certification.criteria import CONFIDENCE, CriteriaGiven, criteria_given
+from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import one_of, require_a
 from crashfuse.execution.cache import Cache

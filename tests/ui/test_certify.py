@@ -13,7 +13,7 @@ from streamlit.testing.v1.element_tree import Selectbox
 
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.certification.criteria_file import criteria_text, read_criteria
+from crashfuse.certification.criteria import criteria_text, read_criteria
 from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_sentences import to_test

@@ -4,7 +4,7 @@ import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
-from crashfuse.certification import kept_files
+from crashfuse.certification import file_store
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
@@ -56,7 +56,7 @@ def show(judgement: Judgement) -> None:
     st.caption(_NUMBERS if n <= MOST_WORDS else _COLOURS)
     _show_cell(certification)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
-    if certification.since is None and (alone := kept_files.beside_none(certification.campaign)):
+    if certification.since is None and (alone := file_store.beside_none(certification.campaign)):
         st.caption(f":material/history: {plain(alone)} Choose one under *Earlier verdicts*.")
     with st.expander("All verdicts as a table", icon=":material/table:"):
         _show_table(certification, display)

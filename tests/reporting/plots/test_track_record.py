@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.support import share_bounds
-from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
+from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial, share_bounds
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
