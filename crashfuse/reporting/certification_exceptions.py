@@ -6,12 +6,12 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.reporting.certification_changes import gone_sentences, narrow_sentence, turned_by_the_move, wrong_since
-from crashfuse.reporting.condition_lists import listed_conditions
-from crashfuse.reporting.track_record_sentences import (
+from crashfuse.reporting.evidence_sentences import (
     brier_sentence,
     interval_sentence,
     is_too_narrow,
     listed,
+    listed_conditions,
     record_sentence,
     waived_sentence,
     wrong_sentences,

@@ -23,12 +23,13 @@ from crashfuse.reporting.certification_exceptions import (
     reserved,
 )
 from crashfuse.reporting.certification_tables import verdict_counts
-from crashfuse.reporting.condition_lists import ONE_BY_ONE, listed_conditions
-from crashfuse.reporting.track_record_sentences import (
+from crashfuse.reporting.evidence_sentences import (
+    ONE_BY_ONE,
     at_most,
     brier_sentence,
     counted,
     listed,
+    listed_conditions,
     record_sentence,
     waived_sentence,
 )
