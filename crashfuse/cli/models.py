@@ -97,7 +97,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.condition_tables import read_candidates
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.reporting.planning import next_test
-    from crashfuse.reporting.plots.next_test import BEST
+    from crashfuse.reporting.plots.sweep import BEST
     from crashfuse.reporting.watched import watching
     from crashfuse.study.next_test import ConditionRange, next_tests_table
 

@@ -7,8 +7,8 @@ from html import escape
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.paper_tables import mean_ratings
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.rating_tables import mean_ratings
 from crashfuse.study.facts import campaign_facts
 from crashfuse.study.study import Study
 from crashfuse.wording import speed

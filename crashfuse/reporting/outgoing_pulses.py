@@ -16,7 +16,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, one_of, require_a, several
-from crashfuse.reporting.isomme_prediction import isomme_pulse
+from crashfuse.reporting.isomme_writer import isomme_pulse
 from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve, solver_include
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate

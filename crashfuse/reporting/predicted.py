@@ -33,7 +33,7 @@ from crashfuse.units import KPH
 
 if TYPE_CHECKING:
     from crashfuse.reporting.outgoing_pulses import PulseExport
-    from crashfuse.reporting.report.options import ReportForm
+    from crashfuse.reporting.report.page import ReportForm
 
 _MM = 1e-3
 

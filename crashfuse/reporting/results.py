@@ -31,7 +31,7 @@ from crashfuse.reporting.report import (
     study_report,
     sweep_report,
 )
-from crashfuse.reporting.report.options import ReportForm, ReportOptions
+from crashfuse.reporting.report.page import ReportForm, ReportOptions
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost

@@ -27,9 +27,8 @@ from crashfuse.reporting.certification_tables import (
     verdicts_shown,
 )
 from crashfuse.reporting.notebook import card, facts_words
-from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
+from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import Display, DisplayOptions
-from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.study.config import StudyConfig
 
 
