@@ -141,13 +141,11 @@ def _show_facts() -> None:
     view, notice_is_shown, slot = asked
     _facts.set(None)
     for fact in campaign_facts(view.campaign):
-        if fact.code == "campaign.notice" and not notice_is_shown:
-            icon, colour = ":material/science:", "gray"
-        elif fact.code in _IN_HEAD:
-            icon, colour = None, "orange"
-        else:
-            continue
-        slot.badge(_in_badge(fact.label), icon=icon, color=colour, help=plain(view.display.words(fact.sentence)))
+        label, text = _in_badge(fact.label), plain(view.display.words(fact.sentence))
+        if fact.code in _IN_HEAD:
+            slot.badge(label, color="orange", help=text)
+        elif fact.code == "campaign.notice" and not notice_is_shown:
+            slot.badge(label, icon=":material/science:", color="gray", help=text)
 
 
 def _in_badge(text: str) -> str:

@@ -11,8 +11,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.reporting.plots.canvas import PAPER
-from crashfuse.reporting.plots.palette import IN_THE_DARK
+from crashfuse.reporting.plots.palette import IN_THE_DARK, PAPER
 from crashfuse.reporting.report import ReportForm, ReportOptions, study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate

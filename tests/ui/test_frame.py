@@ -10,8 +10,7 @@ import pytest
 import streamlit as st
 from streamlit.runtime.context import ContextProxy, StreamlitTheme
 
-from crashfuse.reporting.plots.canvas import PAPER
-from crashfuse.reporting.plots.palette import IN_THE_DARK
+from crashfuse.reporting.plots.palette import IN_THE_DARK, PAPER
 from crashfuse.ui import campaigns, frame
 from crashfuse.ui.text import plain
 

@@ -12,19 +12,9 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
-from crashfuse.reporting.plots.canvas import (
-    AXIS,
-    CURSOR,
-    INK,
-    PAPER,
-    fix_cells,
-    make_clickable,
-    marks_of_runs,
-    new_figure,
-    tick_name,
-)
+from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import MEASURED_COLOUR, VERDICT_COLOURS
+from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import probability_text, unbroken
 

@@ -4,8 +4,8 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import AXIS, name_tests, new_figure, tick_name
-from crashfuse.reporting.plots.palette import COLOURS
+from crashfuse.reporting.plots.canvas import name_tests, new_figure, tick_name
+from crashfuse.reporting.plots.palette import AXIS, COLOURS
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.wording import difference
 

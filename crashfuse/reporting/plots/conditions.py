@@ -7,9 +7,9 @@ import plotly.graph_objects as go
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import CURSOR, marks_of_runs, new_figure
+from crashfuse.reporting.plots.canvas import marks_of_runs, new_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import MEASURED_COLOUR
+from crashfuse.reporting.plots.palette import CURSOR, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 
 _MAX_RUNS = 600  # more points only fill the same cloud, and browsers draw each one separately

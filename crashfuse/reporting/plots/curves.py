@@ -12,9 +12,9 @@ import plotly.graph_objects as go
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import CURSOR, add_band, add_line
+from crashfuse.reporting.plots.canvas import add_band, add_line
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, DASHES, MEASURED_COLOUR, further_line, speed_lines
+from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_COLOUR, further_line, speed_lines
 from crashfuse.signals.pulse import FloatArray
 
 TEST = "test"

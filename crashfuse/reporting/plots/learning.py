@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from crashfuse.reporting.plots.canvas import CURSOR, new_figure
+from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.palette import CURSOR
 
 _SPARE = 0.05  # decades beside the curves
 _NAMES = {"train loss": "Training error", "validation loss": "Error on held-back CAE runs"}

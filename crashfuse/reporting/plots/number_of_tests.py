@@ -5,9 +5,9 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import CLASSES, LABELS
-from crashfuse.reporting.plots.canvas import CURSOR, add_band, new_figure
+from crashfuse.reporting.plots.canvas import add_band, new_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, DASHES
+from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import OneMore, one_more, summary
 from crashfuse.wording import signed

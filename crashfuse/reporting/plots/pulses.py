@@ -13,7 +13,6 @@ from crashfuse.importing.settle import Settled
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
 from crashfuse.reporting.plots.canvas import (
-    CURSOR,
     add_band,
     add_line,
     height_under_names,
@@ -23,7 +22,7 @@ from crashfuse.reporting.plots.canvas import (
 )
 from crashfuse.reporting.plots.curves import TEST, Band, Curve, by_speed, curve_line, draw_curves, with_filled_band
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR
+from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating_scores import INNER_CORRIDOR, OUTER_CORRIDOR

@@ -8,8 +8,6 @@ import plotly.graph_objects as go
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.canvas import (
-    AXIS,
-    INK,
     add_line,
     fix_cells,
     make_clickable,
@@ -20,7 +18,7 @@ from crashfuse.reporting.plots.canvas import (
 )
 from crashfuse.reporting.plots.curves import TEST, curve_line, curve_lines
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, GRADE_COLOURS, MEASURED_COLOUR
+from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, INK, MEASURED_COLOUR
 from crashfuse.reporting.plots.pulses import add_corridors
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import GRADES, WEIGHTS, Rating, graded

@@ -212,10 +212,6 @@ def test_the_library_plots_the_same_matrix(three: Certification) -> None:
     assert Verdicts(three).plot() == verdict_matrix(three)
 
 
-CRUSH = Criterion("crush", "max_crush", at_most=500.0)
-RATING = Criterion("rating", "rating", at_least=0.8, window_ms=60.0)
-
-
 def trial(
     held_out: str,
     measured: float,
