@@ -18,7 +18,7 @@ import numpy as np
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.reporting.paper_tables import TABLE_3, best, rating_table
+from crashfuse.reporting.rating_tables import TABLE_3, best, rating_table
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import LeaveOut, StudyConfig

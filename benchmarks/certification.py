@@ -24,7 +24,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.support import share_bounds
+from crashfuse.certification.track_record import share_bounds
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache

@@ -30,7 +30,7 @@ from pathlib import Path
 
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_tables import read_pulse
-from crashfuse.certification.criteria_file import read_criteria
+from crashfuse.certification.criteria import read_criteria
 from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.files.archive import zipped
 from crashfuse.importing import Reading, read_records, settle

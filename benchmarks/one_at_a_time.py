@@ -27,7 +27,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criteria
-from crashfuse.certification.earlier_file import parse_earlier
+from crashfuse.certification.earlier import parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.verdict import Verdict, all_met, needs_no_test
 from crashfuse.crash_test import CrashTest

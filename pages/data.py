@@ -3,7 +3,7 @@
 import streamlit as st
 
 from crashfuse.campaign_folder.folder import unread_files
-from crashfuse.reporting.run_quality import quality_table
+from crashfuse.reporting.result_tables import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, earlier, editing, frame, page_tables
 from crashfuse.ui.beside import choose_beside_runs, choose_tests, key_of, usual_approach, without_clicks

@@ -35,6 +35,7 @@ ROOMS = (
     "files",
     "extensions",
     "errors",
+    "fact",
     "wording",
     "units",
     "version",

@@ -107,7 +107,7 @@ import numpy as np
 from crashfuse import cli, load_campaign
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.reporting.plots.jerk import jerk
-from crashfuse.reporting.plots.palette import COLOURS
+from crashfuse.reporting.plots.palette import (COLOURS)
 from crashfuse.reporting.report.study import study_report
 from crashfuse.reporting.result_tables import scores_table
 from crashfuse.signals.metrics import METRIC_LABELS, pulse_metrics

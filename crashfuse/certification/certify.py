@@ -3,7 +3,7 @@
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Literal, Self
 
 from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.registry import BASELINE
@@ -11,17 +11,16 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.earlier import Earlier
-from crashfuse.certification.evidence import held, run_at
+from crashfuse.certification.evidence import held, left_out, record_of, run_at
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.trials import left_out, record_of
 from crashfuse.certification.verdict import (
     Verdict,
     Word,
     all_met,
-    beside_gone_tests,
+    beside_removed_tests,
     judge,
     needs_no_test,
 )
@@ -89,10 +88,10 @@ class Certification:
         earlier.require_of(self.campaign)
         since = TestedSince(earlier, self.campaign)
         record = replace(self.record, since=since.trials(self.criteria))
-        rows = held(self.judged, run_at(self.campaign, self.matrix), self.criteria, record)
+        rows = held(self.judged, self.campaign, self.matrix, self.criteria, record)
         gone = [since.gone_at(condition) for condition in self.matrix.conditions]
         verdicts = tuple(
-            tuple(beside_gone_tests(own, tests) for own in row) for row, tests in zip(rows, gone, strict=True)
+            tuple(beside_removed_tests(own, tests) for own in row) for row, tests in zip(rows, gone, strict=True)
         )
         return replace(self, verdicts=verdicts, record=record, since=since)
 
@@ -226,7 +225,7 @@ def certify_matrix(
         judge(forecasts[cell], cell.condition, criteria, domain.outside(cell.condition), was_run=bool(tests))
         for cell, tests in zip(cells, run, strict=True)
     )
-    verdicts = held(judged, run, criteria, record)
+    verdicts = held(judged, campaign, matrix, criteria, record)
     return Certification(campaign, criteria, matrix, config, domain, judged, verdicts, record, seconds)
 
 
@@ -247,3 +246,32 @@ def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[Aske
         for name in names
     ]
     return trials, [Asked((), approach, condition) for condition in matrix.conditions]
+
+
+Answer = Literal[
+    "run", "need not be run", "would miss", "test or redesign", "record for longer", "to be tested", "outside"
+]
+"""A test was made for it; it would meet all criteria at once; it would miss one; one is open, and only a test or
+another design can tell; one is open as records end too early; each is met, but all at once not with the confidence; one
+lies beyond what the campaign's tests check. The first that is true."""
+
+
+def answers(certification: Certification) -> dict[str, Answer]:
+    """The answer at each condition of the matrix, by its id."""
+    waived, uncertain = certification.waived, certification.uncertain
+    return {
+        i: "need not be run" if i in waived else "to be tested" if i in uncertain else _answer(row)
+        for i, row in certification.rows.items()
+    }
+
+
+def _answer(row: tuple[Verdict, ...]) -> Answer:
+    if row[0].run:
+        return "run"
+    words = {own.word for own in row}
+    if "not met" in words:
+        return "would miss"
+    if "open" not in words:
+        return "outside"
+    known = any(own.word == "open" and own.probability is not None for own in row)
+    return "test or redesign" if known else "record for longer"

@@ -8,7 +8,7 @@ from typing import Self
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.earlier import Earlier, EarlierVerdict, Outcomes
-from crashfuse.certification.forecast import quantity
+from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import TrackRecord, Trial, one_a_metric

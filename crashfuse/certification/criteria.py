@@ -1,7 +1,17 @@
 """Acceptance criteria: limits of pulse metrics, or of the rating, and the confidence they have to be met with."""
 
+import math
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any, TypeAlias, TypeGuard, cast
 
+import pandas as pd
+
+from crashfuse.errors import DataError, Problem, printable, require_a, several
+from crashfuse.files.toml_text import read_toml, shown, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 from crashfuse.signals.rating import STANDARD
 from crashfuse.wording import Quantity, Sentence, joined
@@ -109,3 +119,176 @@ class Criteria:
     def windows_ms(self) -> tuple[float, ...]:
         """All windows of ratings, ascending."""
         return tuple(sorted({c.window_ms for c in self.items if c.window_ms is not None}))
+
+
+LEAST_SURE, MOST_SURE = 0.5, 0.999999
+_MOST_CRITERIA = 100
+_LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
+"""Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
+CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria
+"""``criteria.toml``, its tables as rows of a frame or as mappings, or criteria as they are judged."""
+_KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
+
+
+def read_criteria(path: Path) -> Criteria:
+    """Read ``criteria.toml``.
+
+    Raises
+    ------
+    DataError
+        If it is not such a file, or a criterion cannot be judged; with every problem.
+    """
+    if not path.is_file():
+        raise DataError(Problem(path.name, "this file", "no such file", "declare the acceptance criteria in it"))
+    values = read_toml(path, 1, "keep the criteria alone")
+    confidence, items = values.pop("confidence", CONFIDENCE), values.pop("criterion", [])
+    problems = []
+    if values:
+        problems.append(Problem(path.name, "confidence and [[criterion]]", ", ".join(values), "remove or rename it"))
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise DataError(Problem(path.name, "tables [[criterion]]", "another value", "begin each with [[criterion]]"))
+    return _checked(items, confidence, path.name, problems)
+
+
+def criteria_of(criteria: Sequence[Mapping[str, Any]], confidence: float = CONFIDENCE) -> Criteria:
+    """Create criteria from mappings with the keys of ``criteria.toml``; raises as :func:`read_criteria`."""
+    return _checked([dict(item) for item in criteria], confidence, "the criteria", [])
+
+
+def criteria_given(criteria: CriteriaGiven, confidence: float = CONFIDENCE) -> Criteria:
+    """Criteria in any form in which the library takes them; raises as :func:`read_criteria`."""
+    if isinstance(criteria, Criteria):
+        return criteria
+    if isinstance(criteria, str | Path):
+        return read_criteria(Path(criteria))
+    if isinstance(criteria, pd.DataFrame):
+        criteria = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in criteria.to_dict("records")]
+    items = (criteria,) if isinstance(criteria, Mapping) else several(criteria)
+    for item in items:
+        require_a(Mapping, item, "such as {'metric': 'max_crush', 'at_most': 430}")
+    return criteria_of(cast(Sequence[Mapping[str, Any]], items), confidence)
+
+
+def criteria_text(criteria: Criteria) -> str:
+    """The criteria as the text of ``criteria.toml``."""
+    lines = [f"confidence = {criteria.confidence!r}"]
+    for criterion in criteria.items:
+        values = {key: getattr(criterion, key) for key in ("name", "metric", "window_ms", "at_least", "at_most")}
+        lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v is not None)]
+    return "\n".join([*lines, ""])
+
+
+def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
+    if not is_number(confidence) or not LEAST_SURE <= confidence <= MOST_SURE:
+        expected, advice = f"a confidence from {LEAST_SURE} to {MOST_SURE}", "0.95 is usual; no prediction is certain"
+        problems.append(Problem(where, expected, shown(confidence), advice))
+    if not items:
+        problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))
+    if len(items) > _MOST_CRITERIA:
+        expected = f"at most {_MOST_CRITERIA} criteria"
+        raise DataError(Problem(where, expected, str(len(items)), "leave out those that matter least"))
+    found: dict[str, Criterion] = {}
+    for number, item in enumerate(items, start=1):
+        own = f"{where}, criterion {number}"
+        criterion = _Check(own, problems).criterion(item)
+        if criterion is not None and criterion.name in found:
+            advice = "give one of them another name"
+            problems.append(Problem(own, "each name once", f"{criterion.name!r} a second time", advice))
+        elif criterion is not None:
+            found[criterion.name] = criterion
+    problems += [problem for pair in combinations(found.values(), 2) if (problem := _at_odds(*pair, where)) is not None]
+    if problems or not is_number(confidence):
+        raise DataError(problems)
+    return Criteria(tuple(found.values()), float(confidence))
+
+
+def _at_odds(one: Criterion, other: Criterion, where: str) -> Problem | None:
+    """What is wrong with two criteria on one quantity: that no value meets both, or that they are the same."""
+    if (one.metric, one.window_ms) != (other.metric, other.window_ms):
+        return None
+    low = max((own.at_least for own in (one, other) if own.at_least is not None), default=-math.inf)
+    high = min((own.at_most for own in (one, other) if own.at_most is not None), default=math.inf)
+    found = f"{one.name!r} with {one.limits}, {other.name!r} with {other.limits}"
+    if high < low:
+        return Problem(where, f"limits of {one.metric} that one value can meet", found, "correct one of them")
+    if (one.at_least, one.at_most) == (other.at_least, other.at_most):
+        return Problem(where, f"each limit of {one.metric} once", found, "remove one of them")
+    return None
+
+
+class _Check:
+    """Check of one criterion; its problems are appended to a list."""
+
+    def __init__(self, where: str, problems: list[Problem]) -> None:
+        self.where, self.problems = where, problems
+
+    def wrong(self, expected: str, found: object, advice: str) -> None:
+        self.problems.append(Problem(self.where, expected, _shown(found), advice))
+
+    def criterion(self, item: dict[str, Any]) -> Criterion | None:
+        """The criterion, or None if it cannot be judged."""
+        before = len(self.problems)
+        for key in [key for key in item if key not in _KEYS]:
+            self.wrong(f"the keys {', '.join(_KEYS)}", key, _advice_on(key))
+        metric = item.get("metric")
+        if not isinstance(metric, str) or (metric not in METRIC_LABELS and metric != RATING):
+            self.wrong(f"a metric of {', '.join(METRIC_LABELS)} or {RATING}", metric, "choose one of them")
+            return None
+        unit = METRIC_UNITS.get(metric, "")
+        if item.get("unit", unit) != unit:
+            expected = f"limits of {metric} in {unit}" if unit else f"no unit for {'the ' * (metric == RATING)}{metric}"
+            self.wrong(expected, item["unit"], f"convert the limits to {unit}" if unit else "remove the unit")
+        name = item.get("name", metric)
+        if not isinstance(name, str) or not name.strip() or len(name) > 100 or printable(name) != name:
+            self.wrong("a name of at most 100 characters in one line", name, "rename it")
+        at_least, at_most = (self._limit(item, key, metric) for key in ("at_least", "at_most"))
+        if not any(key.startswith(("at_least", "at_most")) for key in item):
+            self.wrong("at_least or at_most", "neither", "add a limit")
+        if at_least is not None and at_most is not None and at_most < at_least:
+            self.wrong(
+                f"at_most of at least {at_least:g}, which is at_least", at_most, "correct or exchange the limits"
+            )
+        window = self._window(item, metric)
+        return Criterion(name.strip(), metric, at_least, at_most, window) if len(self.problems) == before else None
+
+    def _limit(self, item: dict[str, Any], key: str, metric: str) -> float | None:
+        limit, highest = item.get(key), 1.0 if metric == RATING else math.inf
+        if limit is None:
+            return None
+        if not is_number(limit) or not 0 <= limit <= highest:
+            unit = METRIC_UNITS.get(metric, "")
+            scale = f", in {unit}" if unit else ", up to 1" * (metric == RATING)
+            self.wrong(f"a number of 0 or more for {key}{scale}", shown(limit), "correct the limit")
+            return None
+        least, larger = _LEAST_LIMITS.get(METRIC_UNITS.get(metric, ""), (0.0, ""))
+        if 0 < limit < least and "unit" not in item:
+            advice = f"if {limit:g} {larger} is meant, write {1e3 * limit:g}; else state the unit"
+            self.wrong(f"{key} of {metric} in {METRIC_UNITS[metric]}", f"{limit:g}", advice)
+        return float(limit)
+
+    def _window(self, item: dict[str, Any], metric: str) -> float | None:
+        window = item.get("window_ms", WINDOW_MS if metric == RATING else None)
+        if metric == RATING and (not is_number(window) or not 10 <= window <= 100):
+            self.wrong("a window_ms from 10 to 100", shown(window), "correct the window")
+            return None
+        if metric != RATING and window is not None:
+            self.wrong(
+                f"no window_ms, which only the {RATING} has", window, "remove it: a metric is of the whole pulse"
+            )
+        return float(window) if is_number(window) else None
+
+
+def _advice_on(key: str) -> str:
+    known = next((known for known in ("at_most", "at_least") if key.startswith(known)), None)
+    return "remove or rename it" if known is None else f"write {known}, with the limit in the metric's own unit"
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value that was read is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, str):
+        return value
+    return "nothing" if value is None else shown(value)

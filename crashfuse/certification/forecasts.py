@@ -2,22 +2,138 @@
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Self
+
+import numpy as np
 
 from crashfuse.approaches.fit_cache import settings
+from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.campaign import Campaign
-from crashfuse.certification.forecast import Forecast, Forecaster
+from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
-from crashfuse.execution.cache import Cache
+from crashfuse.crash_test import CrashTest
+from crashfuse.execution.cache import Cache, Entry, finite, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.one_thread import one_thread_throughout
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
+from crashfuse.signals.metrics import metric_values
+from crashfuse.signals.occupant import OccupantModel
+from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
+from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
+from crashfuse.study.rating_distribution import RatingDistribution, agreement
 from crashfuse.study.tasks import prepare
+
+_UNKNOWN = (np.nan,) * len(fields(Distribution))
+
+
+def quantity(criterion: Criterion) -> str:
+    """What a criterion limits, as a key: the metric, or the rating over its window."""
+    return _rating(criterion.window_ms) if criterion.window_ms is not None else criterion.metric
+
+
+def _rating(window_ms: float) -> str:
+    return f"{RATING} {window_ms:g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """What an approach predicts for a test at a condition.
+
+    Attributes
+    ----------
+    accel_mps2 : ndarray, shape (1250,)
+        The predicted pulse.
+    values : dict of str to float or None
+        Metrics of that pulse, and the expected rating by window; None where the record is too short.
+    distributions : dict of str to Distribution or None
+        The same for a single test; None where unknown.
+    """
+
+    accel_mps2: FloatArray
+    values: dict[str, float | None]
+    distributions: dict[str, Distribution | None]
+
+    def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
+        """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
+        if criterion.window_ms is not None:
+            return _overall(test.pulse, self.accel_mps2, criterion.window_ms)
+        accel, speed = test.pulse.accel_mps2, test.condition.speed_mps
+        values = metric_values(accel, speed, dt_s=test.pulse.dt_s, occupant=occupant)
+        value = float(values[criterion.metric])
+        return value if np.isfinite(value) else None
+
+    @property
+    def entry(self) -> dict[str, FloatArray]:
+        """As arrays, for the cache."""
+        rows = [
+            (np.nan if (value := self.values[name]) is None else value, *(_UNKNOWN if own is None else astuple(own)))
+            for name, own in self.distributions.items()
+        ]
+        names = np.array(list(self.values))
+        return {"accel_mps2": self.accel_mps2, "names": names, "numbers": np.array(rows)}
+
+    @classmethod
+    def restored(cls, entry: Entry) -> Self:
+        """Restore from :attr:`entry`."""
+        values, distributions = {}, {}
+        rows = numbers(entry, "numbers", None, None).tolist()
+        for name, (value, *own) in zip(entry["names"].tolist(), rows, strict=True):
+            values[name] = None if np.isnan(value) else value
+            kind = RatingDistribution if name.startswith(RATING) else Distribution
+            distributions[name] = None if np.isnan(own[0]) else kind(*own)
+        return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions)
+
+
+@dataclass(frozen=True, eq=False)
+class Forecaster:
+    """A fitted approach, and how its predictions of tests that it had not seen rated.
+
+    Attributes
+    ----------
+    speeds_mps : ndarray, shape (n_tests,)
+        Of these tests.
+    rated : dict of float to ndarray, shape (n_tests,)
+        The ratings, by window in ms.
+    """
+
+    fit: Fit
+    speeds_mps: FloatArray
+    rated: dict[float, FloatArray]
+
+    @classmethod
+    def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float]) -> Self:
+        """Rate the left-out predictions of a fit over windows; the campaign is the one that it learned from."""
+        pairs = [(campaign.test(test_id), own.accel_mps2) for test_id, own in fit.left_out.items()]
+        speeds = np.array([test.condition.speed_mps for test, _ in pairs])
+        return cls(
+            fit, speeds, {w: np.array([_overall(test.pulse, own, w) for test, own in pairs]) for w in windows_ms}
+        )
+
+    def at(self, condition: Condition) -> Forecast:
+        """The forecast at a condition."""
+        prediction = self.fit.estimate(condition).prediction
+        occupant = self.fit.campaign.occupant
+        values = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
+        known = {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
+        found = metric_distributions(prediction, self.fit.metric_errors, occupant)
+        away = np.abs(self.speeds_mps - condition.speed_mps)
+        agreements, here = np.array(list(self.fit.agreements.values())), agreement(prediction)
+        for window, ratings in self.rated.items():
+            rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
+            found[_rating(window)] = rating
+            known[_rating(window)] = None if rating is None else rating.quantile(0.5)
+        return Forecast(prediction.accel_mps2, known, found)
+
+
+def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> float:
+    comparison = Pulse(GRID_S[: accel_mps2.size], accel_mps2)
+    return rate_windows(reference, comparison, [window_ms])[window_ms].overall
+
 
 _KIND = "forecasts"  # kind of cache entry
 _CHUNK = 10  # conditions predicted by one task: each task has to restore the fit

@@ -9,9 +9,8 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.earlier import Earlier
-from crashfuse.certification.gone import Gone
 from crashfuse.certification.track_record import Trial
-from crashfuse.certification.verdict import Verdict, reaches
+from crashfuse.certification.verdict import RemovedTest, Verdict, reaches
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import OCCUPANT_METRICS, metric_values
@@ -137,7 +136,7 @@ class TestedSince:
         )
 
     @cached_property
-    def gone_runs(self) -> tuple[Gone, ...]:
+    def gone_runs(self) -> tuple[RemovedTest, ...]:
         """Records that are not used any more since this or a certification before it, of tests at a condition of these.
 
         Without what rests on the occupant model, if that is another today. Where no record is what it was, all are
@@ -153,7 +152,7 @@ class TestedSince:
             if own.digest not in used and own.test not in changed
         )
 
-    def gone_at(self, condition: Condition) -> tuple[Gone, ...]:
+    def gone_at(self, condition: Condition) -> tuple[RemovedTest, ...]:
         """Those of a condition."""
         return tuple(own for own in self.gone_runs if own.condition.is_at(condition))
 

@@ -1,14 +1,56 @@
 """The verdict on one criterion at one condition, with its reason."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol, get_args
+from typing import Literal, Protocol, Self, get_args
 
-from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.forecast import Forecast, quantity
-from crashfuse.certification.gone import Gone
+import numpy as np
+
+from crashfuse.approaches.metric_calibration import Distribution
+from crashfuse.certification.criteria import RATING, Criteria, Criterion
+from crashfuse.certification.forecasts import Forecast, quantity
 from crashfuse.condition import Condition
+from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.wording import Sentence, joined, probability_text
+
+
+@dataclass(frozen=True, eq=False)
+class RemovedTest:
+    """Such a test.
+
+    Attributes
+    ----------
+    test, digest : str
+        Its id then, and :attr:`crashfuse.crash_test.CrashTest.digest`.
+    condition : Condition
+        That of the matrix, at which it was run.
+    measured : mapping of str to float or None
+        By :func:`quantity`, in the units of criteria; None if its record is too short. A rating is that of the
+        prediction of then.
+    """
+
+    test: str
+    digest: str
+    condition: Condition
+    measured: Mapping[str, float | None]
+
+    def without(self, metrics: Set[str]) -> Self:
+        """The same but for what it showed of these metrics."""
+        return replace(self, measured={name: value for name, value in self.measured.items() if name not in metrics})
+
+    def missed(self, criteria: Sequence[Criterion]) -> tuple[str, ...]:
+        """The criteria that it missed."""
+        each = ((own, self.measured.get(quantity(own))) for own in criteria)
+        return tuple(own.name for own, value in each if value is not None and not own.is_met_by(value))
+
+    def not_asked(self, criteria: Sequence[Criterion]) -> tuple[str, ...]:
+        """The criteria on what no certification had asked of it."""
+        return tuple(own.name for own in criteria if quantity(own) not in self.measured)
+
+    def cannot_tell(self, criteria: Sequence[Criterion]) -> tuple[str, ...]:
+        """The criteria for which its record is too short."""
+        return tuple(own.name for own in criteria if self.measured.get(quantity(own), 0.0) is None)
+
 
 _Found = tuple[float | None, float | None, float | None]  # value, lower and upper end
 Word = Literal["met", "not met", "open", "outside"]
@@ -112,7 +154,7 @@ def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping
     return replace(verdict, word=word, reason=joined([verdict.reason, *told]), run=run)
 
 
-def beside_gone_tests(verdict: Verdict, tests: Sequence[Gone]) -> Verdict:
+def beside_removed_tests(verdict: Verdict, tests: Sequence[RemovedTest]) -> Verdict:
     """The verdict beside what tests that are not used any more had shown there; open if one of them contradicts it.
 
     A rating had been that of another prediction, and says nothing of this one.
@@ -186,3 +228,25 @@ def _word(
     elif probability <= 1 - confidence:
         word, came = "not met", f"missed with probability {missed}."
     return word, joined([criterion.compared(*found), came], ", ")
+
+
+def with_decided(curve: LearningCurve, criteria: Criteria) -> LearningCurve:
+    """Add the column ``decided``: the share of criteria on metrics that each prediction decides for its held-out test.
+
+    A criterion is decided if its probability, or the complement, reaches the confidence; one that the record is too
+    short for is not. What a rating would be is not part of a learning curve, so criteria on ratings do not count;
+    without any other the column is NaN.
+    """
+    limits = [criterion for criterion in criteria.items if criterion.metric != RATING]
+
+    def decides(own: Distribution | None, criterion: Criterion) -> bool:
+        if own is None:
+            return False
+        probability = own.probability(criterion.at_least, criterion.at_most)
+        return not 1 - criteria.confidence < probability < criteria.confidence
+
+    def share(forecast: dict[str, Distribution | None]) -> float:
+        decided = [decides(forecast[criterion.metric], criterion) for criterion in limits]
+        return float(np.mean(decided)) if decided else float("nan")
+
+    return replace(curve, table=curve.table.assign(decided=[share(own) for own in curve.forecasts]))

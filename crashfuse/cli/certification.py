@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
-from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
+from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import DataError, Problem, UsageError
 
 if TYPE_CHECKING:
@@ -20,12 +20,11 @@ def certify(arguments: argparse.Namespace) -> None:
     """Give a verdict on every criterion at every condition of a matrix."""
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.campaign_folder.notes import read_notes
-    from crashfuse.certification import kept_files
+    from crashfuse.certification import file_store
     from crashfuse.certification.certify import APPROACH
     from crashfuse.certification.changes import Changes
-    from crashfuse.certification.criteria_file import read_criteria
-    from crashfuse.certification.earlier import FILE
-    from crashfuse.certification.earlier_file import read_earlier
+    from crashfuse.certification.criteria import read_criteria
+    from crashfuse.certification.earlier import FILE, read_earlier
     from crashfuse.reporting import verdicts
     from crashfuse.reporting.certification_changes import change_sentences
     from crashfuse.reporting.certification_sentences import summary
@@ -53,17 +52,16 @@ def certify(arguments: argparse.Namespace) -> None:
         certification = certification.beside(earlier)
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
         replace(judged, certification=certification).write(folder, notes=notes, display=display)
-    alone = "" if earlier is not None else kept_files.beside_none(campaign)  # before this one is kept
+    alone = "" if earlier is not None else file_store.beside_none(campaign)  # before this one is kept
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it
-        kept_files.keep_certification(content, campaign)
+        file_store.keep_certification(content, campaign)
+    say_facts(campaign, display)
     print(counts_table(certification, display.units).to_string(index=False))
     since = () if earlier is None else change_sentences(Changes.of(certification))
     print(*map(display.words, dict.fromkeys((*summary(certification), *since))), sep="\n")
     if alone:
         print(f"{alone} --since holds one against them.")
-    if campaign.notice:
-        print(campaign.notice)
     say_written(arguments.out, "certification")
     print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
 

@@ -34,13 +34,12 @@ def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
     from crashfuse.campaign_folder.folder import unread_files
     from crashfuse.campaign_folder.load import load_campaign
+    from crashfuse.study.facts import campaign_facts
     from crashfuse.study.nearest import nearest_run
 
     campaign = load_campaign(arguments.campaign)
     tests = f"{n} tests" if (n := len(campaign.tests)) > 1 else "1 test"
     print(f"{campaign.name}: {tests}, {len(campaign.cae)} CAE runs.")
-    if campaign.notice:
-        print(campaign.notice)
     for test in campaign.tests:
         pair = campaign.cae.paired_run(test.condition)
         near = nearest_run(campaign, test.condition).differences(test.condition)
@@ -48,8 +47,8 @@ def check(arguments: argparse.Namespace) -> None:
         print(f"  {test.id}: {test.condition}; {source}")
         for note in campaign.cae.extrapolation(test.condition):
             print(f"    {note}")
-    for remark in campaign.remarks:
-        print(f"Note: {remark}")
+    for fact in campaign_facts(campaign):
+        print(f"Note: {fact.sentence}")
     if unread := unread_files(arguments.campaign):
         print(unread)
     verdict = campaign.quality

@@ -4,13 +4,13 @@ import argparse
 from pathlib import Path
 
 from crashfuse.cli.models import settings
-from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
+from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
 
 
 def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.certification.criteria_file import read_criteria
+    from crashfuse.certification.criteria import read_criteria
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.watched import watching
     from crashfuse.study import learning_curve as curves
@@ -30,11 +30,11 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         )
     if criteria is not None:
         curve = curve.decided(criteria)
+    display = display_of(arguments, campaign)
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
-        curve.write(folder, cost=arguments.cost_per_test, display=display_of(arguments, campaign))
+        curve.write(folder, cost=arguments.cost_per_test, display=display)
+    say_facts(campaign, display)
     if not (table := gains_table(curve, cost)).empty:
         print(table.to_string(index=False))
     print(*sentences(curve, cost), sep="\n")
-    if campaign.notice:
-        print(campaign.notice)
     say_written(arguments.out, "learning curve")

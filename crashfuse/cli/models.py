@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.cli.outgoing import pulse_export
-from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
+from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ def sweep(arguments: argparse.Namespace) -> None:
                 fits, condition, speeds, watch, each=lambda found: write_pulses(campaign, found, folder, export)
             )
         SpeedSweep(campaign, sweeps, fits[0].config).write(folder, display=display)
+    say_facts(campaign, display)
     print(f"{len(speeds)} speeds from {display.words(speed(speeds[0], speeds[-1], between=' to '))}.")
     print(display.words(weights_sentence(condition, campaign.tests)))
     say_written(arguments.out, "sweep")
@@ -96,7 +97,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.condition_tables import read_candidates
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.reporting.planning import next_test
-    from crashfuse.reporting.plots.next_test import BEST
+    from crashfuse.reporting.plots.sweep import BEST
     from crashfuse.reporting.watched import watching
     from crashfuse.study.next_test import ConditionRange, next_tests_table
 
@@ -116,6 +117,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
         ranking = next_test(campaign, over.low, over.high, candidates=candidates, config=config, watch=watch)
     ranking.write(arguments.out, display=display)
     low, high = display.condition(over.low), display.condition(over.high)
+    say_facts(campaign, display)
     print(f"The band of the displacement domain over {low} to {high}:")
     print(next_tests_table(ranking.ranked[:BEST], display.units).to_string(index=False))
     say_written(arguments.out, "ranking of next tests")

@@ -112,3 +112,11 @@ def display_of(arguments: argparse.Namespace, campaign: "Campaign") -> "Display"
     from crashfuse.reporting.plots.display import Display
 
     return Display(system=campaign.units if arguments.units is None else SYSTEMS[arguments.units])
+
+
+def say_facts(campaign: "Campaign", display: "Display") -> None:
+    """Print what has to be known of a campaign, before its results."""
+    from crashfuse.study.facts import campaign_facts
+
+    for fact in campaign_facts(campaign):
+        print(display.words(fact.sentence))

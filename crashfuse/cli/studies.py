@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
+from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -142,14 +142,13 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     with replacing(run.out, "study"), writing(run.out) as folder:
         study.write(folder, report=run.report, display=display)
     keep(PastResult.of_study(study))
+    say_facts(plan.campaign, display)
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
     _print_means(study.scores)
     if study.speed_groups is not None:
         print(f"The same, {_LEFT_OUT['speed group']}")
         _print_means(study.speed_groups.scores)
     print(*map(display.words, (*recommend(study).sentences, *worst_test(study).sentences)), sep="\n")
-    if plan.campaign.notice:
-        print(plan.campaign.notice)
     return studies_table([(run.name, study)])
 
 

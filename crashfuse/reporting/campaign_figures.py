@@ -14,8 +14,8 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, several
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.figures import Further, beside, pulses_of
-from crashfuse.reporting.plots.bias import bias_by_speed
 from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.reporting.plots.displacement import bias_by_speed
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses
 

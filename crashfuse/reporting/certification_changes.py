@@ -10,17 +10,17 @@ from crashfuse.certification.earlier import EarlierVerdict
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.verdict import Verdict
 from crashfuse.reporting.certification_tables import condition_columns, factors_of
-from crashfuse.reporting.condition_lists import listed_conditions
-from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.provenance import certification_settings
-from crashfuse.reporting.track_record_sentences import (
+from crashfuse.reporting.evidence_sentences import (
     at_most,
     counted,
     is_too_narrow,
     listed,
+    listed_conditions,
     measured_words,
     missed_intervals,
 )
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.provenance import certification_settings
 from crashfuse.wording import Sentence, joined, probability_text
 
 _DIGEST = 12  # characters of it in a sentence

@@ -6,23 +6,25 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.reporting.certification_changes import gone_sentences, narrow_sentence, turned_by_the_move, wrong_since
-from crashfuse.reporting.condition_lists import listed_conditions
-from crashfuse.reporting.track_record_sentences import (
+from crashfuse.reporting.evidence_sentences import (
     brier_sentence,
     interval_sentence,
     is_too_narrow,
     listed,
+    listed_conditions,
     record_sentence,
     waived_sentence,
     wrong_sentences,
 )
-from crashfuse.wording import Sentence, joined
+from crashfuse.study.facts import campaign_facts, departures_near
+from crashfuse.wording import Sentence, joined, read_out
 
 UNSUPPORTED = "Criteria whose record does not support the confidence"
 UNTOUCHED = "Criteria whose limit no left-out test came near"
 NOT_GIVEN, NOT_TOGETHER = "Conditions without a factor that the tests have", "Factors that no test has together"
 FEW = "Criteria whose own record does not support the confidence alone"
 NOT_USED = "Tests that are not used"
+APART = "Tests that stand apart"
 NOT_USUAL = "Criteria by another occupant model than the usual one"
 MOVED = "Verdicts on tests run since that depend on how these were moved to their conditions"
 WRONG_SINCE, NARROW_SINCE = "Verdicts that tests run since contradict", "Intervals that tests run since contradict"
@@ -40,6 +42,9 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     why = {i: own for i, c in certification.matrix.items if (own := domain.exceeded_by(c))}
     outside = domain.too_few_tests or tuple(joined([i, joined(own)], ": ") for i, own in why.items())
     found = {
+        APART: tuple(
+            fact.sentence for fact in campaign_facts(certification.campaign) if fact.code == "test.stands_apart"
+        ),
         "Warnings about the campaign": certification.campaign.remarks,
         "Conditions outside the validated domain": outside,
         NOT_GIVEN: tuple(_without_factor(certification)),
@@ -171,6 +176,9 @@ def reserved(certification: Certification) -> dict[str, list[str]]:
             found.setdefault(i, []).extend(missing)
     for i, together in _together(certification).items():
         found.setdefault(i, []).append(f"{together} in no test together")
+    for i, condition in certification.matrix.items:
+        if apart := [departure.test for departure in departures_near(certification.campaign, condition)]:
+            found.setdefault(i, []).append(f"{read_out(apart)} stands apart there")
     for i, names in _unused_at(certification).items():
         found.setdefault(i, []).append(f"run as {listed(names)}, not used")
     return found

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from crashfuse.certification.answer import answers
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Certification, answers
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.evidence import run_near
 from crashfuse.certification.verdict import WORDS, Verdict, reaches
 from crashfuse.reporting.certification_changes import outcome_sentences, saved_and_missed
 from crashfuse.reporting.certification_exceptions import (
+    APART,
     FEW,
     MOVED,
     NARROW_SINCE,
@@ -23,12 +23,13 @@ from crashfuse.reporting.certification_exceptions import (
     reserved,
 )
 from crashfuse.reporting.certification_tables import verdict_counts
-from crashfuse.reporting.condition_lists import ONE_BY_ONE, listed_conditions
-from crashfuse.reporting.track_record_sentences import (
+from crashfuse.reporting.evidence_sentences import (
+    ONE_BY_ONE,
     at_most,
     brier_sentence,
     counted,
     listed,
+    listed_conditions,
     record_sentence,
     waived_sentence,
 )
@@ -49,7 +50,7 @@ def summary(certification: Certification) -> tuple[str, ...]:
 
 def beside_matrix(certification: Certification) -> tuple[str, ...]:
     """What stands beside the matrix: what came of it, what speaks against it, and why likely criteria are open."""
-    told, subjects = exceptions(certification), (WRONG_SINCE, MOVED, NARROW_SINCE, NOT_USED, UNSUPPORTED)
+    told, subjects = exceptions(certification), (APART, WRONG_SINCE, MOVED, NARROW_SINCE, NOT_USED, UNSUPPORTED)
     return (*to_test(certification), *(sentence for subject in subjects for sentence in told.get(subject, ())))
 
 

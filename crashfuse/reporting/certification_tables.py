@@ -7,16 +7,16 @@ from dataclasses import replace
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.answer import answers
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Certification, answers
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.support import largest_share
-from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import WORDS, all_met
+from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.certification.verdict import WORDS, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.files.csv_output import csv_bytes
-from crashfuse.wording import MPH_LB, UnitSystem, said
+from crashfuse.reporting.evidence_sentences import support_sentence
+from crashfuse.reporting.plots.display import Display
+from crashfuse.wording import MPH_LB, UnitSystem, probability_text, said, unbroken
 
 ANSWER = "A test there"
 """Heading of :func:`answer_texts`."""
@@ -152,3 +152,69 @@ def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> di
 def bound(wrong: int, n: int) -> float | None:
     """Exact one-sided 95 % upper bound of the share of wrong verdicts; None without any."""
     return round(largest_share(wrong, n), 4) if n else None
+
+
+def verdicts_shown(certification: Certification, display: Display) -> pd.DataFrame:
+    """All verdicts for readers, one row a condition and criterion."""
+    confidence = certification.criteria.confidence
+    return pd.DataFrame(
+        {
+            "Condition": i,
+            "Criterion": verdict.criterion.name,
+            "Limit": display.words(verdict.criterion.limits),
+            **_predicted(verdict, confidence, display),
+            "Verdict": verdict.word,
+            "Reason": display.words(verdict.reason),
+        }
+        for i, verdict in certification.cells
+    )
+
+
+def trials_shown(record: TrackRecord, confidence: float, display: Display) -> pd.DataFrame:
+    """All verdicts on left-out tests beside what was measured, for readers; what counts once stands once."""
+    return pd.DataFrame(
+        {
+            "Test": trial.held_out,
+            "Left out": "alone" if trial.left_out == "test" else "speed group",
+            "Criterion": trial.verdict.criterion.name,
+            **_predicted(trial.verdict, confidence, display),
+            "Verdict": trial.verdict.word,
+            "Measured": unbroken(display.words(trial.verdict.criterion.shown(trial.measured))),
+            "The test": ("met it" if trial.met else "missed it") + ", wrong" * trial.wrong,
+        }
+        for trial in record.counted
+    )
+
+
+def _predicted(verdict: Verdict, confidence: float, display: Display) -> dict[str, str]:
+    """What is expected, its interval and the probability to meet the criterion, as cells."""
+    return {
+        "Expected": unbroken(display.words(verdict.criterion.shown(verdict.value))),
+        "95 % of tests": unbroken(display.words(verdict.criterion.interval(verdict.lower, verdict.upper))),
+        "Probability": probability_text(verdict.probability, confidence),
+    }
+
+
+def record_shown(certification: Certification, display: Display) -> pd.DataFrame:
+    """How many verdicts on left-out tests were wrong, and what the record supports, one row a criterion; then all."""
+    record, rows = certification.record, []
+    for criterion in (*certification.criteria.items, None):
+        counts = record_counts(record, criterion)
+        most = counts["decided"]["wrong_at_most"]
+        rows.append(
+            {
+                "Criterion": "All" if criterion is None else criterion.name,
+                "Limit": "" if criterion is None else display.words(criterion.limits),
+                **{word.capitalize(): _counted(counts[word]) for word in WORDS},
+                unbroken("Wrong at most (95 %)"): "–" if most is None else f"{100 * float(str(most)):.1f} %",
+                "What this record supports": ""
+                if criterion is None
+                else support_sentence(record, criterion, certification.criteria.confidence),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _counted(counts: dict[str, object]) -> str:
+    wrong = counts.get("wrong")
+    return f"{counts['n']}, {wrong} wrong" if wrong else f"{counts['n']}"

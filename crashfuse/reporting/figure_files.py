@@ -48,10 +48,11 @@ class ReportFigure:
 
 @dataclass(frozen=True, slots=True)
 class FiguresOfReport:
-    """The figures of a report, its title, and the notice on its data, if there is one."""
+    """The figures of a report, its title, and its notices: what has to be known of its data, and each in few words."""
 
     title: str
-    notice: str
+    notices: tuple[str, ...]
+    labels: tuple[str, ...]
     figures: tuple[ReportFigure, ...]
 
 
@@ -81,7 +82,8 @@ def figures_of(report: str) -> FiguresOfReport:
     """The figures in the text of a report; a ValueError or TypeError says that it is damaged."""
     reader = _Reader()
     reader.feed(report)
-    return FiguresOfReport(reader.text("h1"), reader.text("notice"), tuple(reader.figures))
+    notices = tuple(" ".join(text.split()) for text in reader.notices)
+    return FiguresOfReport(reader.text("h1"), notices, tuple(reader.labels), tuple(reader.figures))
 
 
 class _Reader(HTMLParser):
@@ -89,13 +91,17 @@ class _Reader(HTMLParser):
 
     def __init__(self) -> None:
         super().__init__()
-        self.texts = dict.fromkeys((*_HEADINGS, "notice"), "")
+        self.texts = dict.fromkeys(_HEADINGS, "")
+        self.notices: list[str] = []
+        self.labels: list[str] = []
         self.figures: list[ReportFigure] = []
         self._within = ""
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if ("class", "notice") in attrs:
-            tag = "notice"
+            self._within = "notice"
+            self.notices.append("")
+            self.labels.append(dict(attrs).get("data-label") or "")
         if tag in (*self.texts, "script"):
             self._within = tag
         if tag in self.texts:
@@ -110,6 +116,8 @@ class _Reader(HTMLParser):
     def handle_data(self, data: str) -> None:
         if self._within in self.texts:
             self.texts[self._within] += data
+        elif self._within == "notice":
+            self.notices[-1] += data
         elif self._within == "script" and (call := _CALL.search(data)):
             decode = json.JSONDecoder().raw_decode
             traces, end = decode(data, call.end())
@@ -216,7 +224,7 @@ def _size(figure: dict[str, Any], kind: str) -> dict[str, Any]:
 
 
 def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
-    """Slides in 16:9: a title with the notice on the data, then a figure each below its heading."""
+    """Slides in 16:9: a title with what has to be known of the data, then a figure each below its heading."""
     from pptx import Presentation
     from pptx.enum.text import PP_ALIGN
     from pptx.util import Emu, Inches, Pt
@@ -238,7 +246,7 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
 
     first = deck.slides.add_slide(only_title)
     write(first.shapes.title, report.title, 2.4, 1.6, 32)
-    below(first, report.notice, 4.2, 1.2, 18)
+    below(first, "\n".join(report.notices), 4.2, 2.4, 16)
     top, height = Inches(1.15), Inches(5.75)
     for figure, image in zip(report.figures, images, strict=True):
         slide = deck.slides.add_slide(only_title)
@@ -248,7 +256,7 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         picture.width, picture.height = Emu(int(picture.width * scale)), Emu(int(picture.height * scale))
         picture.left = Emu(left + (width - picture.width) // 2)
         picture.name = figure.title
-        below(slide, f"{report.title}. {report.notice}".strip(), 6.95, 0.4, 11)
+        below(slide, ". ".join(filter(None, (report.title, *report.labels))) + ".", 6.95, 0.4, 11)
     stream = io.BytesIO()
     deck.save(stream)
     return stream.getvalue()

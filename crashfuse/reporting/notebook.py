@@ -7,8 +7,9 @@ from html import escape
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.paper_tables import mean_ratings
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.rating_tables import mean_ratings
+from crashfuse.study.facts import campaign_facts
 from crashfuse.study.study import Study
 from crashfuse.wording import speed
 
@@ -49,11 +50,17 @@ def campaign_html(campaign: Campaign) -> str:
     return card(
         f"{campaign.name}: {len(campaign.tests)} tests",
         pd.DataFrame(rows),
-        (f"{runs}; fingerprint {campaign.fingerprint[:12]}.", campaign.notice, *campaign.remarks),
+        (f"{runs}; fingerprint {campaign.fingerprint[:12]}.", *facts_words(campaign, display)),
     )
 
 
 def study_html(study: Study) -> str:
     """The mean rating of each approach over each window with its grade, and what a repeat of the tests would rate."""
-    tests = ", ".join(fold.held_out for fold in study.folds)
-    return card(f"{study.campaign.name}: left out {tests}", mean_ratings(study), (f"{study.campaign.rating_basis}.",))
+    tests, display = ", ".join(fold.held_out for fold in study.folds), Display(system=study.campaign.units)
+    notes = (f"{study.campaign.rating_basis}.", *facts_words(study.campaign, display))
+    return card(f"{study.campaign.name}: left out {tests}", mean_ratings(study), notes)
+
+
+def facts_words(campaign: Campaign, display: Display) -> tuple[str, ...]:
+    """What has to be known of a campaign, in the reader's units."""
+    return tuple(display.words(fact.sentence) for fact in campaign_facts(campaign))

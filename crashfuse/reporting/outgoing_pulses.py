@@ -16,10 +16,11 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, one_of, require_a, several
-from crashfuse.reporting.isomme_prediction import isomme_pulse
+from crashfuse.reporting.isomme_writer import isomme_pulse
 from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve, solver_include
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.facts import campaign_facts
 from crashfuse.units import MS, G
 from crashfuse.version import __version__
 
@@ -98,7 +99,7 @@ class PulseExport:
             f"From the campaign {campaign.name}, SHA-256 {campaign.fingerprint}.",
             f"Its records are {'taken as they are' if cfc is None else f'filtered with CFC {cfc:g}'}; the pulse is as "
             "band-limited as these.",
-            campaign.notice,
+            *(fact.sentence for fact in campaign_facts(campaign)),
         )
         for place, pulse in enumerate(outgoing(estimates, self.draws, self.seed)):
             comments = (*pulse.comments, *remarks, *filter(None, origin))

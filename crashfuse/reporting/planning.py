@@ -16,8 +16,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
-from crashfuse.reporting.plots.next_test import BEST, next_tests
-from crashfuse.reporting.plots.sweep import sweep_figure
+from crashfuse.reporting.plots.sweep import BEST, next_tests, sweep_figure
 from crashfuse.reporting.predicted import check_factors, fits_of
 from crashfuse.reporting.result_tables import sweep_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS

@@ -26,13 +26,14 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
 from crashfuse.study.estimate_cache import estimate_at
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
+from crashfuse.study.facts import campaign_facts, condition_facts
 from crashfuse.study.nearest import Neighbour, nearest_sentences, nearest_tests
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.units import KPH
 
 if TYPE_CHECKING:
     from crashfuse.reporting.outgoing_pulses import PulseExport
-    from crashfuse.reporting.report.options import ReportForm
+    from crashfuse.reporting.report.page import ReportForm
 
 _MM = 1e-3
 
@@ -103,7 +104,8 @@ class PredictedPulse:
     def sentences(self) -> tuple[str, ...]:
         """What ``crashfuse predict`` prints: recommendation, expected rating, nearest tests and run, remarks."""
         advice, near = self.recommendation.sentences, nearest_sentences(self.campaign, self.condition)
-        return tuple(filter(None, dict.fromkeys((*advice, *near, *self.notes, self.campaign.notice))))
+        facts = (*condition_facts(self.campaign, self.condition), *campaign_facts(self.campaign))
+        return tuple(dict.fromkeys((*advice, *(fact.sentence for fact in facts), *near, *self.notes)))
 
     def to_frame(self) -> pd.DataFrame:
         """Pulse, band and motion by the preferred approach, one row a sample.

@@ -16,7 +16,7 @@ from crashfuse.readers.axes import Travel
 from crashfuse.readers.record import Record
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
-from crashfuse.reporting.plots.imports import imported_pulse
+from crashfuse.reporting.plots.pulses import imported_pulse
 from crashfuse.units import MS
 
 

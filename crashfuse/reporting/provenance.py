@@ -11,6 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import campaign_facts
 from crashfuse.version import COMPUTING, __version__
 from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem
 
@@ -33,6 +34,7 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
         "cae_runs": len(campaign.cae),
         "tests": list(campaign.test_ids),
         "warnings": list(campaign.remarks),
+        "facts": [fact.record for fact in campaign_facts(campaign)],
         "held_out": list(held_out),
         "seed": config.seed,
         "config": asdict(config),

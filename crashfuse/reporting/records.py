@@ -10,6 +10,7 @@ from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.facts import condition_facts
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.one_more_test import gains, one_more, sentences
@@ -86,6 +87,7 @@ def prediction_record(campaign: Campaign, estimates: Sequence[Estimate], config:
         **provenance(campaign, (), config),
         "condition": {k: v for k, v in asdict(condition).items() if k != "units"},
         "extrapolation": list(campaign.cae.extrapolation(condition)),
+        "facts_here": [fact.record for fact in condition_facts(campaign, condition)],
         "nearest": list(nearest_sentences(campaign, condition)),
         "recommendation": {"approach": advice.approach, "sentences": list(advice.sentences)},
         "expected_rating": None if advice.expected is None else asdict(advice.expected),

@@ -8,6 +8,7 @@ import pandas as pd
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
+from crashfuse.cae.quality import QualityVerdict
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import Metric
@@ -18,7 +19,7 @@ from crashfuse.study.one_more_test import gains, plus_minus, summary
 from crashfuse.study.study import Study
 from crashfuse.study.sweep import Sweep
 from crashfuse.units import MPH, MS, G
-from crashfuse.wording import signed
+from crashfuse.wording import number, signed
 
 
 def scores_table(study: Study) -> pd.DataFrame:
@@ -158,3 +159,32 @@ def _pulse_rows(held_out: str, approach: str, prediction: Prediction) -> pd.Data
             "upper_g": upper / G,
         }
     )
+
+
+_OF = {
+    "energy change": "energy at the start",
+    "hourglass energy": "largest internal energy",
+    "added mass": "mass at the start",
+}
+
+
+def quality_table(verdict: QualityVerdict) -> pd.DataFrame:
+    """One row a quantity, as texts; empty if nothing is recorded for any run."""
+    judged = verdict.limits is not None
+    return pd.DataFrame(
+        {
+            "Quantity": f"{row['quantity'].capitalize()}, largest",
+            "In % of": _OF[row["quantity"]],
+            "Limit (%)": "none" if pd.isna(row["limit"]) else _limit(row),
+            **({"Pass": f"{row['passed']:,}", "Fail": f"{row['failed']:,}"} if judged else {}),
+            "Not recorded": f"{row['not_recorded']:,}",
+            "At worst (%)": "–" if pd.isna(row["worst"]) else number(100 * row["worst"], ".3g"),
+            "In run": row["worst_run"] or "–",
+        }
+        for row in verdict.table.to_dict("records")
+    )
+
+
+def _limit(row: dict[str, object]) -> str:
+    sign = "≤" if row["quantity"] == "energy change" else "<"
+    return f"{sign} {100 * float(str(row['limit'])):g}"

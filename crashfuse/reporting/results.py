@@ -9,8 +9,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.earlier import Earlier
-from crashfuse.certification.earlier_file import read_earlier
+from crashfuse.certification.earlier import Earlier, read_earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_output import csv_bytes
@@ -32,7 +31,7 @@ from crashfuse.reporting.report import (
     study_report,
     sweep_report,
 )
-from crashfuse.reporting.report.options import ReportForm, ReportOptions
+from crashfuse.reporting.report.page import ReportForm, ReportOptions
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost

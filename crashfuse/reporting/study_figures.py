@@ -17,13 +17,18 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.errors import UsageError, one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.figures import PULSES, Curves, Further, beside, chosen
-from crashfuse.reporting.plots.bias import bias_parts
+from crashfuse.reporting.plots.curves import add_marks
+from crashfuse.reporting.plots.displacement import bias_parts
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.learning import learning_curves, tuning_strength
-from crashfuse.reporting.plots.marks import add_marks
 from crashfuse.reporting.plots.pulses import add_corridors, residuals
-from crashfuse.reporting.plots.rating_parts import rated_curves, rating_parts
-from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap, rating_spread
+from crashfuse.reporting.plots.ratings import (
+    calibration_curves,
+    rated_curves,
+    rating_heatmap,
+    rating_parts,
+    rating_spread,
+)
 from crashfuse.study.config import require_rated
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study

@@ -12,9 +12,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.criteria import CONFIDENCE
-from crashfuse.certification.criteria_file import CriteriaGiven, criteria_given
-from crashfuse.certification.earlier_file import read_earlier
+from crashfuse.certification.criteria import CONFIDENCE, CriteriaGiven, criteria_given
+from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import one_of, require_a
 from crashfuse.execution.cache import Cache
@@ -25,13 +24,12 @@ from crashfuse.reporting.certification_tables import (
     counts_table,
     track_record_table,
     verdict_counts,
+    verdicts_shown,
 )
-from crashfuse.reporting.notebook import card
-from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
+from crashfuse.reporting.notebook import card, facts_words
+from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import Display, DisplayOptions
-from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.study.config import StudyConfig
-from crashfuse.wording import probability_text
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,18 +127,8 @@ class Verdicts:
 
     def _repr_html_(self) -> str:
         display = Display(system=self.certification.campaign.units)
-        rows = (
-            {
-                "Condition": i,
-                "Criterion": f"{own.criterion.name} {display.words(own.criterion.limits)}",
-                "Expected": display.words(own.criterion.shown(own.value)),
-                "95 % of tests": display.words(own.criterion.interval(own.lower, own.upper)),
-                "Probability": probability_text(own.probability, self.certification.criteria.confidence),
-                "Verdict": own.word,
-            }
-            for i, own in self.certification.cells
-        )
-        return card(repr(self)[1:-1], pd.DataFrame(rows))
+        table = verdicts_shown(self.certification, display).drop(columns="Reason")
+        return card(repr(self)[1:-1], table, facts_words(self.certification.campaign, display))
 
 
 FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {

@@ -87,7 +87,7 @@ class Account:
         if test.faults:
             said.append(Sentence("Its record is in doubt: {}.", joined([fault.text for fault in test.faults], "; ")))
         if self.departure is not None:
-            said += self.departure.sentences
+            said += [self.departure.sentence, self.departure.evidence]
         elif self.neighbours:
             there = "is 1 other test" if self.neighbours == 1 else f"are {self.neighbours} other tests"
             said.append(f"There {there} at about its speed; {few}")

@@ -4,9 +4,11 @@ No approach predicts such a test from its neighbours. Either something is wrong 
 folded in another way (a bifurcation), which the next test may do again.
 """
 
-from dataclasses import dataclass, replace
+import json
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from math import sqrt
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -15,11 +17,16 @@ from crashfuse.approaches.displacement_domain.bias import BiasPoints
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
+from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.code_digest import code_digest
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.expected_rating import rating_range
-from crashfuse.wording import Quantity, Sentence, acceleration
+from crashfuse.wording import Sentence, acceleration, speed
 
+WINDOW_MS = 60.0
 LEAST = 3  # neighbours: of three tests one is always farther from both others than these from each other
+_MOST = 12  # neighbours
+_KIND = "departures"  # in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +47,7 @@ class Departure:
 
     test: str
     neighbours: tuple[str, ...]
+    speed_mps: float
     window_ms: float
     bias_mps2: tuple[float, ...]
     bias_between_mps2: tuple[float, ...]
@@ -62,27 +70,38 @@ class Departure:
         return self.by_bias and self.by_pulse
 
     @property
-    def sentences(self) -> tuple[str, ...]:
-        """What was found, what was measured, and what to do about it."""
-        measured = Sentence(
-            "Its pulse rates {} against {}, theirs {} against each other; what the CAE model gets wrong in it, over "
-            "displacement, differs by {} (RMS) from theirs, theirs by {} from each other.",
+    def sentence(self) -> str:
+        """That the test stands apart, by how much, and what to do; or that it does not."""
+        if not self.apart:
+            return Sentence(
+                "{} does not stand apart from the tests at its speed: they differ from each other as much.", self.test
+            )
+        return Sentence(
+            "{} differs from the other {} tests at about {} by {} or more (RMS over crush), these from each other by "
+            "{} or less. A test there may fold either way: check its record, or judge {} by both.",
+            self.test,
+            len(self.neighbours),
+            speed(self.speed_mps),
+            acceleration(min(self.bias_mps2)),
+            acceleration(max(self.bias_between_mps2)),
+            speed(self.speed_mps),
+        )
+
+    @property
+    def evidence(self) -> str:
+        """How the pulses of the test and its neighbours rate against each other."""
+        return Sentence(
+            "Its pulse rates {} against {}, theirs {} against each other.",
             rating_range(min(self.ratings), max(self.ratings)),
             ", ".join(self.neighbours),
             rating_range(min(self.ratings_between), max(self.ratings_between)),
-            _accels(self.bias_mps2),
-            _accels(self.bias_between_mps2),
         )
-        if not self.apart:
-            found = "{} does not stand apart from the tests at its speed: they differ from each other as much."
-            return Sentence(found, self.test), measured
-        found = "{} differs from the tests at its speed more than they do from each other."
-        advice = "Check its record and its condition, or expect bifurcation: another such test may go either way."
-        return Sentence(found, self.test), measured, advice
 
 
-def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: float = 60.0) -> Departure | None:
+def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: float = WINDOW_MS) -> Departure | None:
     """Compare a test with the others of its speed group, and those with each other; None if there are under three.
+
+    Of a larger group, with the twelve of nearest weights.
 
     Parameters
     ----------
@@ -91,18 +110,61 @@ def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: floa
     window_ms : float
         Pulses are rated over [0, window_ms).
     """
+    return _departure(campaign, test_id, model, window_ms, only_apart=False)
+
+
+def departures(campaign: Campaign, cache: Cache | None = None) -> tuple[Departure, ...]:
+    """How each test that stands apart differs from the others at its speed, over 0–60 ms; kept in the cache."""
+    if not any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids):
+        return ()
+    known = _known.get(campaign)
+    if known is None:
+        cache = cache or Cache()
+        key = {"campaign": campaign.fingerprint, "code": code_digest(__name__)}
+        known = cache.get_or_compute(_KIND, key, lambda: _found(campaign, cache), _restored)
+        _known[campaign] = known
+    return known
+
+
+_known: WeakKeyDictionary[Campaign, tuple[Departure, ...]] = WeakKeyDictionary()
+
+
+def _found(campaign: Campaign, cache: Cache) -> tuple[tuple[Departure, ...], dict[str, np.ndarray]]:
+    model = CaeModel(cache=cache).fit(campaign.cae)
+    compared = (_departure(campaign, test_id, model, WINDOW_MS, only_apart=True) for test_id in campaign.test_ids)
+    apart = tuple(departure for departure in compared if departure is not None and departure.apart)
+    return apart, {"departures": np.array(json.dumps([asdict(departure) for departure in apart]))}
+
+
+def _restored(entry: Entry) -> tuple[Departure, ...]:
+    return tuple(
+        Departure(**{name: tuple(value) if isinstance(value, list) else value for name, value in each.items()})
+        for each in json.loads(str(entry["departures"]))
+    )
+
+
+def _departure(
+    campaign: Campaign, test_id: str, model: CaeModel, window_ms: float, *, only_apart: bool
+) -> Departure | None:
+    """See :func:`departure`; None also, if only tests that stand apart are of interest, where the bias excludes it."""
     test = campaign.test(test_id)
     others = [campaign.test(other) for other in campaign.speed_group(test_id) if other != test_id]
     if len(others) < LEAST:
         return None
+    others = sorted(others, key=lambda other: abs(other.condition.mass_kg - test.condition.mass_kg))[:_MOST]
     bias = {own.id: measured_bias(own, model) for own in (test, *others)}
     pairs = list(combinations(others, 2))
+    away = tuple(_bias_difference(bias[test.id], bias[other.id]) for other in others)
+    between = tuple(_bias_difference(bias[one.id], bias[other.id]) for one, other in pairs)
+    if only_apart and min(away) <= max(between):
+        return None
     return Departure(
         test.id,
         tuple(other.id for other in others),
+        test.condition.speed_mps,
         float(window_ms),
-        tuple(_bias_difference(bias[test.id], bias[other.id]) for other in others),
-        tuple(_bias_difference(bias[one.id], bias[other.id]) for one, other in pairs),
+        away,
+        between,
         tuple(_rated_both_ways(test, other, window_ms) for other in others),
         tuple(_rated_both_ways(one, other, window_ms) for one, other in pairs),
     )
@@ -125,7 +187,3 @@ def _rated(test: CrashTest, other: CrashTest, window_ms: float) -> float:
     scale = test.condition.speed_mps / other.condition.speed_mps
     scaled = replace(other.pulse, accel_mps2=scale * other.pulse.accel_mps2)
     return rate_windows(test.pulse, scaled, [window_ms])[float(window_ms)].overall
-
-
-def _accels(values_mps2: tuple[float, ...]) -> Quantity:
-    return acceleration(*dict.fromkeys((min(values_mps2), max(values_mps2))), between=" to ")

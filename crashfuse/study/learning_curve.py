@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     import plotly.graph_objects as go
 
-    from crashfuse.certification.criteria_file import CriteriaGiven
+    from crashfuse.certification.criteria import CriteriaGiven
     from crashfuse.reporting.plots.display import DisplayOptions
 
 REPEATS = 3
@@ -123,8 +123,8 @@ class LearningCurve:
         criteria : path, DataFrame, mapping or sequence of mappings, or Criteria
             As in :func:`crashfuse.reporting.verdicts.certify`, which raises the same.
         """
-        from crashfuse.certification.criteria_file import criteria_given
-        from crashfuse.certification.decided import with_decided
+        from crashfuse.certification.criteria import criteria_given
+        from crashfuse.certification.verdict import with_decided
 
         return with_decided(self, criteria_given(criteria))
 

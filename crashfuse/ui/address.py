@@ -17,7 +17,7 @@ from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.plots.curves import TEST
-from crashfuse.reporting.report.options import REPORT_FORMS
+from crashfuse.reporting.report.page import REPORT_FORMS
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.wording import SYSTEMS

@@ -7,11 +7,13 @@ from contextvars import ContextVar
 from typing import Literal
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 from streamlit.navigation.page import Page
 from streamlit.runtime.scriptrunner import StopException
 
 from crashfuse.execution.cache import default_folder
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import campaign_facts
 from crashfuse.ui import address, campaigns, login, uploads
 from crashfuse.ui.chosen import ASKED, NOT_FOUND, View, choose_campaign
 from crashfuse.ui.computation import chosen_config
@@ -22,6 +24,8 @@ from crashfuse.ui.sidebar import Choice, sidebar
 from crashfuse.ui.text import plain
 
 _choice: ContextVar[Choice | None] = ContextVar("choice", default=None)
+_facts: ContextVar[tuple[View, bool, DeltaGenerator] | None] = ContextVar("facts", default=None)
+_IN_HEAD = {"test.stands_apart", "cae.runs_fail", "tests.left_out_of_use"}
 
 
 def route(page: Page) -> None:
@@ -38,6 +42,7 @@ def route(page: Page) -> None:
     try:
         with suppress(StopException):  # of end_page
             page.run()
+        _show_facts()
     finally:
         _choice.reset(token)
 
@@ -122,15 +127,25 @@ def show_head(
             colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
             label = f"{config.preset.capitalize()} settings, seed {config.seed}"
             st.badge(label, color=colour, help="As chosen on the page Train.")
-            if view.campaign.unused:
-                names = ", ".join(test for test, _ in view.campaign.unused)
-                st.badge(f"without {_in_badge(names)}", color="orange", help=plain(view.campaign.remarks[0]))
             if by_group:
                 st.badge("All at its speed left out", color="orange")
-        if (notice := view.campaign.notice) and config is not None:
-            st.badge(_in_badge(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
-        elif notice:
+        if (notice := view.campaign.notice) and config is None:
             st.caption(f":material/science: {plain(notice)}", width="content")
+        _facts.set((view, config is None, st.container(horizontal=True, width="content")))
+
+
+def _show_facts() -> None:
+    """Show what has to be known of the campaign as badges in the head, once the page is there: it may take a moment."""
+    if (asked := _facts.get()) is None:
+        return
+    view, notice_is_shown, slot = asked
+    _facts.set(None)
+    for fact in campaign_facts(view.campaign):
+        label, text = _in_badge(fact.label), plain(view.display.words(fact.sentence))
+        if fact.code in _IN_HEAD:
+            slot.badge(label, color="orange", help=text)
+        elif fact.code == "campaign.notice" and not notice_is_shown:
+            slot.badge(label, icon=":material/science:", color="gray", help=text)
 
 
 def _in_badge(text: str) -> str:

@@ -11,7 +11,7 @@ from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.reporting.report import learning_curve_report
-from crashfuse.reporting.report.learning_curve import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
+from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
 from crashfuse.reporting.result_tables import curve_table, gains_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost

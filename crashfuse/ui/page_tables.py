@@ -8,10 +8,10 @@ from pandas.io.formats.style import Styler
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.reporting import paper_tables
-from crashfuse.reporting.paper_tables import REPEAT, best, rating_table
+from crashfuse.reporting import rating_tables
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
+from crashfuse.reporting.rating_tables import REPEAT, best, rating_table
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
@@ -92,7 +92,7 @@ def ratings(
 
 def mean_ratings(study: Study) -> Styler:
     """Overall rating averaged over the held-out tests, by approach and window; below, what repeats would rate."""
-    return _coloured(paper_tables.mean_ratings(study))
+    return _coloured(rating_tables.mean_ratings(study))
 
 
 def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:

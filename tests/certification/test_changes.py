@@ -14,12 +14,10 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification, certify_matrix
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.earlier import Earlier, EarlierVerdict
-from crashfuse.certification.earlier_file import parse_earlier
-from crashfuse.certification.gone import Gone
+from crashfuse.certification.earlier import Earlier, EarlierVerdict, parse_earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import Word
+from crashfuse.certification.verdict import RemovedTest, Word
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
@@ -477,7 +475,7 @@ def test_a_test_left_out_of_use_is_told_where_it_was_made_for_a_condition_though
 
 def test_of_a_metric_that_was_not_asked_of_a_test_it_is_not_said_that_none_was_missed() -> None:
     """Nobody knows."""
-    gone = Gone("T1", "d", Condition.of_vector([10.0, 900.0, 700.0]), {"max_crush": 500.0})
+    gone = RemovedTest("T1", "d", Condition.of_vector([10.0, 900.0, 700.0]), {"max_crush": 500.0})
     assert gone.not_asked([PEAK, CRUSH]) == ("peak",)
     assert gone.missed([PEAK, CRUSH]) == ("crush",)
 

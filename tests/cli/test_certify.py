@@ -14,8 +14,8 @@ from crashfuse import cli
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note, write_notes
-from crashfuse.certification import kept_files
-from crashfuse.certification.criteria_file import criteria_of
+from crashfuse.certification import file_store
+from crashfuse.certification.criteria import criteria_of
 from crashfuse.certification.matrix import Matrix
 from tests.conftest import write_campaign
 
@@ -136,7 +136,7 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     assert not (tmp_path / "first" / "changes.csv").exists()
     for earlier in (tmp_path / "first", tmp_path / "first" / "certification.json"):
         assert certify(planned, tmp_path / "second", *grid, "--since", str(earlier)) == cli.DONE
-    listed = kept_files.certifications(campaign).values()  # by the page
+    listed = file_store.certifications(campaign).values()  # by the page
     digest = hashlib.sha256((tmp_path / "first" / "certification.json").read_bytes()).hexdigest()
     assert digest in [own.digest for own in listed]
     printed = capsys.readouterr().out

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from crashfuse import cli
-from crashfuse.reporting.study_folder import read_study
+from crashfuse.reporting.past_results import read_study
 from crashfuse.study.history import past_results
 from crashfuse.testing import small_campaign
 from tests.conftest import write_campaign

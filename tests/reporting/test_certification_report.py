@@ -20,11 +20,15 @@ from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_sentences import summary, to_test
-from crashfuse.reporting.domain_sentences import domain_sentences
+from crashfuse.reporting.evidence_sentences import (
+    brier_sentence,
+    domain_sentences,
+    record_sentence,
+    waived_sentence,
+)
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report import certification_report
-from crashfuse.reporting.track_record_sentences import brier_sentence, record_sentence, waived_sentence
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import KPH, MPH

@@ -18,8 +18,7 @@ from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import add_corridors, motion, overlay
-from crashfuse.reporting.plots.rating_parts import rated_curves, rating_parts
-from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
+from crashfuse.reporting.plots.ratings import rated_curves, rating_heatmap, rating_parts, rating_spread
 from crashfuse.reporting.result_tables import pulses_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse, kinematics

@@ -30,7 +30,10 @@ def drawn(name: str, height: int) -> go.Figure:
 
 def page(*parts: str) -> str:
     """A report: title, notice, and what stands below."""
-    return f"<h1>Tiny: a study</h1><p class=notice>Made <b>up</b> &amp; small.</p>{''.join(parts)}"
+    notices = (
+        "<p class=notice data-label='T9 stands apart'>It is odd.</p><p class=notice>Made <b>up</b> &amp; small.</p>"
+    )
+    return f"<h1>Tiny: a study</h1>{notices}{''.join(parts)}"
 
 
 def div(figure: go.Figure, number: int) -> str:
@@ -48,7 +51,8 @@ REPORT = page(
 def test_figures_are_read_from_a_report_with_their_headings() -> None:
     """Each with the headings above it; nothing of the page is run."""
     report = figures_of(REPORT)
-    assert (report.title, report.notice) == ("Tiny: a study", "Made up & small.")
+    assert (report.title, report.labels) == ("Tiny: a study", ("T9 stands apart", ""))
+    assert report.notices == ("It is odd.", "Made up & small.")
     assert [figure.title for figure in report.figures] == ["Result", "Result: By test", "Limits"]
     assert [figure.drawn["layout"]["height"] for figure in report.figures] == [300, 500, 400]
     assert [figure.drawn["data"][0]["name"] for figure in report.figures] == ["a </script> b", "c", "d"]

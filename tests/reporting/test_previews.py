@@ -9,7 +9,7 @@ import crashfuse
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, import_source
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.imports import imported_pulse
+from crashfuse.reporting.plots.pulses import imported_pulse
 from tests.importing.crash_files import german
 from tests.importing.crashes import GIVEN, clock, half_sine_g
 

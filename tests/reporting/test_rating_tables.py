@@ -1,10 +1,30 @@
 """Tables of what a rating is made of have a row for each hump and for each stretch outside the corridor."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
+import pandas as pd
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.rating_tables import excursions_table, explanation_record, humps_table
+from crashfuse.reporting.rating_tables import (
+    REPEAT,
+    TABLE_3,
+    TABLE_5,
+    best,
+    excursions_table,
+    explanation_record,
+    humps_table,
+    rating_table,
+)
 from crashfuse.signals.rating_explanation import explain_rating
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.repeatability import Repeatability
+from crashfuse.study.study import Study
 from tests.signals.test_rating_explanation import TEST, bump, pulse
 
 
@@ -36,3 +56,57 @@ def test_the_record_is_plain_json_whose_losses_complete_the_rating() -> None:
     assert abs(1 - sum(record["losses"].values()) - explanation.rating.overall) < 1e-12
     assert set(record["sentences"]) == {"overall", "corridor", "phase", "magnitude", "slope"}
     assert [hump["late_ms"] for hump in record["humps"]] == [0.0, 0.0, 0.0]
+
+
+def study(campaign: Campaign) -> Study:
+    """Two tests, predicted by the test itself and by something softer."""
+    config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(20.0, 60.0))
+    folds = []
+    for test in campaign.tests[:2]:
+        own = [
+            Estimate(name, Prediction(test.condition, scale * test.pulse.accel_mps2), {}, 0.0)
+            for name, scale in (("cae", 0.7), ("displacement_domain", 1.0))
+        ]
+        folds.append(Fold.of(test, own, config.windows_ms))
+    return Study(campaign, config, tuple(folds))
+
+
+def test_a_table_has_a_row_for_each_test_and_approach_and_the_mean_at_its_foot(campaign: Campaign) -> None:
+    """Windows are columns, as in the paper; a perfect prediction rates 1 everywhere."""
+    table = rating_table(study(campaign), TABLE_5)
+    assert list(table.columns) == ["(0, 20) ms", "(0, 60) ms"]
+    assert list(table.index) == [(t, a) for t in ("T1", "T2", "Mean") for a in ("Displacement domain", "CAE")]
+    np.testing.assert_allclose(table.xs("Displacement domain", level=1), 1.0)
+    cae = table.xs("CAE", level=1)
+    np.testing.assert_allclose(cae.loc["Mean"], cae.loc[["T1", "T2"]].mean())
+
+
+def test_a_single_test_has_no_mean(campaign: Campaign) -> None:
+    """Which would repeat its rows."""
+    two = study(campaign)
+    one = replace(two, folds=two.folds[:1], repeatability={"T1": {20.0: Repeatability(0.9, 0.8, 1.0)}})
+    assert list(rating_table(one, TABLE_5).index) == [("T1", a) for a in ("Displacement domain", "CAE", REPEAT)]
+
+
+def test_approaches_that_the_study_does_not_have_are_left_out(campaign: Campaign) -> None:
+    """Table 3 compares networks; there is none here."""
+    assert rating_table(study(campaign), TABLE_3).empty
+
+
+def test_the_best_of_a_test_is_marked_window_by_window() -> None:
+    """Equal to three digits is equally good, as the reader sees it."""
+    index = pd.MultiIndex.from_product([["T1", "T2"], ["a", "b"]])
+    table = pd.DataFrame({"w": [0.8, 0.9, 0.70004, 0.70001], "v": [0.5, 0.4, 0.1, 0.2]}, index=index)
+    assert best(table).to_numpy().tolist() == [[False, True], [True, False], [True, False], [True, True]]
+
+
+def test_what_a_repeat_would_rate_stands_under_the_approaches_and_is_never_the_best(campaign: Campaign) -> None:
+    """In every test and the mean; a window without a value has none."""
+    repeats = {"T1": {20.0: Repeatability(0.9, 0.8, 1.0), 60.0: Repeatability(0.8, 0.7, 0.9)}}
+    repeats["T2"] = {20.0: Repeatability(1.0, 0.9, 1.0)}
+    table = rating_table(replace(study(campaign), repeatability=repeats), TABLE_5)
+    own = table.xs(REPEAT, level=1)
+    assert list(table.index)[2] == ("T1", REPEAT)
+    np.testing.assert_allclose(own, [[0.9, 0.8], [1.0, np.nan], [0.95, np.nan]])
+    assert not best(table).xs(REPEAT, level=1).to_numpy().any()
+    assert best(table).xs("Displacement domain", level=1).to_numpy().all()

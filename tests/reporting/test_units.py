@@ -20,13 +20,11 @@ from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.planning import NextTests, SpeedSweep
-from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
+from crashfuse.reporting.plots.certification import record_figure, validated_domain, verdict_matrix
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.next_test import next_tests
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion
-from crashfuse.reporting.plots.sweep import sweep_figure
-from crashfuse.reporting.plots.track_record import record_figure
+from crashfuse.reporting.plots.sweep import next_tests, sweep_figure
 from crashfuse.reporting.report import (
     certification_report,
     next_test_report,

@@ -13,7 +13,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import NotFittedError, UsageError
-from crashfuse.reporting.plots.next_test import next_tests
+from crashfuse.reporting.plots.sweep import next_tests
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
 from crashfuse.units import LB, MPH, G

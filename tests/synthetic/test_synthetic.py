@@ -9,7 +9,7 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.certification.criteria_file import read_criteria
+from crashfuse.certification.criteria import read_criteria
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition

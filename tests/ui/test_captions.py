@@ -12,7 +12,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import motion
-from crashfuse.reporting.plots.rating_parts import rating_parts
+from crashfuse.reporting.plots.ratings import rating_parts
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.captions import Caption, caption, file_name, settings

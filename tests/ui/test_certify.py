@@ -13,11 +13,15 @@ from streamlit.testing.v1.element_tree import Selectbox
 
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.certification.criteria_file import criteria_text, read_criteria
+from crashfuse.certification.criteria import criteria_text, read_criteria
 from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_sentences import to_test
-from crashfuse.reporting.certification_tables import certification_table, matrix_table, verdict_counts
+from crashfuse.reporting.certification_tables import (
+    certification_table,
+    matrix_table,
+    verdict_counts,
+)
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.certify import matrix as matrix_ui
 from crashfuse.wording import probability_text

@@ -13,7 +13,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import WORDS, Verdict
+from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_exceptions import exceptions
 from crashfuse.reporting.certification_sentences import summary
@@ -21,24 +21,25 @@ from crashfuse.reporting.certification_tables import (
     ANSWER,
     answer_texts,
     counts_table,
-    record_counts,
+    record_shown,
+    trials_shown,
+    verdicts_shown,
 )
-from crashfuse.reporting.domain_sentences import domain_sentences
+from crashfuse.reporting.evidence_sentences import (
+    brier_sentence,
+    domain_sentences,
+    interval_sentence,
+    record_sentence,
+    waived_sentence,
+)
 from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import repeats_table
-from crashfuse.reporting.track_record_sentences import (
-    brier_sentence,
-    interval_sentence,
-    record_sentence,
-    support_sentence,
-    waived_sentence,
-)
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.repeatability import repeatability
-from crashfuse.wording import probability_text
+from crashfuse.wording import probability_text, unbroken
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on paper; of several, two fill a page
@@ -78,18 +79,17 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         occupant=_occupant(certification),
         counts=counts_table(certification, display.units).rename(columns={"criterion": "Criterion", "limit": "Limit"}),
         matrix_figures=list(_matrix_figures(certification, display)),
-        verdict_rows=_shortened(_verdicts(certification, display), "certification.csv"),
+        verdict_rows=_shortened(verdicts_shown(certification, display).drop(columns="Limit"), "certification.csv"),
         changes=() if changes is None else change_sentences(changes),
         earlier=None if changes is None else changes.earlier,
         changed=None if changes is None else _shortened(shown_changes(changes, display), "changes.csv"),
         record=[record_sentence(record), *waived_sentence(record, criteria)],
         record_figures=list(_record_figures(certification, display)),
-        record_counts=_record_counts(record, criteria.items),
+        record_counts=record_shown(certification, display),
         evidence=[*interval_sentence(record), *brier_sentence(record)],
         reliability=shown.plot("reliability"),
         bins=_bins(record),
-        supports=[(own.name, support_sentence(record, own, criteria.confidence)) for own in criteria.items],
-        trials=_shortened(_trials(record, criteria.confidence, display), "track_record.csv"),
+        trials=_shortened(trials_shown(record, criteria.confidence, display), "track_record.csv"),
         exceptions=exceptions(certification),
         open_cells=_shortened(_open_cells(certification, display), "certification.csv"),
     )
@@ -159,52 +159,6 @@ def _record_figures(certification: Certification, display: Display) -> Iterator[
             yield Verdicts(replace(certification, record=TrackRecord(trials))).plot("record", display=display)
 
 
-def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
-    confidence = certification.criteria.confidence
-    return pd.DataFrame(
-        {
-            "Condition": i,
-            "Criterion": own.criterion.name,
-            "Expected, 95 % of tests": _predicted(own, display),
-            "Probability": probability_text(own.probability, confidence),
-            "Verdict": own.word,
-            "Reason": display.words(own.reason),
-        }
-        for i, own in certification.cells
-    )
-
-
-def _trials(record: TrackRecord, confidence: float, display: Display) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "Test": trial.held_out,
-            "Left out": "alone" if trial.left_out == "test" else _together("speed group"),
-            "Criterion": own.criterion.name,
-            "Expected": _together(display.words(own.criterion.shown(own.value))),
-            "95 % of tests": _interval(own, display),
-            "Probability": probability_text(own.probability, confidence),
-            "Verdict": own.word,
-            "Measured": _together(display.words(own.criterion.shown(trial.measured))),
-            "The test": _together(("met it" if trial.met else "missed it") + ", wrong" * trial.wrong),
-        }
-        for trial in record.counted
-        for own in [trial.verdict]
-    )
-
-
-def _record_counts(record: TrackRecord, criteria: Sequence[Criterion]) -> pd.DataFrame:
-    rows = []
-    for own in (*criteria, None):
-        counts = record_counts(record, own)
-        row: dict[str, object] = {"Criterion": "All" if own is None else own.name}
-        for word in ("met", "not met", "decided"):
-            n, wrong, most = (counts[word][key] for key in ("n", "wrong", "wrong_at_most"))
-            told = f"{wrong} of {n}" + ("" if most is None else f" (≤ {100 * float(str(most)):.1f} %)")
-            row[f"Wrong of {'both' if word == 'decided' else word}"] = _together(told)
-        rows.append({**row, "Open": counts["open"]["n"], "Outside": counts["outside"]["n"]})
-    return pd.DataFrame(rows)
-
-
 def _bins(record: TrackRecord) -> pd.DataFrame:
     return pd.DataFrame(
         {
@@ -232,25 +186,10 @@ def _open_cells(certification: Certification, display: Display) -> pd.DataFrame:
             "Condition": i,
             "Criterion": own.criterion.name,
             "Limit": display.words(own.criterion.limits),
-            "Expected": _together(display.words(own.criterion.shown(own.value))),
-            "Distance": _together(display.words(own.criterion.shown(margin))),
+            "Expected": unbroken(display.words(own.criterion.shown(own.value))),
+            "Distance": unbroken(display.words(own.criterion.shown(margin))),
             "In half widths of the interval": f"{share:.2f}" if math.isfinite(share) else "–",
             "Probability": probability_text(own.probability, confidence),
         }
         rows.append((share, row))
     return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
-
-
-def _predicted(verdict: Verdict, display: Display) -> str:
-    """What is expected, and its interval, as far as they are known."""
-    value, interval = _together(display.words(verdict.criterion.shown(verdict.value))), _interval(verdict, display)
-    return value if interval == "–" else f"{value}, {interval}"
-
-
-def _interval(verdict: Verdict, display: Display) -> str:
-    return _together(display.words(verdict.criterion.interval(verdict.lower, verdict.upper)))
-
-
-def _together(text: str) -> str:
-    """The text without a place to break the line."""
-    return text.replace(" ", "\N{NO-BREAK SPACE}")

@@ -1,8 +1,10 @@
 """Rendering of a report's template with its own values and those common to all reports."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import count
+from typing import Literal, get_args
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -13,13 +15,17 @@ from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.errors import one_of, require_a, several
+from crashfuse.fact import Fact
 from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
-from crashfuse.reporting.run_quality import quality_table
+from crashfuse.reporting.result_tables import quality_table
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import campaign_facts
 from crashfuse.wording import Sentence, speed, weight
 
 
@@ -66,7 +72,7 @@ def render(
         template,
         f"{campaign.name}: {title}",
         display,
-        notice=campaign.notice,
+        facts=campaign_facts(campaign),
         campaign=campaign,
         config=config,
         tests=tests_table(campaign, display),
@@ -81,7 +87,7 @@ def render(
     )
 
 
-def render_in_frame(template: str, title: str, display: Display, *, notice: str | None = None, **own: object) -> str:
+def render_in_frame(template: str, title: str, display: Display, *, facts: Sequence[Fact] = (), **own: object) -> str:
     """The complete file of a report that has nothing but its frame in common with the others."""
     return (
         _templates(display)
@@ -89,7 +95,7 @@ def render_in_frame(template: str, title: str, display: Display, *, notice: str 
         .render(
             own,
             title=title,
-            notice=notice,
+            facts=facts,
             verdict_colours=VERDICT_COLOURS,
             plotly=Markup(get_plotlyjs()),  # noqa: S704
             numbers=count(1),
@@ -139,3 +145,37 @@ def _listed(value: object) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_listed(own)}" for name, own in value.items())
     return " ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+ReportForm = Literal["short", "whole"]
+REPORT_FORMS: tuple[ReportForm, ...] = get_args(ReportForm)
+
+
+@dataclass(frozen=True, slots=True)
+class ReportOptions:
+    """Form and content of a report.
+
+    Parameters
+    ----------
+    form : {"whole", "short"}
+        Short: two or three pages with result, recommendation, ratings, and the test that was predicted worst.
+    tests : tuple of str
+        Tests that are shown one by one; none: the worst in a short report, every test in a whole one.
+    notes : tuple of Note
+        On the campaign's tests; those with a time are drawn on the figures over time.
+
+    Raises
+    ------
+    UsageError
+        If there is no such form.
+    """
+
+    form: ReportForm = "whole"
+    tests: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
+
+    def __post_init__(self) -> None:
+        one_of("form of a report", self.form, dict.fromkeys(REPORT_FORMS))
+        object.__setattr__(self, "tests", several(self.tests))
+        for note in self.notes:
+            require_a(Note, note, "crashfuse.Note(test, text)")

@@ -8,16 +8,19 @@ from crashfuse.errors import one_of
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
-from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
-from crashfuse.reporting.report.options import ReportForm
-from crashfuse.reporting.report.page import render
+from crashfuse.reporting.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
+from crashfuse.reporting.report.page import ReportForm, render
 from crashfuse.reporting.report.sections import details, unbroken_interval
+from crashfuse.reporting.result_tables import curve_table, gains_table
 from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.next_test import next_tests_table
+from crashfuse.study.one_more_test import sentences
 from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
 
@@ -120,4 +123,34 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
         drawn=ranking.plot(display=display),
         best=next_tests_table(ranked[:_SHOWN], display.units),
         ranked=len(ranked),
+    )
+
+
+LEARNING_CURVE_MEANING = (
+    "Parts of the tests take the place of the campaign in turn, chosen evenly over speed and at random; all other "
+    "tests are predicted from each part and rated. Every mean counts each held-out test once."
+)
+ONE_MORE_MEANING = (
+    "Each gain is the mean difference on the same held-out tests, with its standard error; the cost of one hundredth "
+    "is given where the gain is above it. One more test is extrapolated by the law: rating = limit − a / n, fitted "
+    "to the means by least squares; its interval covers exponents of n from 0.5 to 2."
+)
+
+
+def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, display: Display = DEFAULT) -> str:
+    """HTML report of a learning curve; with the cost of a test, also what a hundredth of rating costs."""
+    return render(
+        "learning_curve",
+        "how many tests are enough",
+        curve.campaign,
+        curve.config,
+        learning_curve_command(curve.config, curve.repeats, str(cost or ""), display.system),
+        display,
+        curve.campaign.test_ids,
+        verdict=sentences(curve, cost),
+        meaning=LEARNING_CURVE_MEANING,
+        law=ONE_MORE_MEANING,
+        drawn=curve.plot(display=display),
+        steps=gains_table(curve, cost),
+        means=curve_table(curve, display),
     )

@@ -9,8 +9,15 @@ import pandas as pd
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria
-from crashfuse.certification.criteria_file import LEAST_SURE, MOST_SURE, criteria_of, read_criteria
+from crashfuse.certification.criteria import (
+    CONFIDENCE,
+    LEAST_SURE,
+    MOST_SURE,
+    RATING,
+    Criteria,
+    criteria_of,
+    read_criteria,
+)
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD

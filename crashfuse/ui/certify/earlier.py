@@ -5,11 +5,10 @@ from collections.abc import Hashable
 import streamlit as st
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification import kept_files
+from crashfuse.certification import file_store
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.earlier import FILE, Earlier
-from crashfuse.certification.earlier_file import parse_earlier
+from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.errors import CrashfuseError
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_record import certification_json
@@ -61,7 +60,7 @@ def show(judgement: Judgement) -> None:
 def _choose(certification: Certification) -> None:
     """Offer those of this vehicle that are kept, to upload one, and to keep today's."""
     campaign, state = certification.campaign, st.session_state
-    kept, of_these = kept_files.certifications(campaign), campaign.fingerprint[:8]
+    kept, of_these = file_store.certifications(campaign), campaign.fingerprint[:8]
     shown, file_key = f"kept of {of_these}", f"earlier file {of_these}"
     wrong = state.pop(_WRONG, None)
     with st.container(horizontal=True, vertical_alignment="bottom"):
@@ -94,7 +93,7 @@ def _read(content: bytes, campaign: Campaign) -> Earlier:
 
 def _keep(certification: Certification) -> None:
     try:
-        kept = kept_files.keep_certification(certification_json(certification), certification.campaign)
+        kept = file_store.keep_certification(certification_json(certification), certification.campaign)
         st.session_state[_KEPT] = (
             f"Kept on this machine since {kept.date}, to be held against later tests. SHA-256 {kept.digest}: who has "
             "this number before a test is run can show that the verdicts were there first."

@@ -3,7 +3,7 @@
 import streamlit as st
 
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.criteria_file import criteria_text
+from crashfuse.certification.criteria import criteria_text
 from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import csv_as_given, matrix_table

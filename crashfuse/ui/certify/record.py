@@ -1,25 +1,20 @@
 """What stands behind the verdicts on the Certify page: the record of left-out tests, and the validated domain."""
 
-import pandas as pd
 import streamlit as st
 
-from crashfuse.certification.certify import Certification
 from crashfuse.reporting.certification_exceptions import exceptions
-from crashfuse.reporting.certification_tables import record_counts
-from crashfuse.reporting.domain_sentences import domain_sentences
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.track_record_sentences import (
+from crashfuse.reporting.certification_tables import record_shown
+from crashfuse.reporting.evidence_sentences import (
     brier_sentence,
+    domain_sentences,
     interval_sentence,
     record_sentence,
-    support_sentence,
     waived_sentence,
 )
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
-from crashfuse.wording import unbroken
 
 _MEASURED, _RELIABILITY = "What left-out tests showed", "Are the probabilities right?"
 
@@ -37,7 +32,7 @@ def show(judgement: Judgement) -> None:
     st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *waived, *evidence)))
     if not record.trials:
         return
-    show_table(_counts(certification, display), "counts")
+    show_table(record_shown(certification, display), "counts")
     if choose("Figure", [_MEASURED, _RELIABILITY], key="record") == _MEASURED:
         show_cached_figure(
             lambda: verdicts.plot("record", display=display),
@@ -83,25 +78,3 @@ def show_exceptions(judgement: Judgement) -> None:
     """List what has to be known against the verdicts."""
     for subject, sentences in exceptions(judgement.certification).items():
         st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in sentences))
-
-
-def _counts(certification: Certification, display: Display) -> pd.DataFrame:
-    record, rows = certification.record, []
-    for criterion in certification.criteria.items:
-        counts = record_counts(record, criterion)
-        bound = counts["decided"]["wrong_at_most"]
-        rows.append(
-            {
-                "Criterion": criterion.name,
-                "Limit": display.words(criterion.limits),
-                **{word.capitalize(): _said(counts[word]) for word in ("met", "not met", "open", "outside")},
-                unbroken("Wrong at most (95 %)"): "–" if bound is None else f"{100 * float(str(bound)):.0f} %",
-                "What this record supports": support_sentence(record, criterion, certification.criteria.confidence),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _said(counts: dict[str, object]) -> str:
-    wrong = counts.get("wrong")
-    return f"{counts['n']}, {wrong} wrong" if wrong else f"{counts['n']}"

@@ -4,17 +4,17 @@ import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
-from crashfuse.certification import kept_files
+from crashfuse.certification import file_store
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_changes import saved_and_missed
 from crashfuse.reporting.certification_sentences import beside_matrix
-from crashfuse.reporting.certification_tables import verdict_counts
+from crashfuse.reporting.certification_tables import verdict_counts, verdicts_shown
+from crashfuse.reporting.evidence_sentences import at_most
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
-from crashfuse.reporting.track_record_sentences import at_most
 from crashfuse.ui import explanations
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.figures import show_clickable
@@ -22,7 +22,6 @@ from crashfuse.ui.look import fill
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.predict.condition import fill_in
 from crashfuse.ui.text import plain
-from crashfuse.wording import probability_text
 
 _CELL = "cell"
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
@@ -56,7 +55,7 @@ def show(judgement: Judgement) -> None:
     st.caption(_NUMBERS if n <= MOST_WORDS else _COLOURS)
     _show_cell(certification)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
-    if certification.since is None and (alone := kept_files.beside_none(certification.campaign)):
+    if certification.since is None and (alone := file_store.beside_none(certification.campaign)):
         st.caption(f":material/history: {plain(alone)} Choose one under *Earlier verdicts*.")
     with st.expander("All verdicts as a table", icon=":material/table:"):
         _show_table(certification, display)
@@ -91,7 +90,10 @@ def _show_numbers(certification: Certification) -> None:
 def _show_table(certification: Certification, display: Display) -> None:
     """Show verdicts of chosen kinds, one row a condition and criterion."""
     words = st.pills("Verdicts", WORDS, selection_mode="multi", key="verdicts", persist_state="session")
-    table = without_formulas(_table(certification, display))  # the page offers it as CSV
+    table = verdicts_shown(certification, display)
+    speeds = [display.speeds(verdict.condition.speed_mps) for _, verdict in certification.cells]
+    table.insert(1, display.title("Speed", "mph"), speeds)
+    table = without_formulas(table)  # the page offers it as CSV
     table = table[table["Verdict"].isin(words)]
     st.dataframe(
         coloured(table, "Verdict"),
@@ -125,23 +127,6 @@ def _show_cell(certification: Certification) -> None:
         args = (certification.campaign, verdict.condition)
         if st.button(button, icon=":material/arrow_forward:", on_click=fill_in, args=args):
             open_page("predict")
-
-
-def _table(certification: Certification, display: Display) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "Condition": i,
-            display.title("Speed", "mph"): display.speeds(verdict.condition.speed_mps),
-            "Criterion": verdict.criterion.name,
-            "Limit": display.words(verdict.criterion.limits),
-            "Expected": display.words(verdict.criterion.shown(verdict.value)),
-            "95 % of tests": display.words(verdict.criterion.interval(verdict.lower, verdict.upper)),
-            "Probability": probability_text(verdict.probability, certification.criteria.confidence),
-            "Verdict": verdict.word,
-            "Reason": display.words(verdict.reason),
-        }
-        for i, verdict in certification.cells
-    )
 
 
 def coloured(table: pd.DataFrame, *columns: str) -> Styler:

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import streamlit as st
 
-from crashfuse.certification import kept_files
+from crashfuse.certification import file_store
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.ui.text import plain
 
@@ -58,7 +58,7 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
         content = given.getvalue()
         try:
             read(content)
-            state[choice] = kept_files.keep(content, file)
+            state[choice] = file_store.keep(content, file)
         except CrashfuseError as error:
             state[wrong] = under_its_name(error, file, given.name)
 
@@ -72,7 +72,7 @@ def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
     """What the address has as this choice; None if it has none. Raises as :func:`choose_kept`."""
     if (name := st.session_state[choice]) is None:
         return None
-    if (content := kept_files.find(name)) is None:
+    if (content := file_store.find(name)) is None:
         raise UsageError(
             f"The {file} of this link is not on this server: it was uploaded elsewhere, or removed after a year "
             "without use. Upload it again."

@@ -5,7 +5,7 @@ from html import escape
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
-from crashfuse.reporting.paper_tables import REPEAT
+from crashfuse.reporting.rating_tables import REPEAT
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.wording import difference, joined

@@ -7,6 +7,7 @@ from streamlit.delta_generator import DeltaGenerator
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.reporting.plots.display import Display
+from crashfuse.study.facts import condition_facts
 from crashfuse.ui import address
 from crashfuse.ui.text import plain
 from crashfuse.units import LB, MPH
@@ -43,8 +44,8 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
         factors=tuple((name, choice) for name, choice in factors.items() if choice),
         units=display.system.endings,
     )
-    if notes := campaign.cae.extrapolation(condition):
-        st.markdown(f":material/warning: **{plain(joined(notes))}**")
+    if facts := condition_facts(campaign, condition):
+        st.markdown(f":material/warning: **{plain(display.words(joined([fact.sentence for fact in facts])))}**")
     return condition
 
 

@@ -13,7 +13,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.reporting.glossary import TTZV
 from crashfuse.reporting.planning import NextTests
-from crashfuse.reporting.plots.next_test import BEST
+from crashfuse.reporting.plots.sweep import BEST
 from crashfuse.reporting.report import next_test_report, sweep_report
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
 from crashfuse.signals.metrics import METRIC_LABELS

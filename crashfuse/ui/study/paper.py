@@ -3,7 +3,7 @@
 import streamlit as st
 
 from crashfuse.reporting import glossary
-from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5
+from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5
 from crashfuse.ui import page_tables
 from crashfuse.ui.study.outcome import Outcome
 from crashfuse.ui.study.ratings import choose_way

@@ -13,7 +13,7 @@ from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots import bias as bias_plots
+from crashfuse.reporting.plots import displacement as bias_plots
 from crashfuse.reporting.plots import displacement as plots
 from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.metrics import Metric

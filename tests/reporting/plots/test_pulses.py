@@ -1,5 +1,7 @@
 """Figures show the numbers they were given, in the units they name."""
 
+from dataclasses import replace
+
 import numpy as np
 import plotly.graph_objects as go
 import pytest
@@ -8,12 +10,15 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
+from crashfuse.importing import settle
 from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.pulses import imported_pulse
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, motion
 from crashfuse.units import MPH, G
+from tests.importing.crashes import CONDITION, PEAK_MPS2, channel, record
 from tests.reporting.conftest import with_and_without_band
 
 
@@ -267,3 +272,26 @@ def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(te
         lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0) / unit
         np.testing.assert_allclose(band.meta["lower"], lower)
         np.testing.assert_allclose(band.meta["upper"], upper)
+
+
+def test_the_recording_lies_under_its_pulse() -> None:
+    """A file that counts braking positive in m/s² and starts late: both curves have their trough at one place."""
+    raw = replace(channel(scale=-9.80665, unit="m/s²"), time_s=channel().time_s + 0.3)
+    source = replace(record(raw, condition=CONDITION), own_time_zero="")
+    found = settle(source)
+    recorded, pulse = imported_pulse([raw], found, Display(unit="m/s²")).data
+    assert recorded.y.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+    assert pulse.y.min() == pytest.approx(-PEAK_MPS2, rel=0.01)
+    assert recorded.x[recorded.y.argmin()] == pytest.approx(pulse.x[pulse.y.argmin()], abs=0.5)
+    flipped, _ = imported_pulse([raw], found, Display(unit="m/s²", deceleration=True)).data
+    assert flipped.y.max() == pytest.approx(PEAK_MPS2, rel=1e-3)
+
+
+def test_what_cannot_be_settled_is_drawn_as_it_is() -> None:
+    """The file's own time, its own numbers, and no more curves than can be told apart."""
+    channels = [channel(str(number), scale=2.0) for number in range(12)]
+    figure = imported_pulse(channels, None)
+    assert len(figure.data) == 8
+    assert figure.data[0].x[0] == pytest.approx(1000 * channels[0].time_s[0])
+    assert np.abs(figure.data[0].y).max() == pytest.approx(2 * np.abs(channel().values).max(), rel=1e-3)
+    assert figure.layout.yaxis.title.text == "As in the file"

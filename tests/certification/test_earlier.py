@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from crashfuse.certification.earlier import FILE, Earlier, EarlierVerdict
-from crashfuse.certification.earlier_file import parse_earlier, read_earlier
+from crashfuse.certification.earlier import FILE, Earlier, EarlierVerdict, parse_earlier, read_earlier
 from crashfuse.errors import DataError
 from crashfuse.signals.occupant import USUAL_OCCUPANT
 from crashfuse.units import LB, MPH
@@ -140,6 +139,6 @@ def test_no_file_and_a_huge_one_are_told_apart(tmp_path: Path, monkeypatch: pyte
         with pytest.raises(DataError, match="expected this file, found No such file"):
             find(path)
     (tmp_path / FILE).write_text(json.dumps(RECORD))
-    monkeypatch.setattr("crashfuse.certification.earlier_file._LARGEST", 10)
+    monkeypatch.setattr("crashfuse.certification.earlier._LARGEST", 10)
     with pytest.raises(DataError, match="at most 64 MB"):
         find(tmp_path)

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.criteria_file import criteria_of, read_criteria
+from crashfuse.certification.criteria import Criterion, criteria_of, read_criteria
 from crashfuse.errors import DataError
 
 SOUND = """

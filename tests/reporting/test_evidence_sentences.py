@@ -1,6 +1,6 @@
 """Conditions in a sentence can be read at a glance, however many there are."""
 
-from crashfuse.reporting.condition_lists import listed_conditions
+from crashfuse.reporting.evidence_sentences import listed_conditions
 
 ROWS = [f"M{i:04}" for i in range(1, 2001)]
 

@@ -1,11 +1,12 @@
 """What the record of left-out tests says of verdicts, in words."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.support import MOST_OF_A_TEST, largest_share
-from crashfuse.certification.track_record import TrackRecord, Trial
-from crashfuse.wording import Quantity, Sentence, joined, probability_text
+from crashfuse.certification.domain import Domain
+from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, largest_share
+from crashfuse.wording import Quantity, Sentence, joined, probability_text, speed, weight
 
 INTERVAL = 0.95
 """Share of tests that intervals are made to hold."""
@@ -139,3 +140,75 @@ def listed(names: Sequence[str]) -> str:
     """The first names, and how many there are more."""
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return Sentence("{}{}", joined(names[:_NAMED], ", "), more)
+
+
+_ENDS = ", where the CAE runs end,"
+
+
+def domain_sentences(domain: Domain) -> tuple[str, ...]:
+    """Where the tests, left out with all others at about their speed, check predictions."""
+    if not domain.speed_ranges_mps:
+        return domain.too_few_tests or ("Nothing is checked: no test lies within the speeds of the CAE runs.",)
+    speeds = joined([Sentence("{}", speed(*ends, between=" to ")) for ends in domain.speed_ranges_mps], " and ")
+    masses = weight(*domain.checked_masses_kg, between=" to ")
+    factors = "; ".join(f"{name} {', '.join(values)}" for name, values in domain.factors.items())
+    slowest, fastest = (float(end[0]) for end in domain.cae.range)
+    below, above = domain.speeds_mps[0] - slowest, fastest - domain.speeds_mps[-1]
+    return (
+        Sentence(
+            f"Checked by the {domain.n_tests} tests, each left out with all others at about its speed: {{}}, front "
+            "and rear weight together {}{}; and within the range of the CAE runs.",
+            speeds,
+            masses,
+            f"; {factors}" if factors else "",
+        ),
+        Sentence(
+            "A condition is at most {} from the nearest test, as far as left-out tests were from those that gave them "
+            "a verdict; {} below the slowest{} and {} above the fastest{}.",
+            speed(domain.reach_mps),
+            speed(max(min(below, domain.below_mps), 0.0)),
+            _ENDS * (below < domain.below_mps),
+            speed(max(min(above, domain.above_mps), 0.0)),
+            _ENDS.rstrip(",") * (above < domain.above_mps),
+        ),
+    )
+
+
+ONE_BY_ONE = 6  # conditions, or fewer
+_RANGES = 8
+
+
+def listed_conditions(rows: Iterable[str], answers: Mapping[str, str], file: str = "certification.csv") -> str:
+    """Conditions, each with its answer in brackets if there is one: ``M01 to M08, M11 (crush); M09 (peak)``.
+
+    Parameters
+    ----------
+    rows : iterable of str
+        Ids of the conditions in the order of the matrix.
+    answers : mapping of str to str
+        By the id of each condition that is told; of many, the answer that most of them share is told first.
+    file : str
+        Which file has those that are left out.
+    """
+    if len(answers) <= ONE_BY_ONE:
+        return ", ".join(_with_answer(i, own) for i, own in answers.items())
+    ranges: dict[str, list[list[str]]] = {}
+    for answer, ids in groupby(rows, answers.get):
+        if answer is not None:
+            ranges.setdefault(answer, []).append(list(ids))
+    told, left, room = [], len(answers), _RANGES
+    for answer, own in sorted(ranges.items(), key=lambda item: -sum(map(len, item[1]))):
+        if shown := own[:room]:
+            told.append(_with_answer(", ".join(map(_range, shown)), answer))
+        room -= len(shown)
+        left -= sum(map(len, shown))
+    listed = "; ".join(told)
+    return f"{len(answers):,} conditions, {listed} and {left:,} more, all in {file}" if left else listed
+
+
+def _range(ids: list[str]) -> str:
+    return ", ".join(ids) if len(ids) < 3 else f"{ids[0]} to {ids[-1]}"
+
+
+def _with_answer(conditions: str, answer: str) -> str:
+    return f"{conditions} ({answer})" if answer else conditions

@@ -14,8 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.earlier import FILE, Earlier
-from crashfuse.certification.earlier_file import parse_earlier
+from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder

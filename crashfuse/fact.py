@@ -1,0 +1,47 @@
+"""Facts that whoever reads a result has to know: found once, worded once, shown wherever the result is."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+IMPORTANCE = (
+    "test.stands_apart",
+    "test.in_doubt",
+    "condition.extrapolated",
+    "cae.runs_fail",
+    "tests.left_out_of_use",
+    "campaign.warning",
+    "campaign.notice",
+)
+"""Codes of facts, the most important one first: the order in which pages, reports and files have them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """A fact with its sentence, and the values that it rests on.
+
+    Parameters
+    ----------
+    code : str
+        One of :data:`IMPORTANCE`.
+    sentence : str
+        With its subject, its size and what to do.
+    label : str
+        In two or three words, for a badge.
+    values : mapping of str to object
+        Ids, and numbers in the units that their names end in, as JSON has them.
+    """
+
+    code: str
+    sentence: str
+    label: str
+    values: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def record(self) -> dict[str, object]:
+        """The fact as JSON values."""
+        return {"code": self.code, **self.values, "sentence": str(self.sentence)}
+
+
+def by_importance(facts: Iterable[Fact]) -> tuple[Fact, ...]:
+    """Facts in the order of :data:`IMPORTANCE`; of one code, as they come."""
+    return tuple(sorted(facts, key=lambda fact: IMPORTANCE.index(fact.code)))

@@ -1,0 +1,71 @@
+"""What has to be known of a campaign, and of a condition in it, wherever results of it are shown."""
+
+from collections.abc import Iterator
+
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.crash_test import SPEED_STEP_MPS
+from crashfuse.execution.cache import Cache
+from crashfuse.fact import Fact, by_importance
+from crashfuse.study.departure import Departure, departures
+from crashfuse.study.nearest import doubtful_tests
+from crashfuse.units import G
+from crashfuse.wording import joined
+
+
+def campaign_facts(campaign: Campaign, cache: Cache | None = None) -> tuple[Fact, ...]:
+    """Facts of a campaign, the most important one first.
+
+    Parameters
+    ----------
+    cache : Cache, optional
+        Where the CAE model, and how tests differ, are found or kept.
+    """
+    return by_importance(_campaign_facts(campaign, cache))
+
+
+def condition_facts(campaign: Campaign, condition: Condition, cache: Cache | None = None) -> tuple[Fact, ...]:
+    """Facts of a prediction at a condition: what stands apart or is in doubt near it, what is extrapolated."""
+    apart = [_apart(departure) for departure in departures_near(campaign, condition, cache)]
+    doubtful = [Fact("test.in_doubt", text, "Test in doubt") for text in doubtful_tests(campaign, condition)]
+    beyond = [Fact("condition.extrapolated", text, "Extrapolation") for text in campaign.cae.extrapolation(condition)]
+    return (*apart, *doubtful, *beyond)
+
+
+def departures_near(campaign: Campaign, condition: Condition, cache: Cache | None = None) -> tuple[Departure, ...]:
+    """How the tests that stand apart at about the speed of a condition differ from the others there."""
+    return tuple(
+        departure
+        for departure in departures(campaign, cache)
+        if abs(campaign.test(departure.test).condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
+    )
+
+
+def _campaign_facts(campaign: Campaign, cache: Cache | None) -> Iterator[Fact]:
+    yield from map(_apart, departures(campaign, cache))
+    quality = campaign.quality
+    if quality.failing:
+        sentence = joined([quality.summary, *quality.named])
+        failing = {"failing": list(quality.failing), "runs": quality.runs}
+        yield Fact("cae.runs_fail", sentence, f"{len(quality.failing)} of {quality.runs} CAE runs fail", failing)
+    if campaign.unused:
+        ids = [test_id for test_id, _ in campaign.unused]
+        reasons = {"tests": ids, "reasons": [campaign.reason_of(test_id) for test_id in ids]}
+        yield Fact("tests.left_out_of_use", campaign.remarks[0], f"without {', '.join(ids)}", reasons)
+    for warning in campaign.warnings:
+        yield Fact("campaign.warning", warning, "Warning")
+    if campaign.notice:
+        yield Fact("campaign.notice", campaign.notice, campaign.notice.partition(":")[0])
+
+
+def _apart(departure: Departure) -> Fact:
+    values = {
+        "test": departure.test,
+        "neighbours": list(departure.neighbours),
+        "speed_mps": departure.speed_mps,
+        "differs_by_g": min(departure.bias_mps2) / G,
+        "others_differ_by_g": max(departure.bias_between_mps2) / G,
+        "best_rating": max(departure.ratings),
+        "lowest_rating_of_others": min(departure.ratings_between),
+    }
+    return Fact("test.stands_apart", departure.sentence, f"{departure.test} stands apart", values)

@@ -1,0 +1,104 @@
+"""Facts of a campaign and of a condition: codes and values, in order, wherever a result is shown."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from crashfuse.campaign import Campaign
+from crashfuse.fact import IMPORTANCE, by_importance
+from crashfuse.reporting.notebook import campaign_html
+from crashfuse.reporting.outgoing_pulses import PulseExport
+from crashfuse.reporting.predicted import predict
+from crashfuse.reporting.provenance import provenance
+from crashfuse.reporting.verdicts import certify
+from crashfuse.run_quality import QualityLimits, RunQuality
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import campaign_facts, condition_facts
+from crashfuse.study.running import run_study
+from crashfuse.units import MPH
+from tests.study.test_departure import at_one_speed
+
+
+@pytest.fixture(scope="module")
+def apart(campaign: Campaign) -> Campaign:
+    """Four tests at 25 mph, of which S4 stands apart, and the others; one test is out of use, one CAE run fails."""
+    group = at_one_speed(campaign, [1.0, 1.02, 0.98, 1.3]).tests
+    others = tuple(test for test in campaign.tests if test.id not in ("T2", "T3"))  # at another speed
+    bad = (RunQuality(hourglass_share=0.3), *[RunQuality(hourglass_share=0.01)] * (len(campaign.cae) - 1))
+    return replace(
+        campaign,
+        tests=(*group, *others),
+        cae=replace(campaign.cae, quality=bad),
+        quality_limits=QualityLimits("house", hourglass_share=0.1),
+        unused=(("T3", campaign.test("T3").condition),),
+        why_unused={"T3": "no t0"},
+        warnings=("tests.csv: T1 is odd.",),
+        notice="Synthetic: simulated.",
+    )
+
+
+def test_facts_have_codes_and_values_in_the_order_of_their_importance(apart: Campaign) -> None:
+    """What stands apart first, with its size; the notice last."""
+    facts = campaign_facts(apart)
+    assert [fact.code for fact in facts] == [
+        "test.stands_apart", "cae.runs_fail", "tests.left_out_of_use", "campaign.warning", "campaign.notice"
+    ]  # fmt: skip
+    assert by_importance(reversed(facts)) == facts
+    assert {fact.code for fact in facts} <= {*IMPORTANCE}
+    first, runs, unused, *_ = (fact.record for fact in facts)
+    assert first["test"] == "S4"
+    assert first["neighbours"] == ["S1", "S2", "S3"]
+    assert first["speed_mps"] == apart.test("S4").condition.speed_mps
+    assert float(str(first["differs_by_g"])) > float(str(first["others_differ_by_g"])) > 0
+    assert float(str(first["best_rating"])) < float(str(first["lowest_rating_of_others"])) < 1
+    assert (runs["failing"], runs["runs"]) == ([apart.cae.ids[0]], len(apart.cae))
+    assert (unused["tests"], unused["reasons"]) == (["T3"], ["no t0"])
+
+
+def test_a_condition_has_those_of_its_speed_and_what_is_extrapolated(apart: Campaign) -> None:
+    """Within 2 mph of the test that stands apart, and nowhere else."""
+    at = apart.test("S4").condition
+    for off_mph, expected in ((1.9, ["test.stands_apart"]), (-2.1, []), (60.0, ["condition.extrapolated"])):
+        there = replace(at, speed_mps=at.speed_mps + off_mph * MPH)
+        assert [fact.code for fact in condition_facts(apart, there)] == expected
+
+
+@pytest.mark.slow
+def test_what_stands_apart_is_in_every_result(apart: Campaign, tmp_path: Path) -> None:
+    """Report, record, notebook and exports of a study, a prediction and a certification."""
+    config = StudyConfig(approaches=("cae", "displacement_domain"))
+    sentence = str(campaign_facts(apart)[0].sentence)
+    for each in (
+        run_study(apart, held_out=["T1"], config=config, workers=1),
+        predict(apart, apart.test("S1").condition, ["cae", "displacement_domain"], config),
+        certify(
+            apart,
+            [{"name": "peak", "metric": "peak", "at_most": 40}],
+            write_matrix(apart, tmp_path),
+            approach="displacement_domain",
+            config=config,
+            workers=1,
+        ),
+    ):
+        folder = tmp_path / type(each).__name__
+        each.write(folder)
+        text = (folder / "report.html").read_text(encoding="utf-8")
+        (record,) = (json.loads(path.read_text(encoding="utf-8")) for path in folder.glob("*.json"))
+        assert text.index(sentence) < text.index("<h2")
+        assert record["facts"] == json.loads(json.dumps(provenance(apart, (), config)["facts"]))
+        assert sentence in each._repr_html_()
+    assert "S4 stands apart" in (tmp_path / "Verdicts" / "certification.csv").read_text(encoding="utf-8")
+    assert sentence in campaign_html(apart)
+    prediction = predict(apart, apart.test("S1").condition, "cae", config)
+    files = PulseExport(("isomme",)).files(apart, prediction.estimates)["isomme"]
+    assert any(sentence.encode("ascii", "ignore")[:40] in content for content in files.values())
+
+
+def write_matrix(campaign: Campaign, folder: Path) -> Path:
+    """A matrix of one condition: that of S1."""
+    path = folder / "matrix.csv"
+    columns = campaign.test("S1").condition.columns
+    path.write_text(f"id,{','.join(columns)}\nM1,{','.join(map(str, columns.values()))}\n", encoding="utf-8")
+    return path
