@@ -1,6 +1,7 @@
 """What has to be known of a campaign, and of a condition in it, wherever results of it are shown."""
 
 from collections.abc import Iterator
+from weakref import WeakKeyDictionary
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -21,7 +22,9 @@ def campaign_facts(campaign: Campaign, cache: Cache | None = None) -> tuple[Fact
     cache : Cache, optional
         Where the CAE model, and how tests differ, are found or kept.
     """
-    return by_importance(_campaign_facts(campaign, cache))
+    if campaign not in _known:  # asked for by every page and file
+        _known[campaign] = by_importance(_campaign_facts(campaign, cache))
+    return _known[campaign]
 
 
 def condition_facts(campaign: Campaign, condition: Condition, cache: Cache | None = None) -> tuple[Fact, ...]:
@@ -39,6 +42,9 @@ def departures_near(campaign: Campaign, condition: Condition, cache: Cache | Non
         for departure in departures(campaign, cache)
         if abs(campaign.test(departure.test).condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
     )
+
+
+_known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()
 
 
 def _campaign_facts(campaign: Campaign, cache: Cache | None) -> Iterator[Fact]:
