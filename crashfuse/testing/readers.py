@@ -15,7 +15,7 @@ from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, format_of, read_records, settle
 from crashfuse.readers.formats import FORMATS, formats_of
 from crashfuse.readers.record import PartialCondition, Record
-from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS
 from crashfuse.units import KPH
 
 _GIVEN = Choices(condition=PartialCondition(56 * KPH, front_weight_kg=950.0, rear_weight_kg=750.0))

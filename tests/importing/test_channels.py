@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, Settled, import_source, read_records, settle
-from crashfuse.importing.rated_channels import rate_channels
-from crashfuse.importing.roles import Label, parts_of
+from crashfuse.importing.campaign_import import Label, parts_of
+from crashfuse.importing.ratings import rate_channels
 from crashfuse.importing.sources import Reading
-from crashfuse.readers.isomme_channels import Channel, IsommeTest
-from crashfuse.readers.isomme_record import record_of
+from crashfuse.readers.isomme import Channel, IsommeTest, record_of
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.signals.pulse import kinematics

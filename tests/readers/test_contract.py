@@ -25,8 +25,7 @@ from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 from tests.readers.lsdyna_files import Run, lsda
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.readers.radioss_files import RadiossRun
-from tests.readers.test_tdms import by_hand, nhtsa_test
-from tests.readers.test_tdms_laboratory import iihs_test
+from tests.readers.test_tdms import by_hand, iihs_test, nhtsa_test
 
 Files = dict[str, bytes]
 

@@ -12,11 +12,8 @@ from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, Settled, format_of, import_source, read_records, settle
 from crashfuse.readers.formats import formats_of
-from crashfuse.readers.radioss.binary import read_binary
-from crashfuse.readers.radioss.converted import read_converted
-from crashfuse.readers.radioss.runs import read_radioss
-from crashfuse.readers.radioss.time_history import TimeHistory, Watched
-from crashfuse.readers.radioss.unnamed import with_names
+from crashfuse.readers.radioss import read_binary, read_converted, read_radioss
+from crashfuse.readers.radioss_history import TimeHistory, Watched, with_names
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
 from tests.conftest import SHARED, needs_shared
@@ -213,10 +210,7 @@ def test_a_run_that_was_stopped_is_read_to_its_last_whole_state(tmp_path: Path) 
 @pytest.mark.parametrize("form", ["hc1T{:02}", "hc1T{:02}_csv", "hc1_{:04}_thy"])
 def test_a_restarted_run_is_one_run(tmp_path: Path, form: str) -> None:
     """Its second part computes 5 ms anew and replaces them; the first alone would end while the car still moves."""
-    parts = {
-        form.format(1): replace(RUN, end_ms=60.0),
-        form.format(2): replace(RUN, begin_ms=55.0, end_ms=120.0),
-    }
+    parts = {form.format(1): replace(RUN, end_ms=60.0), form.format(2): replace(RUN, begin_ms=55.0, end_ms=120.0)}
     files = {name: run.csv() if "csv" in name else run.binary() for name, run in parts.items()}
     record = only(tmp_path, **files)
     np.testing.assert_allclose(record.channels[0].time_s, RUN.time_ms * MS, atol=1e-8)
