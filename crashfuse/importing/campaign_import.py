@@ -91,7 +91,7 @@ def _is_named_test(name: str) -> bool:
     return _TEST.search(name) is not None
 
 
-def which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list[Problem]:
+def _which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list[Problem]:
     """The question which files are CAE runs, if any look like them; none if all say so themselves.
 
     ``source`` is its name, ``usual`` what files of its format are.
@@ -112,8 +112,7 @@ def which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list[
     return [Problem(source, "tests", f"what looks like CAE runs ({names}) beside {others}", advice)]
 
 
-def check_names(names: Sequence[str], records: Sequence[Label]) -> None:
-    """Raise a UsageError if something that is named is no file or record of the source."""
+def _check_names(names: Sequence[str], records: Sequence[Label]) -> None:
     there = {name for label in records for name in (label.file, label.source, label.id)}
     if absent := [name for name in names if name not in there]:
         parts = dict.fromkeys([*(label.file for label in records), *parts_of(records)])
@@ -195,11 +194,11 @@ def import_source(
             problems.append(Problem(source.name, "measured accelerations", found, advice))
     except DataError as error:
         problems = [*error.problems, *problems]
-    check_names(cae, labels)
+    _check_names(cae, labels)
     if role is None and not cae and labels:
         usual = FORMATS[fmt or format_of(source)].role
         # what each lacks as a test may be no question then
-        refuse(which_are_tests(source.name, labels, usual), source.name)
+        refuse(_which_are_tests(source.name, labels, usual), source.name)
     alone = source.is_file() and not is_archive(source.name) and conditions is None
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
@@ -267,7 +266,6 @@ def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
 
 
 def _unlike_their_table(settled: Sequence[Settled]) -> tuple[Settled, ...]:
-    """Records told with care where most others of their table are in another unit or of the other sign."""
     forms: dict[str, Counter[tuple[str, str]]] = {}
     for one in settled:
         forms.setdefault(one.source, Counter())[one.unit, one.deceleration_sign] += 1
@@ -283,7 +281,6 @@ def _unlike_their_table(settled: Sequence[Settled]) -> tuple[Settled, ...]:
 
 
 def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
-    """Records that were all given one speed, told with care if it can hardly be that of each."""
     changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
     if not changes or max(changes) <= _ONE_SPEED * min(changes):
         return tuple(settled)

@@ -71,7 +71,6 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
 
 
 def _backwards(place: str, time: FloatArray, steps: FloatArray) -> Problem:
-    """What is wrong with times that do not increase: they run back, or the same one is there twice."""
     expected = "time that increases from sample to sample"
     if steps.min() < 0:
         sample = int(np.argmax(steps < 0)) + 1
@@ -84,7 +83,7 @@ def _backwards(place: str, time: FloatArray, steps: FloatArray) -> Problem:
     return Problem(place, expected, found, "delete the duplicates, or export time with more digits")
 
 
-def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
+def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
     """Return the time that the channels have in common, and their values then, shape (n_channels, n).
 
     Channels whose samples lie between those of the first are interpolated. A DataError names a channel that is
@@ -113,7 +112,6 @@ def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[st
 
 
 def _at(clock: FloatArray, time: FloatArray, values: FloatArray, tolerance: float) -> FloatArray:
-    """Values at the times of a clock: as they are if they were sampled then, else interpolated."""
     start = int(np.searchsorted(time, clock[0] - tolerance))
     same = time[start : start + clock.size]
     if same.size == clock.size and np.abs(same - clock).max() <= tolerance:
@@ -249,7 +247,6 @@ class _Signal:
         return float(self.time_s[int(np.argmax(size >= _ONSET * size.max()))])
 
     def changes_unlike(self, other: "_Signal", share: float = 1.0) -> bool:
-        """Whether their changes of velocity differ by more than this share of the limit."""
         return abs(self.gain - other.gain) > share * _DISSENT * max(abs(self.gain), abs(other.gain))
 
     def differences(self, other: "_Signal", share: float = 1.0) -> list[str]:
@@ -308,7 +305,7 @@ def averaged(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[FloatAr
         found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
         advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
         raise DataError(Problem(source, "channels of one unit to average", found, advice))
-    time_s, values = on_one_clock(channels, source, case.steps)
+    time_s, values = _on_one_clock(channels, source, case.steps)
     if len(channels) > 1:
         case.steps.append(f"{len(channels)} channels averaged.")
     return time_s, values.mean(axis=0)

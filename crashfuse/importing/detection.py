@@ -27,8 +27,7 @@ _AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
 _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 
 
-def require_filter_class(cfc: object) -> None:
-    """Raise a UsageError if this is no channel filter class, "none" or None."""
+def _require_filter_class(cfc: object) -> None:
     if cfc not in (None, "none") and not (isinstance(cfc, int | float) and 1 <= cfc <= 1000):
         raise UsageError(f'A channel filter class is 60, 180, 600, 1000 or "none", not {printable(repr(cfc), 20)}.')
 
@@ -70,7 +69,7 @@ class Choices:
             object.__setattr__(self, "unit", acceleration_unit(self.unit))
         if self.deceleration_sign is not None:
             one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
-        require_filter_class(self.channel_filter_class)
+        _require_filter_class(self.channel_filter_class)
         require_a(PartialCondition, self.condition, "crashfuse.PartialCondition()")
         for name in ("time_zero_s", "gap_m", "front_share"):
             if (value := getattr(self, name)) is not None:
@@ -132,8 +131,7 @@ def unit_and_sign(
         steps.append(f"Unit {label}, from {channels[0].unit_from}.")
     change = gain * ACCELERATION_UNITS[label]
     if fitting and label not in fitting:
-        advice = f"check the unit: {fitting[0]} would fit (--unit)"
-        raise DataError(_unlike(case, time_s, change, label, advice))
+        raise DataError(_unlike(case, time_s, change, label, f"check the unit: {fitting[0]} would fit (--unit)"))
     found = "negative" if gain <= 0 or case.speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
     if moving and sign != found:

@@ -52,10 +52,8 @@ class RatingChoices:
 
     Parameters
     ----------
-    channels : tuple of str
-        Channels of the reference to be averaged, and of the comparison unless it has its own.
-    comparison_channels : tuple of str
-        Those of the comparison.
+    channels, comparison_channels : tuple of str
+        Channels of the reference to be averaged, and those of the comparison, if they are others.
     channel_filter_class : float or "none", optional
         Filter both with this class, or neither; by default as the import does, and tables in our own form not at all.
     unit : str, optional
@@ -74,14 +72,12 @@ class RatingChoices:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Curve:
-    """A signal to be rated, and its filter class in words."""
-
+class _Curve:
     pulse: Pulse
     filter_class: str
 
 
-_Read = Callable[[Path, tuple[str, ...], float | Literal["none"] | None, str | None], Curve]
+_Read = Callable[[Path, tuple[str, ...], float | Literal["none"] | None, str | None], _Curve]
 
 
 def rate_files(
@@ -160,7 +156,7 @@ def rate_pairs(
         try:
             rated = _pair_table(path.parent / one, path.parent / other, windows_ms, of_pair, read)
         except CrashfuseError as error:
-            rated = ratings_table([{"note": reason(error)}])
+            rated = _ratings_table([{"note": _reason(error)}])
         parts.append(rated.assign(reference=one, comparison=other))
     return pd.concat(parts, ignore_index=True)
 
@@ -173,11 +169,11 @@ def _pair_table(
     reference: Path, comparison: Path, windows_ms: Sequence[float], choices: RatingChoices, read: _Read
 ) -> pd.DataFrame:
     names = {"reference": str(reference), "comparison": str(comparison)}
-    rows = rated_rows(*_curves(reference, comparison, choices, read), windows_ms)
-    return ratings_table([{**names, **row} for row in rows])
+    rows = _rated_rows(*_curves(reference, comparison, choices, read), windows_ms)
+    return _ratings_table([{**names, **row} for row in rows])
 
 
-def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Read) -> tuple[Curve, Curve]:
+def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Read) -> tuple[_Curve, _Curve]:
     require_a(RatingChoices, choices, "crashfuse.RatingChoices()")
     shared = choices.channel_filter_class, choices.unit
     return (
@@ -186,8 +182,7 @@ def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Re
     )
 
 
-def rated_rows(reference: Curve, comparison: Curve, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:
-    """A row for each window."""
+def _rated_rows(reference: _Curve, comparison: _Curve, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:
     filtering = reference.filter_class
     if comparison.filter_class != filtering:
         filtering = f"reference {filtering}, comparison {comparison.filter_class}"
@@ -195,27 +190,25 @@ def rated_rows(reference: Curve, comparison: Curve, windows_ms: Sequence[float])
         yield {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
 
 
-def ratings_table(rows: Sequence[dict[str, object]]) -> pd.DataFrame:
-    """A table of ratings from its rows, in which what does not apply is left out."""
+def _ratings_table(rows: Sequence[dict[str, object]]) -> pd.DataFrame:
     table = pd.DataFrame(rows).reindex(columns=list(COLUMNS))
     text = ["reference", "comparison", "channel", "grade", "basis", "note"]
     return table.assign(**{name: table[name].astype(object).fillna("") for name in text})
 
 
-def reason(error: CrashfuseError) -> str:
-    """Why there is no rating."""
+def _reason(error: CrashfuseError) -> str:
     return " ".join(map(str, error.problems)) if isinstance(error, DataError) else str(error)
 
 
-def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] | None, unit: str | None) -> Curve:
+def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] | None, unit: str | None) -> _Curve:
     if not path.exists():
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     if not channels and _is_own(path):
         pulse = read_pulse(path)
         if cfc is None or isinstance(cfc, str):
-            return Curve(pulse, filter_class_text(None))
+            return _Curve(pulse, filter_class_text(None))
         filtered = cfc_filter(pulse.accel_mps2, cfc=cfc, dt_s=pulse.dt_s)
-        return Curve(Pulse(pulse.time_s, filtered), filter_class_text(cfc))
+        return _Curve(Pulse(pulse.time_s, filtered), filter_class_text(cfc))
     fmt = format_of(path)
     records = read_records(Reading(path, fmt, together=bool(channels)))
     if len(records) != 1:
@@ -226,7 +219,7 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] |
         raise DataError(missing)
     condition = Condition.of_vector([_speed(record, given), 1.0, 1.0])  # weights do not matter to a pulse
     settled = settled_at(record, given, condition, FORMATS[fmt].role, [], raw=False)
-    return Curve(settled.pulse, filter_class_text(settled.channel_filter_class))
+    return _Curve(settled.pulse, filter_class_text(settled.channel_filter_class))
 
 
 def _is_own(path: Path) -> bool:
@@ -268,8 +261,6 @@ def rate_channels(
     ----------
     reference, comparison : str or Path
         A test's folder, its ``.mme`` file, or a zip of it.
-    windows_ms
-        As in :func:`rate_files`.
     """
     reference, comparison = Path(reference), Path(comparison)
     sides = [_channels(path) for path in (reference, comparison)]
@@ -283,9 +274,9 @@ def rate_channels(
         try:
             rows += [{"channel": name, **row} for row in _rows(one, other, windows_ms)]
         except DataError as error:
-            rows.append({"channel": name, "note": reason(error)})
+            rows.append({"channel": name, "note": _reason(error)})
     rows += [{"channel": key[0], "note": "only in the comparison"} for key in sides[1] if key not in sides[0]]
-    return ratings_table(rows).assign(reference=str(reference), comparison=str(comparison))
+    return _ratings_table(rows).assign(reference=str(reference), comparison=str(comparison))
 
 
 def _rows(one: Channel, other: Channel | None, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:
@@ -301,7 +292,7 @@ def _rows(one: Channel, other: Channel | None, windows_ms: Sequence[float]) -> I
     if max(doubts)[0] == Doubt.FAILED:
         yield {"note": note}
         return
-    yield from ({**row, "note": note} for row in rated_rows(_signal(one), _signal(other), windows_ms))
+    yield from ({**row, "note": note} for row in _rated_rows(_signal(one), _signal(other), windows_ms))
 
 
 def _channels(path: Path) -> dict[tuple[str, int], Channel]:
@@ -314,9 +305,8 @@ def _channels(path: Path) -> dict[tuple[str, int], Channel]:
     return found
 
 
-def _signal(channel: Channel) -> Curve:
-    """A channel of any quantity, in its own unit."""
+def _signal(channel: Channel) -> _Curve:
     if channel.interval_s is None or channel.values.size < 2:
         raise DataError(Problem(channel.code, "an evenly sampled signal", "no sampling interval", "export it again"))
     time_s = (channel.start_s or 0.0) + np.arange(channel.values.size) * channel.interval_s
-    return Curve(Pulse(time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown"))
+    return _Curve(Pulse(time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown"))

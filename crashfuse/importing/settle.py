@@ -115,8 +115,7 @@ def missing_values(
     """What a condition lacks: the speed, and the weights on both axles."""
 
     def lacking(quantity: str, found: str, advice: str) -> Lacking:
-        expected = f"{quantity} of {record_id}"
-        return Lacking(source, expected, found, advice, quantity=quantity, record_id=record_id)
+        return Lacking(source, f"{quantity} of {record_id}", found, advice, quantity=quantity, record_id=record_id)
 
     missing = []
     if speed_mps is None:
@@ -144,7 +143,6 @@ def joint_problems(problems: Sequence[Problem]) -> list[Problem]:
 
 
 def _speed_problems(record: Record, speed_mps: float | None, role: Role) -> list[Problem]:
-    """The problem of a speed, if it is known, that no crash has."""
     if speed_mps is None or 0 < speed_mps <= _FASTEST_MPS or (speed_mps == 0 and role == "cae"):
         return []
     least = "0 or more" if role == "cae" else "more than 0"
@@ -170,7 +168,7 @@ def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
     return []
 
 
-def refuse_short(case: Case, time_s: FloatArray, values: FloatArray, unit: str | None) -> None:
+def _refuse_short(case: Case, time_s: FloatArray, values: FloatArray, unit: str | None) -> None:
     """Raise a DataError if a record is too short whatever its unit and speed, by the earliest contact that may be."""
     zero_s = case.choices.time_zero_s
     earliest = 0.0 if own_zero(case.record, time_s) else float(time_s[0])
@@ -181,7 +179,7 @@ def refuse_short(case: Case, time_s: FloatArray, values: FloatArray, unit: str |
         _refuse(case.record, end_s, case.speed_mps - abs(delta_v(time_s, values)) * factor, advice)
 
 
-def end_steps(record: Record, end_s: float, motion: Kinematics, role: Role) -> list[str]:
+def _end_steps(record: Record, end_s: float, motion: Kinematics, role: Role) -> list[str]:
     """The sentences on the end of the record, if it comes early, and on when the vehicle stops.
 
     A record that ends (``end_s`` after contact) before 60 ms, or before 100 ms while the vehicle moves, is refused.
@@ -230,20 +228,14 @@ class Settled:
     pulse : Pulse
         Deceleration negative, m/s², time 0 at first contact; filtered and cut, or whole and raw if the campaign's own
         ``channel_filter_class`` is to filter it.
-    unit : str
-        Unit of the numbers in the file.
-    deceleration_sign : str
-        Whether the file writes deceleration as negative or as positive numbers.
-    time_zero_s : float
-        Time of first contact in the file's own time.
+    unit, deceleration_sign, time_zero_s
+        Of the numbers in the file: their unit, whether deceleration is negative or positive, and when contact is.
     channel_filter_class : float or None
         Class the record was filtered with here; None if it was not.
     steps : tuple of str
         Everything that was found and done, in order.
     quality : RunQuality
         What the solver says of a CAE run; nothing of a test.
-    role : {"tests", "cae"}
-        What it is.
     """
 
     id: str
@@ -266,19 +258,15 @@ class Settled:
 def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
     """Turn a record into a pulse of the campaign.
 
+    A DataError says that something needed is neither in the record nor in the choices, or that the pulse contradicts
+    the speed; a UsageError that a choice does not exist.
+
     Parameters
     ----------
     role : {"tests", "cae"}
         A CAE run starts at contact unless its time says otherwise, and may stop early or late.
     raw : bool
         Leave filtering and cutting to the campaign's own ``channel_filter_class``.
-
-    Raises
-    ------
-    DataError
-        If something needed is neither in the record nor in the choices, or the pulse contradicts the speed.
-    UsageError
-        If a choice does not exist.
     """
     steps = list(record.steps)
     if record.other_setup and role == "tests":
@@ -319,7 +307,7 @@ def settled_at(
     time_s, values = averaged(case, channels)
     if slow := rate_trouble(step_of(time_s), float(time_s[-1] - time_s[0])):
         raise DataError(Problem(record.source, *slow))
-    refuse_short(case, time_s, values, channels[0].unit)
+    _refuse_short(case, time_s, values, channels[0].unit)
     unit, sign = unit_and_sign(case, channels, time_s, values)
     accel = values * ACCELERATION_UNITS[unit] * (1 if sign == "negative" else -1)
     zero_s = time_zero(case, time_s, accel)
@@ -367,7 +355,7 @@ def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
     record, speed_mps = case.record, case.speed_mps
     after = (pulse.time_s >= 0) & (pulse.time_s <= _LONGEST_S)
     motion = kinematics(pulse.accel_mps2[after], speed_mps, pulse.dt_s)
-    sentences = end_steps(record, float(pulse.time_s[-1]), motion, case.role)
+    sentences = _end_steps(record, float(pulse.time_s[-1]), motion, case.role)
     if unlike is not None:
         raise DataError(unlike)
     low, high = STOPS[case.role]

@@ -76,8 +76,7 @@ def _unpack(member: Member, folder: Path, budget: Budget) -> None:
     try:
         member.write_to(folder / member.path, budget)
     except (FileExistsError, NotADirectoryError):
-        found = "another file of this name"
-        raise DataError(Problem(member.where, "names that differ", found, "rename one")) from None
+        raise DataError(Problem(member.where, "names that differ", "another file of this name", "rename one")) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +213,6 @@ def _with_safe_id(record: Record, reading: Reading) -> Record:
 
 
 def _unread_tables(folder: Path, read: Sequence[Path]) -> list[str]:
-    """Names of the tables beside files of another format, neither read as conditions nor that format's own."""
     resolved = {path.resolve() for path in read}
     return [path.name for path in tables_of(folder) if path.resolve() not in resolved and not is_time_history_csv(path)]
 

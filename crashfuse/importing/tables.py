@@ -51,7 +51,7 @@ class OneCrashOrSeveral(DataError):
 
 
 @dataclass
-class TableSet:
+class _TableSet:
     """The content of several tables, by their files and names.
 
     ``conditions`` are ids as written, conditions and how they were read, by ids in lower case.
@@ -66,13 +66,11 @@ class TableSet:
 
     @property
     def records(self) -> list[Record]:
-        """All records, in the order of the tables."""
         return [record for records in self.of_table.values() for record in records]
 
     def add(
         self, sheet: Sheet, path: Path, columns: Sequence[ColumnChoice], *, together: bool, travel: Travel | None
     ) -> None:
-        """Add one more table."""
         mapping = propose(sheet, travel)
         for choice in columns:
             if choice.column in sheet.columns:
@@ -150,14 +148,14 @@ def read_tables(
     *,
     together: bool,
     travel: Travel | None = None,
-) -> TableSet:
+) -> _TableSet:
     """Read tables, each according to its columns; append the problems of each to ``problems``.
 
     ``columns``, ``together`` and ``travel`` are as in :class:`crashfuse.importing.sources.Reading`. A table of
     conditions that cannot be read raises a DataError, as no record can be judged without it; a mapped column that is in
     none of the tables a UsageError.
     """
-    tables = TableSet()
+    tables = _TableSet()
     there: set[str] = set()
     faults: list[Problem] = []
     for path in paths:

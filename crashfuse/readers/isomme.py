@@ -105,11 +105,10 @@ class IsommeTest:
 
     def descriptor(self, name: str) -> str | None:
         """The value of the first descriptor with this name (case ignored); None if there is none."""
-        return first_of(self.descriptors, name)
+        return _first_of(self.descriptors, name)
 
 
-def first_of(pairs: Pairs, name: str) -> str | None:
-    """The value of the first pair with this name (case ignored); None if there is none."""
+def _first_of(pairs: Pairs, name: str) -> str | None:
     return next((value for key, value in pairs if key.lower() == name.lower()), None)
 
 
@@ -162,31 +161,30 @@ def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
 
 
 def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, str | None]:
-    """One channel, and the code of its time channel, if any."""
     lines, where = _lines_in(member, budget), member.where
     end = next((row for row, line in enumerate(lines) if line.strip() and ":" not in line), len(lines))
     header = _descriptors(lines[:end], where)
-    status = first_of(header, "Data status") or ""
+    status = _first_of(header, "Data status") or ""
     values: FloatArray = np.empty(0)
     with suppress(DataError) if doubt_of(status) == Doubt.FAILED else nullcontext():
         values = _samples(lines[end:], header, where)
     interval = _seconds_in(header, "Sampling interval", where)
     if interval is not None and interval <= 0:
         raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))
-    code, _, name = (first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
+    code, _, name = (_first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
     channel = Channel(
-        code=first_of(header, "Channel code") or code.strip(),
-        name=first_of(header, "Name of the channel") or name.strip(),
-        unit=first_of(header, "Unit") or "",
+        code=_first_of(header, "Channel code") or code.strip(),
+        name=_first_of(header, "Name of the channel") or name.strip(),
+        unit=_first_of(header, "Unit") or "",
         values=values,
         interval_s=interval,
         start_s=_seconds_in(header, "Time of first sample", where),
         comments=tuple(value for name, value in header if name.lower() == "comments"),
-        source=first_of(header, "Data source") or "",
+        source=_first_of(header, "Data source") or "",
         status=status,
     )
-    implicit = (first_of(header, "Reference channel") or "").lower() == "implicit"
-    return channel, None if implicit else first_of(header, "Reference channel name")
+    implicit = (_first_of(header, "Reference channel") or "").lower() == "implicit"
+    return channel, None if implicit else _first_of(header, "Reference channel name")
 
 
 def _samples(lines: list[str], header: Pairs, where: str) -> FloatArray:
@@ -241,7 +239,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
 
 
 def _number_in(header: Pairs, name: str, where: str) -> float | None:
-    if (text := first_of(header, name)) is None:
+    if (text := _first_of(header, name)) is None:
         return None
     try:
         value = float(text.split()[0])  # "0.0001 s" occurs in practice
@@ -253,9 +251,8 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
 
 
 def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
-    """A time in s, the unit defined by the format unless the value names another."""
     value = _number_in(header, name, where)
-    unit = (first_of(header, name) or "").split()[1:]
+    unit = (_first_of(header, name) or "").split()[1:]
     if value is None or not unit:
         return value
     if (named := unit_named(unit[0], "time")) is None:
@@ -328,7 +325,6 @@ def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[C
 
 
 def _origin(test: IsommeTest) -> str:
-    """What the test says of the source of channels that do not say it, if nothing was measured at all."""
     texts = (test.descriptor(name) or "" for name in _ABOUT_THE_TEST)
     return next(filter(is_simulated, texts), "") or statement_of_simulation(value for _, value in test.descriptors)
 
@@ -362,7 +358,6 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
 
 
 def _other_setup(test: IsommeTest, vehicle: str) -> str:
-    """What the test is called, if that is no full-frontal crash; the side of its impact, if that is not the front."""
     texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
     side = test.descriptor(f"Impact side test object {vehicle}") or ""
     return other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")

@@ -52,7 +52,7 @@ _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept for a single 
 
 
 @dataclass
-class RunFiles:
+class _RunFiles:
     """The files of one run: families of binout, with how many restarts and which part; texts by their kind."""
 
     binout: dict[str, list[tuple[int, int, Member]]] = field(default_factory=dict)
@@ -72,7 +72,6 @@ class RunFiles:
         return families
 
     def add(self, name: "_FileName", member: Member) -> None:
-        """Add a file; a DataError if there is another text of its kind."""
         if name.kind == "binout":
             self.binout.setdefault(name.family, []).append((*name.place, member))
         elif name.kind in self.text:
@@ -84,22 +83,19 @@ class RunFiles:
 
     @property
     def has_nodes(self) -> bool:
-        """Whether there is more than energies."""
         return bool(self.binout) or any(kind in self.text for kind in _NODES)
 
     @property
     def first(self) -> str:
-        """The name of one of the files, for messages."""
         binout = (file for files in self.binout.values() for *_, file in files)
         return next(chain(binout, self.text.values())).where
 
 
-def belongs(path: PurePath) -> bool:
-    """Whether a file is of a run: its nodes, or the energies beside them."""
+def _belongs(path: PurePath) -> bool:
     return _NAME.fullmatch(path.name) is not None
 
 
-def runs_of(members: Sequence[Member], path: Path) -> dict[str, RunFiles]:
+def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     """The files of each run by its id.
 
     Files in one folder are of one run, unless names of jobs tell them apart (``run12.binout0000``). Of a file that was
@@ -107,7 +103,7 @@ def runs_of(members: Sequence[Member], path: Path) -> dict[str, RunFiles]:
     """
     zipped = path.suffix.lower() == ".zip"
     single = path.is_file() and not zipped
-    runs: defaultdict[tuple[str, ...], RunFiles] = defaultdict(RunFiles)
+    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(_RunFiles)
     chosen = _FileName.of(path)
     for member in members:
         folder, name = member.path.parts[:-1], _FileName.of(member.path)
@@ -129,8 +125,6 @@ def runs_of(members: Sequence[Member], path: Path) -> dict[str, RunFiles]:
 
 @dataclass(frozen=True, slots=True)
 class _FileName:
-    """What the name of a file says: its kind, the job, and for a binout the family and the place in it."""
-
     kind: str
     job: str
     family: str
@@ -147,7 +141,6 @@ class _FileName:
         return cls(kind, job, family, (len(match["restarts"]), int(match["part"] or 0)))
 
     def goes_with(self, chosen: Self, is_it: bool) -> bool:
-        """Whether the file is of the run of a chosen one: itself, or a binout like it."""
         return is_it or (self.kind == chosen.kind == "binout" and self.job == chosen.job)
 
 
@@ -171,8 +164,7 @@ def _incomplete(member: Member, before: tuple[int, int] | None) -> DataError:
     base = re.sub(r"_*(%\d+)?$", "", member.path.name)
     restarts, part = _followers(before)[0]
     expected = f"{base}{'_' * restarts}{f'%{part:03d}' if part else ''} before it"
-    advice = "copy it from the run, too: it holds a part of the time"
-    return DataError(Problem(member.where, expected, "none", advice))
+    return DataError(Problem(member.where, expected, "none", "copy it from the run, too: it holds a part of the time"))
 
 
 def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...]:
@@ -183,9 +175,9 @@ def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYN
     the kinetic energy (``glstat``) at that speed. Travel is, by default, in the direction in which the nodes set out.
     """
     kind = "binout or nodout of LS-DYNA"
-    with opened_members(path, belongs, kind, limits) as (members, budget):
+    with opened_members(path, _belongs, kind, limits) as (members, budget):
         zipped = path.suffix.lower() == ".zip"
-        runs = runs_of(members, path)
+        runs = _runs_of(members, path)
         if not runs:
             raise DataError(Problem(path.name, kind, "none", "choose the folder of a run"))
         most = min(_MOST_NODES, max(_MOST_IN_ALL // len(runs), _FEWEST_NODES))
@@ -197,7 +189,7 @@ def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYN
         return read_all(runs, record, path.name)
 
 
-def _histories(files: RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool) -> Histories:
+def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool) -> Histories:
     found, glstat, matsum = Histories("", (), 0), States(), States()
     with ExitStack() as opened:
 

@@ -39,10 +39,10 @@ _MOST_BYTES = 64 << 20  # per variable
 _LONGEST_RECORD = 4096  # bytes, for a path or a name
 _BLOCK = 1 << 20  # bytes of a symbol table in memory
 
-Folder = tuple[str, ...]
+_Folder = tuple[str, ...]
 """A folder's path: ``("nodout", "d000001")``."""
 
-Shards = Sequence[tuple[IO[bytes], str]]
+_Shards = Sequence[tuple[IO[bytes], str]]
 """Seekable files, and their names in messages."""
 
 _DATABASES = {
@@ -60,7 +60,7 @@ _PREFIX = {"rbdout": "body "}
 _SAMPLED = 20  # states
 
 
-class LsdaFile:
+class _LsdaFile:
     """An LSDA file with its symbol tables read and its data read on demand; a DataError if damaged or not LSDA.
 
     However many symbols a file lists, only the wanted ones are kept: a long list costs time, not memory.
@@ -68,7 +68,7 @@ class LsdaFile:
     ``stream`` is seekable and must stay open; ``wanted`` maps a folder's path to the wanted names in it.
     """
 
-    def __init__(self, stream: IO[bytes], where: str, wanted: Callable[[Folder], frozenset[str] | None]) -> None:
+    def __init__(self, stream: IO[bytes], where: str, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
         self._stream, self._where = stream, where
         self._size = stream.seek(0, 2)
         header = self._exactly(_HEADER_BYTES, 0)
@@ -80,12 +80,11 @@ class LsdaFile:
         self._offset = struct.Struct(f"{self._order}{offset}")
         self._symbol = struct.Struct(f"{self._order}{kind}{offset}{length}")
         self._kind = struct.Struct(f"{self._order}{kind}B")
-        self.folders: dict[Folder, dict[str, int]] = {}  # the wanted variables that exist, and where they are listed
+        self.folders: dict[_Folder, dict[str, int]] = {}  # the wanted variables that exist, and where they are listed
         self._listed = array("Q")  # type, count and offset of each variable
         self._read_tables(header[0], wanted)
 
-    def read(self, folder: Folder, name: str) -> npt.NDArray[Any] | None:
-        """Return the numbers of a variable; None if there is none with that name."""
+    def read(self, folder: _Folder, name: str) -> npt.NDArray[Any] | None:
         place = self.folders.get(folder, {}).get(name)
         if place is None:
             return None
@@ -102,10 +101,10 @@ class LsdaFile:
             raise self._damaged(f"no data of {name} where they should be")
         return np.frombuffer(content, numbers, offset=ahead)
 
-    def _read_tables(self, at: int, wanted: Callable[[Folder], frozenset[str] | None]) -> None:
+    def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
         if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
             raise self._damaged("another kind of file")
-        folder: Folder = ()
+        folder: _Folder = ()
         names = wanted(folder)
         offset = self._offset.unpack(self._exactly(self._offset.size))[0]
         seen: set[int] = set()
@@ -145,7 +144,6 @@ class LsdaFile:
             at += length
 
     def _with_more(self, block: bytes, at: int, count: int) -> tuple[bytes, int]:
-        """The block, and the place in it, with at least so many bytes from there on."""
         if at + count <= len(block):
             return block, at
         block = block[at:] + self._stream.read(_BLOCK if at else _LONGEST_RECORD)
@@ -153,7 +151,7 @@ class LsdaFile:
             raise self._damaged("one that was cut short")
         return block, 0
 
-    def _list(self, folder: Folder, names: frozenset[str], body: bytes) -> None:
+    def _list(self, folder: _Folder, names: frozenset[str], body: bytes) -> None:
         at = len(body) - self._symbol.size
         name = body[: max(at, 0)].decode("latin-1")
         if name not in names:
@@ -168,7 +166,6 @@ class LsdaFile:
             raise DataError(Problem(self._where, expected, "more", "write fewer states (DT in *DATABASE_NODOUT)"))
 
     def _exactly(self, count: int, offset: int | None = None) -> bytes:
-        """So many bytes from an offset, or from where the last ones end."""
         if offset is not None:
             self._stream.seek(min(offset, self._size))
         content = self._stream.read(count)
@@ -180,7 +177,7 @@ class LsdaFile:
         return DataError(Problem(self._where, "a sound binout file of LS-DYNA", found, "copy it again from the run"))
 
 
-def _changed(folder: Folder, path: str) -> Folder:
+def _changed(folder: _Folder, path: str) -> _Folder:
     parts = [] if path.startswith("/") else list(folder)
     for part in path.split("/"):
         if part == "..":
@@ -199,7 +196,6 @@ class _Metadata:
     titles: dict[str, str]
 
     def labels(self, database: str) -> list[str]:
-        """The names of the nodes."""
         return [f"{_PREFIX.get(database, '')}{int(number)}" for number in self.ids[:MOST_NODES]]
 
 
@@ -208,14 +204,14 @@ class _Part:
     """A database in one file: its states in order of time, and the file in which the last may go on."""
 
     database: str
-    file: LsdaFile
-    after: LsdaFile | None
+    file: _LsdaFile
+    after: _LsdaFile | None
     where: str
     of: _Metadata
-    states: list[Folder]
+    states: list[_Folder]
     time: FloatArray
 
-    def value(self, state: Folder, name: str) -> npt.NDArray[Any] | None:
+    def value(self, state: _Folder, name: str) -> npt.NDArray[Any] | None:
         """A variable of all nodes in a state; None if it was not written."""
         values = self.file.read(state, name)
         if values is None and self.after is not None and name in self._torn(state):
@@ -225,17 +221,15 @@ class _Part:
             raise DataError(Problem(self.where, expected, found, "copy it again from the run"))
         return values
 
-    def names(self, state: Folder) -> set[str]:
-        """Names of the variables of a state."""
+    def names(self, state: _Folder) -> set[str]:
         return {*self.file.folders[state], *self._torn(state)}
 
-    def _torn(self, state: Folder) -> Collection[str]:
+    def _torn(self, state: _Folder) -> Collection[str]:
         """Names of the variables of a state that went into the next file."""
         variables = () if self.after is None else self.after.folders.get(state, ())
         return () if "time" in variables else variables
 
-    def velocities(self, state: Folder) -> FloatArray:
-        """Velocities of all nodes along each axis, shape (3, n_nodes)."""
+    def velocities(self, state: _Folder) -> FloatArray:
         velocities = np.full((3, self.of.ids.size), np.nan)
         for row, axis in zip(velocities, AXES, strict=True):
             if (value := self.value(state, _DATABASES[self.database][1].format(axis))) is not None:
@@ -243,7 +237,7 @@ class _Part:
         return velocities
 
 
-def read_binout(families: Sequence[Shards], most: int, travel: Travel | None) -> tuple[Histories, States, States]:
+def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -> tuple[Histories, States, States]:
     """Read a run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing.
 
     If there are more than ``most`` nodes, those with a title are kept first.
@@ -252,10 +246,10 @@ def read_binout(families: Sequence[Shards], most: int, travel: Travel | None) ->
     matsum: States = {}
     parts: list[_Part] = []
     for shards in families:
-        files = [LsdaFile(stream, where, _wanted) for stream, where in shards]
+        files = [_LsdaFile(stream, where, _wanted) for stream, where in shards]
         for file in files:
-            glstat |= states_of(file, "glstat")
-            matsum |= states_of(file, "matsum")
+            glstat |= _states_of(file, "glstat")
+            matsum |= _states_of(file, "matsum")
         family = list(_parts(files, [where for _, where in shards]))
         _check_apart(parts, family)
         parts += family
@@ -281,8 +275,7 @@ def read_binout(families: Sequence[Shards], most: int, travel: Travel | None) ->
     return Histories(title, nodes, total, start, fastest, notes=notes), glstat, matsum
 
 
-def states_of(file: LsdaFile, database: str) -> States:
-    """The states of ``glstat`` or ``matsum`` in a binout; those of parts are summed."""
+def _states_of(file: _LsdaFile, database: str) -> States:
     states: States = {}
     for folder, names in file.folders.items():
         if folder[0] != database or (time := file.read(folder, "time")) is None or not time.size:
@@ -294,7 +287,7 @@ def states_of(file: LsdaFile, database: str) -> States:
     return states
 
 
-def _wanted(folder: Folder) -> frozenset[str] | None:
+def _wanted(folder: _Folder) -> frozenset[str] | None:
     match folder:
         case (database, "metadata") if database in _DATABASES:
             return _METADATA
@@ -307,10 +300,10 @@ def _wanted(folder: Folder) -> frozenset[str] | None:
     return None
 
 
-def _parts(files: Sequence[LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
+def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
     metadata: dict[str, _Metadata] = {}
     for file, after, where in zip(files, [*files[1:], None], names, strict=True):
-        states: dict[str, list[Folder]] = {}
+        states: dict[str, list[_Folder]] = {}
         for folder, variables in file.folders.items():
             if folder[0] in _DATABASES and folder[1] != "metadata" and "time" in variables:
                 states.setdefault(folder[0], []).append(folder)
@@ -377,7 +370,7 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
     ]
 
 
-def _titles(file: LsdaFile, database: str) -> dict[str, str]:
+def _titles(file: _LsdaFile, database: str) -> dict[str, str]:
     folder = (database, "metadata")
     ids, text = file.read(folder, "legend_ids"), _text(file, folder, "legend")
     if ids is None or ids.dtype.kind not in "iu":
@@ -390,7 +383,7 @@ def _titles(file: LsdaFile, database: str) -> dict[str, str]:
     }
 
 
-def _text(file: LsdaFile, folder: Folder, name: str) -> str:
+def _text(file: _LsdaFile, folder: _Folder, name: str) -> str:
     values = file.read(folder, name)
     return "" if values is None or values.itemsize != 1 else values.tobytes().decode("latin-1").replace("\0", " ")
 

@@ -91,8 +91,7 @@ def too_much(where: str) -> DataError:
     return DataError(Problem(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or fewer states"))
 
 
-def lines_of(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
-    """Yield the lines of a file that comes in chunks."""
+def _lines_of(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
     rest = b""
     for chunk in chunks:
         *whole, rest = (rest + chunk).split(b"\n")
@@ -109,15 +108,14 @@ def number(text: str, where: str) -> float:
     try:
         return float(plain if "E" in plain else _NO_EXPONENT_LETTER.sub(r"E\1", plain))
     except ValueError:
-        found = repr(printable(text, 40))
-        raise DataError(Problem(where, "numbers", found, "copy it again from the run")) from None
+        raise DataError(Problem(where, "numbers", repr(printable(text, 40)), "copy it again from the run")) from None
 
 
 def glstat_text(chunks: Iterable[bytes], where: str) -> States:
     """The states of a ``glstat`` as text."""
     states: States = {}
     now: dict[str, float] = {}
-    for line in lines_of(chunks, where):
+    for line in _lines_of(chunks, where):
         if (match := _GLSTAT_LINE.match(line)) is None:
             continue
         name, value = match.group(1).decode(), number(match.group(2).decode(), where)
@@ -132,7 +130,7 @@ def matsum_text(chunks: Iterable[bytes], where: str) -> States:
     """The states of a ``matsum`` as text, summed over the parts."""
     states: States = {}
     now: dict[str, float] = defaultdict(float)
-    for line in lines_of(chunks, where):
+    for line in _lines_of(chunks, where):
         if (match := _MATSUM_TIME.match(line)) is not None and len(states) < _MOST_STATES:
             now = states[number(match.group(1).decode(), where)] = defaultdict(float)
         for name, value in _MATSUM_PART.findall(line):
@@ -156,7 +154,6 @@ def _strain(states: States) -> tuple[FloatArray | None, FloatArray | None]:
 
 
 def _column(states: States, name: str) -> FloatArray | None:
-    """One history in order of time, of the states that have it; None if none has."""
     values = [state[name] for _, state in sorted(states.items()) if name in state]
     return np.array(values) if values else None
 
@@ -167,7 +164,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int, travel: Travel |
     If there are more than ``most`` nodes, those with a title are kept first. An unreadable row raises a DataError.
     """
     reader = _Nodout(where, most, travel)
-    lines = lines_of(chunks, where)
+    lines = _lines_of(chunks, where)
     title = printable(next(lines, b"").decode("latin-1").strip())
     whole = all(map(reader.take, lines))
     return reader.histories(title, to_the_end=whole or next(lines, None) is None)
@@ -212,7 +209,6 @@ class _Nodout:
         return True
 
     def histories(self, title: str, *, to_the_end: bool) -> Histories:
-        """The nodes of all whole states."""
         if len(self._times) == 1:
             self._choose()
         counts = {len(values) for pair in self._series.values() for values in pair}

@@ -151,7 +151,6 @@ def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
 
 
 def _likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
-    """Sort key: sound ones first, those at the rear, those at the centre of gravity."""
     return bool(doubt_of(sensor.quality)), not sensor.at_the_rear, sensor.attachment != _CENTRE
 
 

@@ -88,8 +88,6 @@ def _other_form(content: bytes) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """A group of ``/TH``: number and title of each of its elements (only where they are read), and its variables."""
-
     kind: int
     elements: int
     names: tuple[tuple[int, str], ...]
@@ -125,7 +123,6 @@ class _BinaryFile:
         self._states, self._left_over = self._data(content)
 
     def time_history(self) -> TimeHistory:
-        """What is told of a crash."""
         time = self._block(0)[:, 0].astype(np.float64)
         notes = ("The last state is cut short and left out.",) if self._left_over else ()
         factors = (
@@ -247,8 +244,7 @@ def _ints(record: bytes) -> tuple[int, ...]:
     return struct.unpack(f">{len(record) // 4}i", record[: len(record) // 4 * 4])
 
 
-def is_converted(path: PurePath, head: bytes) -> bool:
-    """Whether a table is such a CSV, from its name and first bytes."""
+def _is_converted(path: PurePath, head: bytes) -> bool:
     return path.suffix.lower() == ".csv" and _BEGINS.match(head) is not None
 
 
@@ -324,7 +320,6 @@ def _labels(content: bytes, where: str) -> tuple[list[str], int]:
 
 
 def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
-    """The rows, shape (n_states, n_columns), and whether the last one is cut short."""
     cut = not content.endswith(b"\n") and b"\n" in content
     whole = content[: content.rfind(b"\n") + 1] if cut else content
     first = whole.partition(b"\n")[0]
@@ -386,7 +381,7 @@ def is_time_history_csv(path: Path) -> bool:
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
     with path.open("rb") as stream:
-        return is_converted(path, stream.read(_HEAD))
+        return _is_converted(path, stream.read(_HEAD))
 
 
 def _belongs(path: PurePath) -> bool:
@@ -441,6 +436,6 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
 
 def _parsed(file: Member, budget: Budget) -> TimeHistory:
     content, name = file.content(budget), file.path.name
-    if is_converted(file.path, content[:_HEAD]):
+    if _is_converted(file.path, content[:_HEAD]):
         return read_converted(content, name)
     return read_binary(content, name)

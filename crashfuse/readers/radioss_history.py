@@ -385,7 +385,6 @@ def _units(run: TimeHistory, nodes: Sequence[History], source: str) -> tuple[flo
 
 
 def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, str]:
-    """The mass of what moves in kg, None if the run does not tell it; and what it is the mass of."""
     total = run.model.get("MASS")
     if total is None or not total.size or not np.isfinite(total[0]):
         return None, ""

@@ -121,7 +121,6 @@ def _average(nodes: Sequence[History]) -> str:
 
 
 def _words(title: str) -> str:
-    """A title as words: LEFT_REAR_SEAT_XMBR, rear-floor, RearSeat."""
     return re.sub(r"[_-]+|(?<=[a-z])(?=[A-Z])", " ", title)
 
 

@@ -43,7 +43,7 @@ QUANTITIES |= {"front_weight": "mass", "rear_weight": "mass", "front_share": "sh
 _OF_CONDITIONS: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
 _FEWEST_ROWS = 20  # rows needed to take a time beside conditions for that of pulses
 
-Rows = npt.NDArray[np.signedinteger[Any]]
+_Rows = npt.NDArray[np.signedinteger[Any]]
 _LONGEST_S = 3.0  # beyond it a time without a unit is in ms
 _LISTED = 12  # columns in a sentence
 _FEWEST_NUMBERS = 10  # numbers of each kind needed to tell thousands separators from decimal signs
@@ -142,7 +142,6 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
 
 
 def _unless_it_counts(sample: Sheet, use: ColumnUse) -> ColumnUse:
-    """The use of a column, unless it numbers the rows: then it is neither a time nor an id."""
     numbers_rows = (use.is_unknown or use.role == "id") and counts(sample.column(use.column))
     return ColumnUse(use.column, "ignored", None, "it numbers the rows") if numbers_rows else use
 
@@ -176,7 +175,6 @@ def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, a
 
 
 def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
-    """The columns that are the time of pulses; a time of day among conditions is not."""
     named = [use for use in uses if use.role == "time"]
     conditions = any(use.role in _OF_CONDITIONS for use in uses)
     numeric = [use.column for use in named if _numeric(sheet, use.column)]
@@ -267,14 +265,14 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     time, time_steps = _seconds(sheet, times[0])
     values = {use.column: _decimal(sheet, use.column) for use in accelerations}
 
-    def channel(use: ColumnUse, rows: Rows) -> RecordedChannel:
+    def channel(use: ColumnUse, rows: _Rows) -> RecordedChannel:
         column, unit = use.column, use.unit if use.unit in UNITS["acceleration"] else None
         kept = rows[np.isfinite(values[column][rows])]
         _check_duplicates(sheet, times[0], time, kept)
         origin, accel = _origin(sheet, column), values[column][kept]
         return RecordedChannel(column, bare_name(column), time[kept], accel, unit, cutoff_of(column), origin=origin)
 
-    def record(name: str, uses: tuple[ColumnUse, ...], rows: Rows) -> Record:
+    def record(name: str, uses: tuple[ColumnUse, ...], rows: _Rows) -> Record:
         channels = {use.column: channel(use, rows) for use in uses}
         averaged, why = proposal(channels, _behind)
         by_name = names_a_dummy(sheet.name.partition(": ")[2] or sheet.name)
@@ -378,7 +376,7 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
     return numbers
 
 
-def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> None:
+def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
     """Raise a DataError if time decreases: without ids, the rows may be several records one below the other."""
     back = np.flatnonzero(np.diff(time[rows]) < 0)
     if back.size:
@@ -389,7 +387,7 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> 
         raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), row))
 
 
-def _check_duplicates(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> None:
+def _check_duplicates(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
     twice = np.flatnonzero(np.diff(time[rows]) == 0)
     if twice.size:
         first, second = rows[twice[0] : twice[0] + 2].tolist()
@@ -426,7 +424,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     raise DataError(Problem(sheet.name, expected, "none", "give its unit (--column COLUMN=ROLE:UNIT)", use.column))
 
 
-def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
+def _groups(names: list[str], rows: _Rows) -> Iterator[tuple[str, _Rows]]:
     groups: dict[str, list[int]] = {}
     for row in rows.tolist():
         groups.setdefault(names[row], []).append(row)
@@ -434,7 +432,6 @@ def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
 
 
 def _role_sentences(uses: Iterable[ColumnUse]) -> Iterator[str]:
-    """A sentence on each role; columns that have it one after the other for the same reason share it."""
     for (role, unit, why), alike in groupby(uses, lambda use: (use.role, use.unit, use.why)):
         names = [printable(use.column, 60) for use in alike]
         columns = f"{'Each of the columns' if len(names) > 1 else 'Column'} {read_out(names)}"

@@ -391,7 +391,6 @@ class _Prolog:
 
 
 def _grid(rows: Iterator[tuple[object, ...]], name: str, most: int) -> list[list[str]]:
-    """All rows as text, as wide as the widest; empty cells count as the others do."""
     grid: list[list[str]] = []
     cells = width = 0
     for row in rows:
@@ -420,7 +419,6 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
 
 
 def _explained(problem: Problem, rows: list[list[str]], *, calculated: bool) -> Problem:
-    """The problem, with the reason why visible numbers were not found: text, or formulas never calculated."""
     if text := next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), ""):
         advice = "turn them into numbers (in Excel: Data, Text to Columns), or save the sheet as CSV"
         return replace(problem, found=f"numbers kept as text, such as {text!r}", advice=advice)

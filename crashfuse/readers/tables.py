@@ -86,54 +86,39 @@ def parted(sheet: Sheet) -> tuple[Sheet, ...]:
     tests = len(set(titles)) == len(titles) and all(map(names_a_test, titles))
     first = [next(number for number in block if roles[number] == "acceleration") for block in blocks]
     names = titles if tests else [bare_name(sheet.columns[number]) for number in first]
-    parts = (
-        replace(
-            sheet.of_columns(block), name=f"{sheet.name}: {printable(name, 60)}", part_of="" if tests else sheet.name
-        )
-        for block, name in zip(blocks, names, strict=True)
-    )
-    return tuple(replace(part, steps=(*part.steps, _beside_others(part))) for part in parts)
 
+    def part(block: Sequence[int], name: str) -> Sheet:
+        columns = sheet.of_columns(block)
+        shown = ", ".join(printable(column, 40) for column in columns.columns)
+        note = f"One of several times side by side, with the columns right of it: {shown}."
+        part_of, steps = "" if tests else sheet.name, (*sheet.steps, note)
+        return replace(columns, name=f"{sheet.name}: {printable(name, 60)}", part_of=part_of, steps=steps)
 
-def _beside_others(part: Sheet) -> str:
-    names = ", ".join(printable(column, 40) for column in part.columns)
-    return f"One of several times side by side, with the columns right of it: {names}."
+    return tuple(map(part, blocks, names))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Segment:
-    """The rows of a segment's header by their tags, the names of its columns, and the lines of its samples."""
-
     tags: Mapping[str, Sequence[str]]
     names: Sequence[str]
     first_row: int
     lines: list[str]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Channel:
-    name: str
-    unit: str
-    samples: pd.Series
-    time_s: FloatArray
-
-
-def is_labview(line: str) -> bool:
-    """Whether the first line of a text is that of a LabVIEW measurement file."""
+def _is_labview(line: str) -> bool:
     return line.startswith("LabVIEW Measurement")
 
 
-def labview_sheet(lines: Sequence[str], name: str) -> Sheet:
+def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
     """Read the samples of all segments as one table; channels that begin at other times have their own to their left.
 
     A DataError says that there are no samples, that their times are unknown, or that segments do not continue each
     other.
     """
-    entries = {
-        line[: match.start()]: line[match.end() :].strip() for line in lines[:100] if (match := _GAP.search(line))
-    }
+    pairs = (_GAP.split(line, maxsplit=1) for line in lines[:100] if _GAP.search(line))
+    entries = {name: value.strip() for name, value in pairs}
     delimiter = _DELIMITERS.get(entries.get("Separator", ""), "\t")
-    segments = list(_segments(lines, delimiter))
+    segments = _segments(lines, delimiter)
     if not segments:
         advice = "save the measurement again, with its headers"
         raise DataError(Problem(name, f"samples below a row of names that begins with {_TIME}", "none", advice))
@@ -143,12 +128,12 @@ def labview_sheet(lines: Sequence[str], name: str) -> Sheet:
     cells = _cells(lines, delimiter, len(segments[0].names), name, segments[0].first_row)
     columns: list[tuple[str, str, pd.Series]] = []
     clock_s: FloatArray | None = None
-    for channel in _channels(segments, cells, decimal, name):
-        if clock_s is None or not np.allclose(clock_s, channel.time_s, rtol=0, atol=_SAME_S, equal_nan=True):
-            clock_s = channel.time_s
+    for channel, time_s in _channels(segments, cells, decimal, name):
+        if clock_s is None or not np.allclose(clock_s, time_s, rtol=0, atol=_SAME_S, equal_nan=True):
+            clock_s = time_s
             _check_continues(clock_s, segments, name)
             columns.append((_TIME, "s", _text(clock_s)))
-        columns.append((channel.name, channel.unit, channel.samples))
+        columns.append(channel)
     names, units, series = zip(*columns, strict=True)
     header = Header(segments[0].first_row - 1, unique(names), units, ("",) * len(names))
     joined = [f"{len(segments)} segments that continue each other are joined."] if len(segments) > 1 else []
@@ -156,7 +141,8 @@ def labview_sheet(lines: Sequence[str], name: str) -> Sheet:
     return sheet_of(name, header, cells, decimal, "A LabVIEW measurement.", *joined)
 
 
-def _segments(lines: Sequence[str], delimiter: str) -> Iterator[_Segment]:
+def _segments(lines: Sequence[str], delimiter: str) -> list[_Segment]:
+    segments: list[_Segment] = []
     tags: dict[str, Sequence[str]] = {}
     segment: _Segment | None = None
     special = False
@@ -167,23 +153,21 @@ def _segments(lines: Sequence[str], delimiter: str) -> Iterator[_Segment]:
         elif special or not any(cells):
             continue
         elif cells[0] == "Channels":
-            if segment is not None and segment.lines:
-                yield segment
             tags, segment = {}, None
         elif cells[0] == _TIME:
-            if segment is not None and segment.lines:
-                yield segment
             segment = _Segment(tags, cells, row + 1, [])
+            segments.append(segment)
         elif segment is None:
             tags[cells[0]] = cells
         else:
             segment.lines.append(line)
-    if segment is not None and segment.lines:
-        yield segment
+    return [segment for segment in segments if segment.lines]
 
 
-def _channels(segments: Sequence[_Segment], cells: pd.DataFrame, decimal: str, name: str) -> Iterator[_Channel]:
-    """The channels of all segments, their times by the clock of the first."""
+def _channels(
+    segments: Sequence[_Segment], cells: pd.DataFrame, decimal: str, name: str
+) -> Iterator[tuple[tuple[str, str, pd.Series], FloatArray]]:
+    """Yield name, unit and samples of each channel, and its times by the clock of the first."""
     names = segments[0].names
     times = [number for number, text in enumerate(names) if text == _TIME]
     channels = [number for number, text in enumerate(names) if text != _TIME]
@@ -193,20 +177,18 @@ def _channels(segments: Sequence[_Segment], cells: pd.DataFrame, decimal: str, n
     for number in channels:
         clock = cells.iloc[:, max(time for time in times if time < number)].str.replace(decimal, ".", regex=False)
         stated = np.split(pd.to_numeric(clock, errors="coerce").to_numpy(np.float64), ends)
-        parts = [
-            _times(segment, number, channels[0], decimal, time_s, is_shared=len(times) == 1)
-            for segment, time_s in zip(segments, stated, strict=True)
-        ]
-        time_s = np.concatenate(parts)
+        pairs = zip(segments, stated, strict=True)
+        is_shared = len(times) == 1
+        time_s = np.concatenate([_times(*pair, number, channels[0], decimal, is_shared=is_shared) for pair in pairs])
         if not np.isfinite(time_s).any():
             expected = f"times, or X0 and Delta_X, of {printable(names[number], 60)}"
             raise DataError(Problem(name, expected, "none", "save them with the samples"))
         unit = _cell(segments[0], "Y_Unit_Label", number)
-        yield _Channel(names[number], unit, cells.iloc[:, number].reset_index(drop=True), time_s)
+        yield (names[number], unit, cells.iloc[:, number].reset_index(drop=True)), time_s
 
 
 def _times(
-    segment: _Segment, number: int, first: int, decimal: str, stated_s: FloatArray, *, is_shared: bool
+    segment: _Segment, stated_s: FloatArray, number: int, first: int, decimal: str, *, is_shared: bool
 ) -> FloatArray:
     """The times of a channel: those stated left of it, if they are its own or of a channel that has the same clock."""
     start_s, step_s = (_number(segment, tag, number, decimal) for tag in ("X0", "Delta_X"))
@@ -220,7 +202,6 @@ def _times(
 
 
 def _check_alike(segments: Sequence[_Segment], name: str) -> None:
-    """Raise a DataError if segments have other channels than the first, or all together are too large."""
     columns, n = len(segments[0].names), len(segments)
     if columns > _MOST_COLUMNS or columns * n > _MOST_COLUMNS_IN_ALL:
         expected = f"at most {_MOST_COLUMNS} columns, and {_MOST_COLUMNS_IN_ALL} in all segments"
@@ -291,8 +272,8 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     if max(map(len, lines)) > _LONGEST_LINE:
         raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
     sample = lines[: max(1, min(SAMPLE, _LARGEST_SAMPLE // (1 + max(map(len, lines[:SAMPLE])))))]
-    if is_labview(lines[0]):
-        return labview_sheet(lines, path.name)
+    if _is_labview(lines[0]):
+        return _labview_sheet(lines, path.name)
     if lines[0].strip() == "Curveplot":
         expected, advice = "a table with a row of names", "save the curves as CSV"
         raise DataError(Problem(path.name, expected, "a curve file of LS-PrePost", advice))
@@ -397,8 +378,7 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
             best_width = width[0][0]
             best, best_score = (delimiter, decimal), score
     if best is None:
-        expected, found = "a table of at least two columns with numbers", "none"
-        raise DataError(Problem(name, expected, found, _AGAIN))
+        raise DataError(Problem(name, "a table of at least two columns with numbers", "none", _AGAIN))
     return best
 
 

@@ -71,13 +71,12 @@ TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
 """Size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB."""
 
 
-def text_of(properties: Properties, name: str) -> str:
-    """A property as text; empty if there is none."""
+def _text_of(properties: Properties, name: str) -> str:
     value = properties.get(name, "")
     return value.strip() if isinstance(value, str) else f"{value:g}"
 
 
-def number_of(properties: Properties, name: str) -> float:
+def _number_of(properties: Properties, name: str) -> float:
     """A property as a number above 0; otherwise 0."""
     return number_in(properties.get(name, 0.0))
 
@@ -87,23 +86,23 @@ def waveform(
 ) -> RecordedChannel:
     """A channel with the even time of its own properties, else with this clock; a DataError without either."""
     properties = file.properties_of(channel)
-    increment, start = number_of(properties, "wf_increment"), properties.get("wf_start_offset", 0.0)
+    increment, start = _number_of(properties, "wf_increment"), properties.get("wf_start_offset", 0.0)
     values = file.values(channel)
     if increment > 0 and isinstance(start, float) and values.size >= 2:
-        unit_s = UNITS["time"][unit_named(text_of(properties, "wf_xunit_string"), "time") or "s"]
+        unit_s = UNITS["time"][unit_named(_text_of(properties, "wf_xunit_string"), "time") or "s"]
         clock = unit_s * (start + increment * np.arange(values.size))
     if clock is None or clock.size != values.size:
         expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples without it"
         advice = "export it as a waveform, or with a channel of time beside it"
         raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, found, advice))
-    unit = unit_named(text_of(properties, "unit_string") or text_of(properties, "inst_yunits"), "acceleration")
+    unit = unit_named(_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"), "acceleration")
     return RecordedChannel(
         name,
         printable(label),
         clock,
         values,
         unit,
-        number_of(properties, "inst_prefil") or None,
+        _number_of(properties, "inst_prefil") or None,
         origin=_descriptor(properties, "data source") or (channel.group if is_simulated(channel.group) else ""),
         status=_descriptor(properties, "data status"),
     )
@@ -111,7 +110,7 @@ def waveform(
 
 def _descriptor(properties: Properties, name: str) -> str:
     """A descriptor of ISO-MME, which programs that convert it keep as a property, blanks or not."""
-    return text_of(properties, name) or text_of(properties, name.replace(" ", "_"))
+    return _text_of(properties, name) or _text_of(properties, name.replace(" ", "_"))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -122,16 +121,15 @@ class _Candidate:
 
     @classmethod
     def of(cls, channel: TdmsChannel, properties: Properties) -> Self:
-        return cls(channel, properties, use_of(" ".join(channel.name.split()), text_of(properties, "unit_string")))
+        return cls(channel, properties, use_of(" ".join(channel.name.split()), _text_of(properties, "unit_string")))
 
     @property
     def may_be_one(self) -> bool:
-        """Whether it could be an acceleration, though nothing says so."""
-        is_unknown = self.use.is_unknown and not text_of(self.properties, "unit_string")
+        is_unknown = self.use.is_unknown and not _text_of(self.properties, "unit_string")
         return is_unknown and not why_no_acceleration(self.channel.name, "")
 
 
-def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
+def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     """The record of a file with its accelerations that could be the vehicle's along X, the likeliest first.
 
     Those at the best place are proposed, by the codes of their names; without codes, the only acceleration. A DataError
@@ -164,7 +162,6 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
 def _read_channels(
     file: TdmsFile, found: Sequence[_Candidate], every: Sequence[_Candidate], where: str
 ) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, float]]:
-    """The channels by name, the problems of those that have no samples or no time, and when recording began, in s."""
     repeated = Counter(one.channel.name for one in found)
     clocks = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS]
     times: dict[str, FloatArray] = {}
@@ -173,7 +170,7 @@ def _read_channels(
         channel, start = one.channel, one.properties.get("wf_start_time")
         name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
         try:
-            clock = None if number_of(one.properties, "wf_increment") else _clock_of(one, clocks, file, times)
+            clock = None if _number_of(one.properties, "wf_increment") else _clock_of(one, clocks, file, times)
             read = waveform(file, channel, name, channel.name, where, clock)
         except DataError as error:
             unread[name] = error.problems[0]
@@ -276,7 +273,7 @@ def _record(file: TdmsFile, member: Member) -> Record:
     of_nhtsa = [(channel, properties) for channel, properties in pairs if "inst_sentyp" in properties]
     if of_nhtsa:
         return _nhtsa_record(file, of_nhtsa, member)
-    return laboratory_record(file, member.path.stem, member.where)
+    return _laboratory_record(file, member.path.stem, member.where)
 
 
 def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]], member: Member) -> Record:
@@ -293,34 +290,34 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
         return waveform(file, channel, str(sensor.number), label, where)
 
     test = sensors[candidates[0]][1]
-    other = other_configuration(text_of(test, "test_tstcfn"), number_of(test, "test_impang"))
+    other = other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
     return nhtsa_record(member.path.stem, where, readers, *_nhtsa_condition(test, where), other)
 
 
 def _sensor(place: int, properties: Properties) -> Sensor:
     return Sensor(
-        vehicle=text_of(properties, "veh_vehno") or "1",
-        number=int(number_of(properties, "inst_curno")) or place,
-        sensor=text_of(properties, "inst_sentyp").upper(),
-        occupant=text_of(properties, "inst_senloc").upper(),
-        attachment=text_of(properties, "inst_senatt").upper(),
-        axis=text_of(properties, "inst_axis").upper(),
-        unit=text_of(properties, "unit_string") or text_of(properties, "inst_yunits"),
-        cutoff_hz=number_of(properties, "inst_prefil") or None,
-        status=text_of(properties, "inst_dastat").upper(),
-        redundant=text_of(properties, "inst_chstat").upper() == "R",
-        comment=printable(text_of(properties, "inst_inscom")),
+        vehicle=_text_of(properties, "veh_vehno") or "1",
+        number=int(_number_of(properties, "inst_curno")) or place,
+        sensor=_text_of(properties, "inst_sentyp").upper(),
+        occupant=_text_of(properties, "inst_senloc").upper(),
+        attachment=_text_of(properties, "inst_senatt").upper(),
+        axis=_text_of(properties, "inst_axis").upper(),
+        unit=_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"),
+        cutoff_hz=_number_of(properties, "inst_prefil") or None,
+        status=_text_of(properties, "inst_dastat").upper(),
+        redundant=_text_of(properties, "inst_chstat").upper() == "R",
+        comment=printable(_text_of(properties, "inst_inscom")),
     )
 
 
 def _nhtsa_condition(properties: Properties, where: str) -> tuple[PartialCondition, tuple[str, ...]]:
     speed, mass = (
-        number_of(properties, "veh_vehspd") or number_of(properties, "test_clsspd"),
-        number_of(properties, "veh_vehtwt"),
+        _number_of(properties, "veh_vehspd") or _number_of(properties, "test_clsspd"),
+        _number_of(properties, "veh_vehtwt"),
     )
-    car = " ".join(filter(None, (text_of(properties, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
-    steps = [f"NHTSA test {text_of(properties, 'test_tstno')}, {printable(car)}.", speed_step(speed, where)]
+    car = " ".join(filter(None, (_text_of(properties, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
+    steps = [f"NHTSA test {_text_of(properties, 'test_tstno')}, {printable(car)}.", speed_step(speed, where)]
     if mass:
         steps.append(mass_step(mass, where))
     return PartialCondition(speed * KPH or None, mass or None), tuple(steps)

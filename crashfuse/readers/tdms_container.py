@@ -40,14 +40,14 @@ _MOST_VISITS = 1_000_000  # object entries, all segments together
 _MOST_VALUES = 5_000_000  # per channel
 
 
-class UnusableScale(ValueError):
+class _UnusableScale(ValueError):
     """A scale that gives no acceleration, or makes no sense."""
 
 
 def scaled(values: FloatArray, levels: Iterable[Properties]) -> FloatArray:
     """Values with their scales applied, by the properties of the channel, its group and its file.
 
-    Scales of a kind that no accelerometer has, without a property, or in a circle raise an UnusableScale.
+    Scales of a kind that no accelerometer has, without a property, or in a circle raise a ValueError.
     """
     for properties in levels:
         count = _scale_count(properties)
@@ -57,7 +57,6 @@ def scaled(values: FloatArray, levels: Iterable[Properties]) -> FloatArray:
 
 
 def _scale_count(properties: Properties) -> int:
-    """How many scales are there, by their number as stored, else by the last one."""
     if "ni_number_of_scales" in properties:
         return _whole_number(properties["ni_number_of_scales"])
     return max((int(match[1]) + 1 for name in properties if (match := _TYPE.fullmatch(name))), default=0)
@@ -65,7 +64,7 @@ def _scale_count(properties: Properties) -> int:
 
 def _whole_number(number: str | float) -> int:
     if not isinstance(number, float) or not number.is_integer():
-        raise UnusableScale(f"{number} for a whole number")
+        raise _UnusableScale(f"{number} for a whole number")
     return int(number)
 
 
@@ -78,21 +77,21 @@ class _Scales:
             return values
         self._left -= 1
         if self._left < 0:
-            raise UnusableScale(f"more than {_MOST_STEPS} scales, or scales in a circle")
+            raise _UnusableScale(f"more than {_MOST_STEPS} scales, or scales in a circle")
         kind = self._properties.get(f"ni_scale[{index}]_scale_type", "none")
         prefix = f"ni_scale[{index}]_{kind}_".lower()
 
         def number(name: str) -> float:
             value = self._properties.get(prefix + name)
             if not isinstance(value, float):
-                raise UnusableScale(f"scale {index} ({kind}) without {name}")
+                raise _UnusableScale(f"scale {index} ({kind}) without {name}")
             return value
 
         def numbers(name: str, usual: float | None = None) -> FloatArray:
             stated = number(f"{name}_size") if usual is None else self._properties.get(f"{prefix}{name}_size", usual)
             count = _whole_number(stated)
             if not 0 < count <= _MOST_NUMBERS:
-                raise UnusableScale(f"scale {index} ({kind}) with {count:,} {name}")
+                raise _UnusableScale(f"scale {index} ({kind}) with {count:,} {name}")
             return np.array([number(f"{name}[{n}]") for n in range(count)])
 
         def source(name: str = "input_source") -> FloatArray:
@@ -112,16 +111,16 @@ class _Scales:
                 return source("right_operand_input_source") - source("left_operand_input_source")
             case "AdvancedAPI":
                 return source()
-        raise UnusableScale(f"scale {index} of the kind {kind}")
+        raise _UnusableScale(f"scale {index} of the kind {kind}")
 
 
 def _interpolated(values: FloatArray, inputs: FloatArray, outputs: FloatArray) -> FloatArray:
     if inputs.shape != outputs.shape:
-        raise UnusableScale("a table of unlike columns")
+        raise _UnusableScale("a table of unlike columns")
     if inputs[0] > inputs[-1]:
         inputs, outputs = inputs[::-1], outputs[::-1]
     if not (np.diff(inputs) > 0).all():
-        raise UnusableScale("a table that neither rises nor falls")
+        raise _UnusableScale("a table that neither rises nor falls")
     return np.interp(values, inputs, outputs)
 
 
@@ -185,7 +184,7 @@ class TdmsFile:
             values = np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
             try:
                 return scaled(values, self._levels(channel))
-            except UnusableScale as error:
+            except _UnusableScale as error:
                 expected, advice = "scales that give an acceleration", "export it with values in physical units"
                 raise DataError(Problem(place, expected, printable(str(error)), advice)) from error
 

@@ -16,9 +16,10 @@ from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
+from crashfuse.testing.readers import written
 from crashfuse.units import G
 from tests.conftest import SHARED, needs_shared
-from tests.importing.crash_files import german, isomme, write
+from tests.importing.crash_files import german, isomme
 from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
 
 CAMRY = SHARED / "real" / "nhtsa_10146_camry2018"
@@ -31,7 +32,7 @@ def files(tmp_path: Path) -> Path:
     own = pd.DataFrame({"time_s": clock(0, 0.12), "acceleration_g": half_sine_g(clock(0, 0.12))})
     own.to_csv(tmp_path / "own.csv", index=False)
     ringing = half_sine_g(clock()) + np.where(clock() >= 0, ringing_g(clock()), 0.0)
-    write(tmp_path, {"lab.csv": german(clock(), ringing), "iso.zip": zipped(isomme("V2", scatter=4.0))})
+    written(tmp_path, {"lab.csv": german(clock(), ringing), "iso.zip": zipped(isomme("V2", scatter=4.0))})
     return tmp_path
 
 
@@ -93,7 +94,7 @@ def test_files_that_are_no_pulse_say_what_they_lack(files: Path) -> None:
     """No file; no unit, which can be given; no such channel."""
     with pytest.raises(DataError, match="expected a pulse file, found no such file"):
         rate_files(files / "own.csv", files / "none.csv")
-    write(files, {"bare.csv": german(clock(), half_sine_g(clock()), header="Zeit [ms];a_x")})
+    written(files, {"bare.csv": german(clock(), half_sine_g(clock()), header="Zeit [ms];a_x")})
     with pytest.raises(DataError, match="--unit"):
         rate_files(files / "own.csv", files / "bare.csv")
     assert overall(rate_files(files / "own.csv", files / "bare.csv", [60], choices=RatingChoices(unit="g")))[0] > 0.98
@@ -103,7 +104,7 @@ def test_files_that_are_no_pulse_say_what_they_lack(files: Path) -> None:
 
 def test_a_file_of_several_crashes_is_not_one_pulse(tmp_path: Path, files: Path) -> None:
     """Their ids are named."""
-    folder = write(
+    folder = written(
         tmp_path / "two", {"a.csv": german(clock(), half_sine_g(clock())), "b.csv": (files / "lab.csv").read_bytes()}
     )
     with pytest.raises(DataError, match="expected one test or run, found 2: a, b"):
@@ -159,7 +160,7 @@ def test_isomme_tests_are_rated_channel_by_channel(tmp_path: Path) -> None:
     """Same codes against each other, the n-th of a code against the n-th; what cannot be rated says why."""
     time_s = clock()
     head = -60 * np.exp(-(((time_s - 0.06) / 0.012) ** 2))
-    folder = write(tmp_path, {**dummy("A", head), **dummy("BB", 0.9 * head)})
+    folder = written(tmp_path, {**dummy("A", head), **dummy("BB", 0.9 * head)})
     table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
     expected = rate_windows(Pulse(time_s, head), Pulse(time_s, 0.9 * head), [80])[80]
     assert table.loc["11HEAD0000H3ACXA", "overall"] == pytest.approx(expected.overall, abs=1e-9)
@@ -174,14 +175,14 @@ def test_isomme_tests_are_rated_channel_by_channel(tmp_path: Path) -> None:
 def test_channels_in_other_units_are_not_rated(tmp_path: Path) -> None:
     """Newton against kilonewton would be a rating of nothing."""
     head = -60 * np.exp(-(((clock() - 0.06) / 0.012) ** 2))
-    folder = write(tmp_path, {**dummy("A", head), **dummy("BB", head, "kN")})
+    folder = written(tmp_path, {**dummy("A", head), **dummy("BB", head, "kN")})
     table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
     assert "expected the reference's unit, N, found kN" in table.loc["11FEMRLE00H3FOZB", "note"]
 
 
 def test_tests_without_a_common_channel_are_refused(tmp_path: Path) -> None:
     """In a sentence."""
-    folder = write(tmp_path, {**isomme("V1"), **dummy("A", half_sine_g(clock()))})
+    folder = written(tmp_path, {**isomme("V1"), **dummy("A", half_sine_g(clock()))})
     with pytest.raises(DataError, match="codes that occur in one of them only"):
         rate_channels(folder / "V1", folder / "A")
 

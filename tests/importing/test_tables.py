@@ -18,9 +18,10 @@ from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_mapping import apply_conditions, propose
 from crashfuse.readers.tables import read_sheets
 from crashfuse.signals.pulse import FloatArray, kinematics
+from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS
 from tests.conftest import SHARED, needs_shared
-from tests.importing.crash_files import german, library, write
+from tests.importing.crash_files import german, library
 from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
 
 TIME_S = clock(-0.02, 0.15, 5000)
@@ -576,7 +577,7 @@ def test_a_table_of_far_too_many_conditions_is_refused(tmp_path: Path, monkeypat
 
 def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
     """Two of one form and one of conditions; what cannot be read is passed over."""
-    write(library(tmp_path), {"a.csv": b"ID;v [km/h]\n1;2\n", "b.csv": b"ID;v [km/h]\n2;3\n3;4\n", "c.csv": b"\x00"})
+    written(library(tmp_path), {"a.csv": b"ID;v [km/h]\n1;2\n", "b.csv": b"ID;v [km/h]\n2;3\n3;4\n", "c.csv": b"\x00"})
     forms = {form.names: form for form in table_forms(tables_of(tmp_path))}
     assert set(forms) == {("a.csv", "b.csv"), ("conditions.csv",), ("runs.csv",)}
     assert forms["a.csv", "b.csv"].columns == ("ID", "v [km/h]")
@@ -587,7 +588,7 @@ def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
 
 def test_only_what_differs_from_the_proposal_is_a_choice(tmp_path: Path) -> None:
     """A column that is not picked any more is ignored; one whose unit is named otherwise keeps its role."""
-    table = write(
+    table = written(
         tmp_path, {"x.csv": german(clock(), half_sine_g(clock()), 0 * clock(), header="Zeit [ms];a [g];b [g]")}
     )
     (form,) = table_forms([table / "x.csv"])

@@ -16,6 +16,7 @@ from crashfuse.importing import Choices, import_source, settle
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition, Record
+from crashfuse.testing.readers import written
 from crashfuse.units import LB, MS
 from tests.conftest import SHARED, content_of, needs_shared
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
@@ -27,10 +28,7 @@ SHORT = Run(end_s=0.02, step_s=1e-3)
 
 def saved(folder: Path, **files: bytes) -> Path:
     """Write files and return their folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, content in files.items():
-        (folder / name).write_bytes(content)
-    return folder
+    return written(folder, files)
 
 
 def only(path: Path) -> Record:

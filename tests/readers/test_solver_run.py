@@ -18,9 +18,10 @@ from crashfuse.readers.record import PartialCondition
 from crashfuse.readers.solver_run import Energies as Histories
 from crashfuse.readers.solver_run import axis_of_travel, checked_travel
 from crashfuse.run_quality import RunQuality
+from crashfuse.testing.readers import written
 from crashfuse.units import KPH
 from tests.conftest import SHARED, needs_shared
-from tests.importing.crash_files import isomme, write
+from tests.importing.crash_files import isomme
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.lsdyna_files import Energies, Run, lsda
 from tests.readers.test_lsdyna import WEIGHTS, only, saved
@@ -119,7 +120,7 @@ def test_the_command_line_takes_a_direction_as_it_is_written(
     assert "  Travel along -y, given by the user." in capsys.readouterr().out.splitlines()
     assert cli.main(["import", str(source), *options, "--travel=y", "--id", "again"]) == cli.WRONG_DATA
     assert "check the direction (--travel -y)" in capsys.readouterr().err
-    mme = write(tmp_path / "mme", isomme("M1"))
+    mme = written(tmp_path / "mme", isomme("M1"))
     assert cli.main(["import", str(mme), "--out", str(out), "--travel", "x"]) == cli.WRONG_USAGE
     assert "remove --travel" in capsys.readouterr().err
 

@@ -9,7 +9,8 @@ from crashfuse import cli
 from crashfuse.importing import Reading, import_source, read_records
 from crashfuse.readers.format import Travel
 from crashfuse.readers.table_headers import turned
-from tests.importing.crash_files import german, write
+from crashfuse.testing.readers import written
+from tests.importing.crash_files import german
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 
 TIME_S = clock(0.0, 0.12, 5000)
@@ -19,7 +20,7 @@ SHAKING = 2 * np.sin(2 * np.pi * 300 * TIME_S)
 
 def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
     """A foreign table with these columns beside the time."""
-    return write(folder, {"run7.csv": german(TIME_S, *columns, header=f"Time [ms];{header}")}) / "run7.csv"
+    return written(folder, {"run7.csv": german(TIME_S, *columns, header=f"Time [ms];{header}")}) / "run7.csv"
 
 
 @pytest.mark.parametrize(
