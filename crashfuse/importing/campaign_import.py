@@ -17,7 +17,7 @@ from crashfuse.errors import DataError, Problem, UsageError, one_of, require_a
 from crashfuse.files.archive import refuse
 from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
 from crashfuse.importing.settle import Lacking, Settled, joint_problems, missing_values, settle
-from crashfuse.importing.sources import Reading, each_record, format_of, is_archive
+from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.readers.format import Travel
 from crashfuse.readers.formats import FORMATS
@@ -180,7 +180,7 @@ def import_source(
     reading = Reading(source, fmt, tuple(columns), together, conditions, record_id, travel)
 
     def labelled() -> Iterator[Record]:
-        for record in each_record(reading, problems):
+        for record in iter_records(reading, problems):
             labels.append(Label.of(record))
             yield record
 

@@ -10,7 +10,7 @@ import numpy as np
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.campaign_folder.recorded_pulse import UNEVEN
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, own_zero
+from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, stated_zero
 from crashfuse.readers.record import Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, speed
 from crashfuse.signals.onset import smoothed
@@ -33,7 +33,7 @@ _STEP_S = 1e-4
 _ONSET = 0.05  # of the peak
 
 
-def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
+def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
     """Return time and values of a channel at even sampling, and a sentence if that took more than rounding.
 
     Samples without a value are cut at either end; within the record they are rejected, as are gaps in time.
@@ -89,7 +89,7 @@ def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[s
     Channels whose samples lie between those of the first are interpolated. A DataError names a channel that is
     unusable, or of another rate or time than the first.
     """
-    evens = [even(channel, where) for channel in channels]
+    evens = [resample_evenly(channel, where) for channel in channels]
     steps.extend(note for *_, note in evens if note)
     times = [time for time, *_ in evens]
     first, step = times[0], times[0][1] - times[0][0]
@@ -138,7 +138,7 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     return missing
 
 
-def unmeasured(record: Record, choices: Choices) -> list[Problem]:
+def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
     """The problem of a test whose channels, as the file says of itself, nobody measured."""
     simulated = [channel for channel in record.chosen(choices.channels) if channel.is_simulated]
     if not simulated:
@@ -175,7 +175,8 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
         agree[i, j] = agree[j, i] = not unlike
     most = int(agree.sum(axis=1).argmax())
     near = agree[most]
-    majority, on_time = near.sum() * 2 > len(chosen), bool(own_zero(record, even(chosen[0], record.source)[0]))
+    majority = near.sum() * 2 > len(chosen)
+    on_time = bool(stated_zero(record, resample_evenly(chosen[0], record.source)[0]))
     reference = signals[most]
     if on_time and not majority:
         reference = min(signals, key=lambda signal: abs(signal.onset_s))
@@ -203,7 +204,7 @@ def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[s
     problems: dict[str, Problem] = {}
     for channel in proposed:
         try:
-            even(channel, record.source)
+            resample_evenly(channel, record.source)
         except DataError as error:
             problems[channel.name] = error.problems[0]
     if not 0 < len(problems) < len(proposed):
@@ -235,7 +236,7 @@ class _Signal:
 
     @classmethod
     def of(cls, channel: RecordedChannel, source: str) -> "_Signal":
-        time_s, values, _ = even(channel, source)
+        time_s, values, _ = resample_evenly(channel, source)
         near_s, near = around_peak(time_s, smoothed(time_s, values))
         grid = np.arange(near_s[0], near_s[-1], _STEP_S)
         return cls(channel.name, delta_v(time_s, values), grid, np.interp(grid, near_s, near))
@@ -277,7 +278,7 @@ class _Signal:
 
 def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedChannel, ...]:
     """The channels whose sensors did not fail; all of them if they were chosen or none is sound, which is told."""
-    signals = {channel.name: even(channel, case.record.source)[:2] for channel in channels}
+    signals = {channel.name: resample_evenly(channel, case.record.source)[:2] for channel in channels}
     failures: dict[str, Sentence] = {}
     for channel in channels:
         time_s, values = signals[channel.name]
@@ -298,7 +299,7 @@ def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedC
     return channels
 
 
-def averaged(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[FloatArray, FloatArray]:
+def average(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[FloatArray, FloatArray]:
     """The time and the mean of the channels, in the unit of the first."""
     source = case.record.source
     if case.choices.unit is None and len({channel.unit for channel in channels}) > 1:

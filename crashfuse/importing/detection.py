@@ -147,10 +147,10 @@ def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str)
     change = delta_v(time_s, accel)
     if not case.is_moving or case.fits(change):
         return None
-    return _unlike(case, time_s, change, unit, doubts(case.record, "speed, unit, channels and time zero"))
+    return _unlike(case, time_s, change, unit, crash_advice(case.record, "speed, unit, channels and time zero"))
 
 
-def doubts(record: Record, doubtful: str) -> str:
+def crash_advice(record: Record, doubtful: str) -> str:
     """Advice where the change of velocity is unlike the impact speed: the crash may be of another kind."""
     if record.other_setup:
         return f"the file calls the test {record.other_setup!r}, and only full-frontal barrier crashes can be used"
@@ -164,7 +164,7 @@ def _unlike(case: Case, time_s: FloatArray, change_mps: float, unit: str, advice
     return Problem(case.record.source, expected, found, advice)
 
 
-def own_zero(record: Record, time_s: FloatArray) -> str:
+def stated_zero(record: Record, time_s: FloatArray) -> str:
     """Why contact is at 0 of the file's time, by that time alone; empty if it tells nothing."""
     begins = f"the file's time begins before 0, at {time_text(time_s[0])}" if time_s[0] < -MS else ""
     return record.own_time_zero or begins
@@ -176,7 +176,7 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
     start, end = float(time_s[0]), float(time_s[-1])
     begins = onset(time_s, accel)
     began = "never passes 0.5 g" if begins is None else f"begins at {time_text(begins.calm_s)}"
-    stated = own_zero(case.record, time_s)
+    stated = stated_zero(case.record, time_s)
     begin = 0.0 if stated else start
     gap = gap_s(time_s - begin, accel, speed_mps, choices.gap_m) if role == "cae" and choices.gap_m else 0.0
     if choices.time_zero_s is not None:
@@ -237,7 +237,7 @@ def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, a
     return ""
 
 
-def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: list[str]) -> None:
+def report_offset(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: list[str]) -> None:
     """Report the mean reading before contact, if the record starts early enough; it should be 0."""
     before = time_s < zero_s - _SOFT_CONTACT_S
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():

@@ -21,7 +21,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable, require_a, several
 from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
-from crashfuse.importing.channels import even, missing_choices
+from crashfuse.importing.channels import missing_choices, resample_evenly
 from crashfuse.importing.detection import Choices, delta_v
 from crashfuse.importing.settle import settled_at
 from crashfuse.importing.sources import Reading, format_of, read_records
@@ -242,7 +242,7 @@ def _speed(record: Record, choices: Choices) -> float:
     if unit is None or unit not in ACCELERATION_UNITS:
         expected, advice = f"the unit of the acceleration of {record.id}", "give it (--unit)"
         raise DataError(Problem(record.source, expected, unit or "none", advice))
-    gain = delta_v(*even(channel, record.source)[:2]) * ACCELERATION_UNITS[unit]
+    gain = delta_v(*resample_evenly(channel, record.source)[:2]) * ACCELERATION_UNITS[unit]
     return abs(gain) / _USUAL_REBOUND
 
 

@@ -16,18 +16,18 @@ from crashfuse.campaign_folder.plausibility import CREEP_MPS, MOVING, STOPS
 from crashfuse.campaign_folder.recorded_pulse import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting
-from crashfuse.importing.channels import agreeing_channels, averaged, missing_choices, unmeasured
+from crashfuse.importing.channels import agreeing_channels, average, measurement_problems, missing_choices
 from crashfuse.importing.detection import (
     Case,
     Choices,
     UnknownUnit,
     change_problem,
+    crash_advice,
     delta_v,
-    doubts,
     filter_class,
     filtered_before,
-    offset_before,
-    own_zero,
+    report_offset,
+    stated_zero,
     step_of,
     time_zero,
     unit_and_sign,
@@ -171,7 +171,7 @@ def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
 def _refuse_short(case: Case, time_s: FloatArray, values: FloatArray, unit: str | None) -> None:
     """Raise a DataError if a record is too short whatever its unit and speed, by the earliest contact that may be."""
     zero_s = case.choices.time_zero_s
-    earliest = 0.0 if own_zero(case.record, time_s) else float(time_s[0])
+    earliest = 0.0 if stated_zero(case.record, time_s) else float(time_s[0])
     end_s = float(time_s[-1]) - (earliest if zero_s is None else zero_s)
     if 0 < end_s < SHORTEST_S - step_of(time_s):
         factor = ACCELERATION_UNITS.get(case.choices.unit or unit or "", np.nan)
@@ -273,7 +273,7 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
         steps.append(f"Careful: not a full-frontal barrier crash, by its own account: {record.other_setup}.")
     missing = missing_choices(record, choices)
     if role == "tests":
-        missing += unmeasured(record, choices)
+        missing += measurement_problems(record, choices)
     try:
         condition = complete_condition(record, choices, steps, role=role, also_missing=missing)
     except DataError as error:
@@ -304,14 +304,14 @@ def settled_at(
     """
     case = Case(record, choices, role, condition.speed_mps, steps)
     channels = agreeing_channels(case)
-    time_s, values = averaged(case, channels)
+    time_s, values = average(case, channels)
     if slow := rate_trouble(step_of(time_s), float(time_s[-1] - time_s[0])):
         raise DataError(Problem(record.source, *slow))
     _refuse_short(case, time_s, values, channels[0].unit)
     unit, sign = unit_and_sign(case, channels, time_s, values)
     accel = values * ACCELERATION_UNITS[unit] * (1 if sign == "negative" else -1)
     zero_s = time_zero(case, time_s, accel)
-    offset_before(time_s, accel, zero_s, steps)
+    report_offset(time_s, accel, zero_s, steps)
     unlike = change_problem(case, time_s, accel, unit)
     if raw:
         before = filtered_before(channels, time_s, accel)
@@ -362,6 +362,6 @@ def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
     taken = (speed_mps - motion.velocity_mps.min()) / max(speed_mps, 1e-9)
     if case.is_moving and not low <= taken <= high:
         template = "a change of velocity near the impact speed of {} from contact on"
-        found, advice = f"{100 * taken:.0f} % of it", doubts(record, "time zero, unit and channels")
+        found, advice = f"{100 * taken:.0f} % of it", crash_advice(record, "time zero, unit and channels")
         raise DataError(Problem(record.source, Sentence(template, speed(speed_mps)), found, advice))
     case.steps.extend(sentences)

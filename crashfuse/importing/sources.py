@@ -143,7 +143,7 @@ def read_records(reading: Reading) -> tuple[Record, ...]:
     A UsageError says that the format or a mapped column does not exist, or that one id is given for several records.
     """
     problems: list[Problem] = []
-    records = tuple(each_record(reading, problems))
+    records = tuple(iter_records(reading, problems))
     refuse(problems, reading.source.name)
     return records
 
@@ -154,11 +154,11 @@ def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]
     records: list[Record] = []
     # the user, seeing the records, decides whether they are of one crash
     with collecting(problems), suppress(OneCrashOrSeveral):
-        records += each_record(reading, problems)
+        records += iter_records(reading, problems)
     return tuple(records), tuple(problems)
 
 
-def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
+def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     """Yield the records of a source one by one, read as by :func:`read_records`; append problems to ``problems``."""
     source = reading.source
     fmt = reading.fmt or format_of(source)
@@ -172,7 +172,7 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     unpacked = [source] if _has_to_be_unpacked(source, fmt) else _archives(source)
     if unpacked:
         with TemporaryDirectory() as scratch:  # the tables in it tell of which format they are
-            yield from each_record(replace(reading, source=_unpacked(unpacked, Path(scratch))), problems)
+            yield from iter_records(replace(reading, source=_unpacked(unpacked, Path(scratch))), problems)
         return
     extra = [] if reading.conditions is None else [reading.conditions]
     paths = tables_of(source) if fmt == TABLES else []

@@ -34,7 +34,7 @@ from crashfuse.readers.vocabulary import (
     is_simulated,
     number_and_unit,
     other_setup,
-    proposed,
+    propose_by_code,
     speed,
     statement_of_simulation,
     unit_named,
@@ -289,7 +289,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
         raise DataError(list(untimed.values()))
     origin = _origin(test)
     recorded = {name: _recorded(name, code, channel, origin) for name, (code, channel) in timed.items()}
-    chosen, why = proposal(recorded, lambda names: proposed({name: timed[name][0] for name in names}))
+    chosen, why = proposal(recorded, lambda names: propose_by_code({name: timed[name][0] for name in names}))
     condition, notes = _condition(test, vehicle)
     if objects != {"1"}:
         others = " and ".join(sorted(objects - {vehicle}))
@@ -308,7 +308,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
 
 def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
     code = ChannelCode.parsed(channel.code)
-    if code is None or code.of_a_dummy or not (code.is_acceleration and code.is_along_x):
+    if code is None or code.is_of_a_dummy or not (code.is_acceleration and code.is_along_x):
         return None
     return code if code.test_object.isdigit() else None
 

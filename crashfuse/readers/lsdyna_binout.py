@@ -24,8 +24,8 @@ from crashfuse.readers.lsdyna_histories import (
     MOST_VALUES,
     Histories,
     States,
-    kept_of,
-    too_much,
+    nodes_to_keep,
+    too_many_values,
 )
 from crashfuse.readers.solver_run import History, axis_of_travel
 from crashfuse.signals.pulse import FloatArray
@@ -257,7 +257,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     if not parts:
         return Histories(title, (), 0), glstat, matsum
     if sum(len(part.states) * min(part.of.ids.size, most) for part in parts) > MOST_VALUES:
-        raise too_much(parts[0].where)
+        raise too_many_values(parts[0].where)
     start, fastest = _motion(parts)
     axis = AXES[axis_of_travel(start, travel)]
     pieces: dict[tuple[str, str], list[History]] = {}
@@ -266,7 +266,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
             pieces.setdefault((part.database, piece.name), []).append(piece)
     frequent = {name for database, name in pieces if database == "nodouthf"}
     merged = [_joined(of) for (database, name), of in pieces.items() if database != "nodout" or name not in frequent]
-    kept = kept_of([node.name for node in merged], {node.name: node.title for node in merged}, most)
+    kept = nodes_to_keep([node.name for node in merged], {node.name: node.title for node in merged}, most)
     nodes = tuple(node for node in merged if node.name in kept)
     total = max(len(merged), *(part.of.ids.size for part in parts))
     count = sum(map(len, families))
@@ -352,7 +352,7 @@ def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
 
 def _histories(part: _Part, axis: str, most: int) -> list[History]:
     labels = part.of.labels(part.database)
-    chosen = kept_of(labels, part.of.titles, most)
+    chosen = nodes_to_keep(labels, part.of.titles, most)
     places = [place for place, label in enumerate(labels) if label in chosen]
     values = np.full((2, len(places), len(part.states)), np.nan)
     with np.errstate(invalid="ignore"):  # damaged data may hold any number

@@ -14,7 +14,7 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.format import AXES, Travel
-from crashfuse.readers.solver_run import Energies, History, axis_of_travel, completed
+from crashfuse.readers.solver_run import Energies, History, axis_of_travel, complete_quality
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 
@@ -80,12 +80,12 @@ class Histories:
         return replace(others, nodes=nodes, total=max(len(nodes), self.total, others.total))
 
 
-def kept_of(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
+def nodes_to_keep(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
     """The nodes to keep if there are too many: those with a title first, then in file order."""
     return set(sorted(names, key=lambda name: not titles.get(name))[:most])
 
 
-def too_much(where: str) -> DataError:
+def too_many_values(where: str) -> DataError:
     """The error for more values than are kept per run."""
     expected = f"at most {MOST_VALUES:,} states times nodes"
     return DataError(Problem(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or fewer states"))
@@ -144,7 +144,7 @@ def quality_of(glstat: States, matsum: States) -> RunQuality:
     both = {time: state for time, state in glstat.items() if {"total_energy", "external_work"} <= state.keys()}
     total, work = _column(both, "total_energy"), _column(both, "external_work")  # a killed run's last state lacks some
     whole = Energies(total, work, *_strain(glstat), None if added is None else added / 100)
-    return completed(whole.quality, Energies(None, None, *_strain(matsum)).quality)
+    return complete_quality(whole.quality, Energies(None, None, *_strain(matsum)).quality)
 
 
 def _strain(states: States) -> tuple[FloatArray | None, FloatArray | None]:
@@ -238,7 +238,7 @@ class _Nodout:
         self._times.append(self._now)
         self._places = [self._columns.index(column) for column in (*_ACCELERATIONS, *_VELOCITIES)]
         if len(self._times) * max(len(self._series), 1) > MOST_VALUES:
-            raise too_much(self._where)
+            raise too_many_values(self._where)
 
     def _choose(self) -> None:
         if not self._first:
@@ -248,7 +248,7 @@ class _Nodout:
         self._at_rest = not self._start.any()
         self._fastest = np.abs(self._start).max(axis=1)
         axis = self._axis = axis_of_travel(self._start, self._travel)
-        kept = kept_of(list(self._first), self._titles, self._most)
+        kept = nodes_to_keep(list(self._first), self._titles, self._most)
         self._series = {
             name: (array("d", [values[axis]]), array("d", [values[3 + axis]]))
             for name, values in self._first.items()

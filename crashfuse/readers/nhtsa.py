@@ -63,7 +63,7 @@ class Sensor:
     comment: str
 
     @property
-    def of_the_vehicle(self) -> bool:
+    def is_of_the_vehicle(self) -> bool:
         """Whether it could measure the pulse: an X accelerometer on the vehicle, not on a dummy or the barrier."""
         on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
         return self.sensor == "AC" and self.axis.startswith("X") and on_it
@@ -79,7 +79,7 @@ class Sensor:
         return f"{self.number} ({printable(self.comment)})"
 
     @property
-    def at_the_rear(self) -> bool:
+    def is_at_the_rear(self) -> bool:
         """Whether it is on the floor behind the crush zone, where both sides follow the motion of the whole vehicle."""
         label = self.comment.upper()
         return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
@@ -146,12 +146,12 @@ def nhtsa_record(
 
 def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
     """The sensors that could measure the pulse, of the first vehicle that has any."""
-    there = [sensor for sensor in sensors if sensor.of_the_vehicle]
+    there = [sensor for sensor in sensors if sensor.is_of_the_vehicle]
     return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
 
 
 def _likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
-    return bool(doubt_of(sensor.quality)), not sensor.at_the_rear, sensor.attachment != _CENTRE
+    return bool(doubt_of(sensor.quality)), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
 
 
 def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -174,7 +174,7 @@ def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ..
 
 
 def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
-    rear = [entry for entry in sound if entry.at_the_rear]
+    rear = [entry for entry in sound if entry.is_at_the_rear]
     if rear:
         return rear, "on the rear crossmember or floor, behind the crush"
     return [entry for entry in sound if entry.attachment == _CENTRE], "at the centre of gravity"
@@ -195,7 +195,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         listed = [_listed(fields, specification.where) for fields in sections.get("INSTRUMENTATION", [])]
         candidates = of_first_vehicle(list({one.number: one for one in listed if one.number in files}.values()))
         if not candidates:
-            have = f"{sum(entry.of_the_vehicle for entry in listed)} listed, none of them beside it"
+            have = f"{sum(entry.is_of_the_vehicle for entry in listed)} listed, none of them beside it"
             expected, advice = "files of the vehicle's X accelerations", "download all channels of the test"
             raise DataError(Problem(specification.where, expected, have, advice))
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}

@@ -37,9 +37,9 @@ from crashfuse.readers.radioss_history import (
     MOST_VALUES,
     TimeHistory,
     Watched,
-    joined,
+    join_files,
+    join_parts,
     record_of,
-    with_additional,
     with_names,
 )
 from crashfuse.readers.record import Record
@@ -430,8 +430,8 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
             expected = "every part of the run once, from the first (T01) on"
             advice = "add those that are missing, or import each run on its own"
             raise DataError(Problem(names[0], expected, " and ".join(names), advice))
-        histories.append(joined([_parsed(file, budget) for _, file in parts], names))
-    return with_names(with_additional(histories))
+        histories.append(join_parts([_parsed(file, budget) for _, file in parts], names))
+    return with_names(join_files(histories))
 
 
 def _parsed(file: Member, budget: Budget) -> TimeHistory:

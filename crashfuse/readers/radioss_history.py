@@ -22,7 +22,7 @@ from crashfuse.readers.solver_run import (
     initial_speed,
     integral,
     is_aliased,
-    on_a_dummy,
+    is_on_a_dummy,
     quality_sentence,
     titled_nodes,
     units_of,
@@ -139,7 +139,7 @@ class TimeHistory:
         return replace(self, time=self.time[kept], model=model, watched=tuple(one.before(end) for one in self.watched))
 
 
-def joined(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistory:
+def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistory:
     """One time history of a run that was stopped and restarted; a later part replaces what it computed anew.
 
     A DataError says that the first part or time between two is missing, or that they watch different things.
@@ -168,7 +168,7 @@ def _watched_curves(history: TimeHistory) -> list[tuple[str, list[str]]]:
     return [(one.name, [*one.curves]) for one in history.watched]
 
 
-def with_additional(histories: Sequence[TimeHistory]) -> TimeHistory:
+def join_files(histories: Sequence[TimeHistory]) -> TimeHistory:
     """The main file of a run with the nodes of its additional ones (``T01a`` …), which repeat no global histories."""
     main = histories[0]
     return replace(
@@ -346,7 +346,7 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
         return [], "No accelerometer's ΔV is that of a vehicle that stops; are its columns crossed?"
     if titled := titled_nodes(stopping):
         return titled
-    node = max([node for node in stopping if not on_a_dummy(node)] or stopping, key=_behind)
+    node = max([node for node in stopping if not is_on_a_dummy(node)] or stopping, key=_behind)
     name = node.name if node.name.startswith(ACCELEROMETER) else f"node {node.name}"
     shown = f"{name[0].upper()}{name[1:]}{f' ({node.title})' if node.title else ''}"
     if len(nodes) == 1:

@@ -78,14 +78,14 @@ def integral(values: FloatArray, time: FloatArray) -> FloatArray:
 def titled_nodes(nodes: Sequence[History]) -> tuple[list[History], str] | None:
     """The nodes whose titles say that they are where accelerometers are, and the reason; None if no title does."""
     for words, where in _PLACES:
-        named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not on_a_dummy(node)]
+        named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not is_on_a_dummy(node)]
         if named:
             named = _finest(named)
             return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
     return None
 
 
-def on_a_dummy(node: History) -> bool:
+def is_on_a_dummy(node: History) -> bool:
     """Whether a node is one of a dummy, by its title."""
     return _DUMMY.search(_words(node.title)) is not None
 
@@ -280,7 +280,7 @@ class Energies:
         return float(change[np.abs(change).argmax()] / self.total[0])
 
 
-def completed(quality: RunQuality, by: RunQuality) -> RunQuality:
+def complete_quality(quality: RunQuality, by: RunQuality) -> RunQuality:
     """Quality with what is not recorded taken from another source."""
     pairs = {name: (getattr(quality, name), getattr(by, name)) for name in QUANTITIES}
     return RunQuality(**{name: other if value is None else value for name, (value, other) in pairs.items()})

@@ -150,7 +150,7 @@ def why_not_the_vehicle(name: str) -> str:
     code = _code_of(name)
     if _OTHER_AXIS.fullmatch(place_of(name)) or (code and not code.is_along_x):
         return OTHER_DIRECTION
-    return OF_A_DUMMY if names_a_dummy(name) or (code and code.of_a_dummy) else ""
+    return OF_A_DUMMY if names_a_dummy(name) or (code and code.is_of_a_dummy) else ""
 
 
 def names_a_dummy(column: str) -> bool:
@@ -243,7 +243,7 @@ def bare_name(column: str) -> str:
     return _name_and_unit(column, "")[0] or column
 
 
-def turned(header: str, axis: str) -> str:
+def exchange_axes(header: str, axis: str) -> str:
     """A header with the names of an axis and of x exchanged: ``ay`` along y is what ``ax`` is along x."""
     if axis == "x":
         return header

@@ -23,16 +23,16 @@ from crashfuse.readers.table_headers import (
     axis_by_motion,
     bare_name,
     cutoff_of,
+    exchange_axes,
     filter_order,
     is_ahead,
     names_a_dummy,
     place_of,
-    turned,
     use_of,
     why_no_acceleration,
     why_not_the_vehicle,
 )
-from crashfuse.readers.table_sheet import SAMPLE, Sheet, counts
+from crashfuse.readers.table_sheet import SAMPLE, Sheet, numbers_rows
 from crashfuse.readers.vocabulary import UNITS, is_simulated, unit_named
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import read_out
@@ -108,7 +108,7 @@ def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
     by_axis = {"x": plain} | {
         axis: _along(sheet, axis)
         for axis in "yz"
-        if any(turned(name, axis) != name for name in (*sheet.columns, *sheet.titles))
+        if any(exchange_axes(name, axis) != name for name in (*sheet.columns, *sheet.titles))
     }
     columns = {
         axis: tuple(use.column for use in found.of("acceleration") if axis == "x" or use.column not in of_x)
@@ -122,7 +122,7 @@ def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
 def _along(sheet: Sheet, axis: str) -> Mapping:
     sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
     uses = [
-        replace(use_of(turned(column, axis), unit), column=column)
+        replace(use_of(exchange_axes(column, axis), unit), column=column)
         for column, unit in zip(sheet.columns, sheet.units, strict=True)
     ]
     if not any(use.role in _OF_CONDITIONS for use in uses):
@@ -142,8 +142,8 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
 
 
 def _unless_it_counts(sample: Sheet, use: ColumnUse) -> ColumnUse:
-    numbers_rows = (use.is_unknown or use.role == "id") and counts(sample.column(use.column))
-    return ColumnUse(use.column, "ignored", None, "it numbers the rows") if numbers_rows else use
+    is_count = (use.is_unknown or use.role == "id") and numbers_rows(sample.column(use.column))
+    return ColumnUse(use.column, "ignored", None, "it numbers the rows") if is_count else use
 
 
 def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, axis: str) -> ColumnUse:
@@ -154,7 +154,7 @@ def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, a
     if begun is None:
         return ColumnUse(use.column, "ignored", None, "it is empty")
     title = sheet.title(use.column)
-    titled = use_of(turned(f"{use.column} {title}", axis), unit_cell) if title else use
+    titled = use_of(exchange_axes(f"{use.column} {title}", axis), unit_cell) if title else use
     if use.is_unknown:
         if titled.role == "acceleration":
             return replace(titled, column=use.column, why=f"its title is {printable(title, 60)}")
@@ -163,13 +163,13 @@ def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, a
             return ColumnUse(use.column, "ignored", None, f"{why}: {printable(title, 60)}")
         why_not = why_no_acceleration(use.column, unit_cell) or ("" if _numeric(begun, use.column) else "no numbers")
         if not why_not and sheet.is_titled:
-            why_not = why_not_the_vehicle(turned(title, axis)) or why_no_acceleration(title, unit_cell)
+            why_not = why_not_the_vehicle(exchange_axes(title, axis)) or why_no_acceleration(title, unit_cell)
             why_not += f": {printable(title, 60)}" if why_not else ""
         if why_not:
             return ColumnUse(use.column, "ignored", None, why_not)
         return replace(use, why="it has no name") if sheet.has_row_names(use.column) else use
     above = (title if sheet.is_titled else "", sheet.name.partition(": ")[2])
-    reasons = ((why_not_the_vehicle(turned(name, axis)), name) for name in above)
+    reasons = ((why_not_the_vehicle(exchange_axes(name, axis)), name) for name in above)
     why_not, name = next(((why, name) for why, name in reasons if why), ("", ""))
     return replace(use, role="ignored", why=f"{why_not}: {printable(name, 60)}") if why_not else use
 

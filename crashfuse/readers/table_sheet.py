@@ -169,7 +169,7 @@ def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form
     that numbers the rows.
     """
     unnamed = [not title and is_unnamed(column) for column, title in zip(header.columns, header.titles, strict=True)]
-    numbered = unnamed[0] and not all(unnamed) and counts(cells.iloc[:SAMPLE, 0])
+    numbered = unnamed[0] and not all(unnamed) and numbers_rows(cells.iloc[:SAMPLE, 0])
 
     def is_idle(number: int) -> bool:
         return unnamed[number] and ((number == 0 and numbered) or not (cells.iloc[:, number] != "").any())
@@ -181,7 +181,7 @@ def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form
     return replace(sheet, steps=(*form, sheet.layout, *left_out))
 
 
-def counts(cells: pd.Series) -> bool:
+def numbers_rows(cells: pd.Series) -> bool:
     """Whether a column counts its rows: whole numbers, one more in each row."""
     if len(cells) < _RUN or not cells.iloc[0].strip().isdecimal():
         return False
@@ -212,7 +212,7 @@ def _aligned(names: list[str], data: Sequence[Sequence[str]], decimal: str, name
     if sum(is_number(cell, decimal) for cell in columns[-1]) < _MOST * len(rows):
         return [*names, ""]
     clocks = [number for number, text in enumerate(names) if use_of(text, "").role == "time"]
-    has_row_names = counts(columns[0]) or not any(is_number(cell, decimal) for cell in columns[0])
+    has_row_names = numbers_rows(columns[0]) or not any(is_number(cell, decimal) for cell in columns[0])
     if all(increases(number + 1) for number in clocks) and (clocks or has_row_names or increases(0)):
         return ["", *names]
     found = f"{len(names)} names above {len(names) + 1} columns of numbers"

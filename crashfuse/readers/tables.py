@@ -34,9 +34,9 @@ from crashfuse.readers.table_sheet import (
     SHEET_LIMITS,
     Header,
     Sheet,
-    counts,
     header_of,
     is_number,
+    numbers_rows,
     read_workbook,
     sheet_of,
     unique,
@@ -70,7 +70,7 @@ _DIALECTS = (
 )
 
 
-def parted(sheet: Sheet) -> tuple[Sheet, ...]:
+def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
     """Split a sheet in which several accelerations have their own times: one sheet per time.
 
     Each has the columns from its time to the next; columns left of the first time are in all of them. A sheet with one
@@ -256,10 +256,10 @@ def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
         expected, found = f"at most {limits.member_bytes >> 20} MiB a table", f"{path.stat().st_size >> 20} MiB"
         raise DataError(Problem(path.name, expected, found, "export a shorter record"))
     if path.suffix.lower() in (".xlsx", ".xlsm"):
-        return tuple(part for sheet in read_workbook(path, limits) for part in parted(sheet))
+        return tuple(part for sheet in read_workbook(path, limits) for part in _split_by_clock(sheet))
     if path.suffix.lower() == ".xls":
         raise DataError(Problem(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx"))
-    return parted(_text_sheet(path, limits))
+    return _split_by_clock(_text_sheet(path, limits))
 
 
 def _text_sheet(path: Path, limits: Limits) -> Sheet:
@@ -391,7 +391,8 @@ def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: 
     widths = Counter(len(row) for row, numeric in zip(grid, data, strict=True) if numeric and len(row) > 1)
     width = widths.most_common(1)[0][0] if widths else 0
     unnamed = [f"column {number}" for number in range(1, width + 1)]
-    has_row_names = counts(pd.Series([row[0] for row, numeric in zip(grid, data, strict=True) if numeric], dtype=str))
+    first = [row[0] for row, numeric in zip(grid, data, strict=True) if numeric]
+    has_row_names = numbers_rows(pd.Series(first, dtype=str))
 
     def names(line: str) -> list[str]:
         text = line.strip().lstrip("#%!*").strip()

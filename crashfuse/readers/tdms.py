@@ -51,7 +51,7 @@ from crashfuse.readers.vocabulary import (
     is_simulated,
     number_and_unit,
     other_setup,
-    proposed,
+    propose_by_code,
     unit_named,
 )
 from crashfuse.signals.pulse import FloatArray
@@ -228,7 +228,7 @@ def _proposed(
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
         codes = {name: code for name in names if (code := ChannelCode.parsed(channels[name].label)) is not None}
-        chosen, why = proposed(codes)
+        chosen, why = propose_by_code(codes)
         if chosen:
             return chosen, why
         if len(names) == 1 and len(channels) == found and what == "acceleration":

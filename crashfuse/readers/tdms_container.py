@@ -44,7 +44,7 @@ class _UnusableScale(ValueError):
     """A scale that gives no acceleration, or makes no sense."""
 
 
-def scaled(values: FloatArray, levels: Iterable[Properties]) -> FloatArray:
+def apply_scales(values: FloatArray, levels: Iterable[Properties]) -> FloatArray:
     """Values with their scales applied, by the properties of the channel, its group and its file.
 
     Scales of a kind that no accelerometer has, without a property, or in a circle raise a ValueError.
@@ -183,7 +183,7 @@ class TdmsFile:
         with np.errstate(all="ignore"):  # damaged data may hold any number
             values = np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
             try:
-                return scaled(values, self._levels(channel))
+                return apply_scales(values, self._levels(channel))
             except _UnusableScale as error:
                 expected, advice = "scales that give an acceleration", "export it with values in physical units"
                 raise DataError(Problem(place, expected, printable(str(error)), advice)) from error

@@ -186,7 +186,7 @@ class ChannelCode:
         return self.text[14] in "X1"
 
     @property
-    def of_a_dummy(self) -> bool:
+    def is_of_a_dummy(self) -> bool:
         """Whether it is in a dummy: by its location, or by a kind of dummy in the last fine location (H3)."""
         return self.text[2:6] in _DUMMY or (self.rank == UNPLACED and self.text[10:12] != "00")
 
@@ -213,7 +213,7 @@ UNPLACED = len(_PLACES)
 """The rank of a place that need not follow the motion of the whole vehicle."""
 
 
-def proposed(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], str]:
+def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], str]:
     """The channels whose average is the pulse, by name, and the reason; none if none sits at a known place.
 
     At the rear, where sensors are redundant, all are taken; elsewhere one, or one on either side. Raw goes before

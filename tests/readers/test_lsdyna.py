@@ -28,6 +28,7 @@ SHORT = Run(end_s=0.02, step_s=1e-3)
 
 def saved(folder: Path, **files: bytes) -> Path:
     """Write files and return their folder."""
+    folder.mkdir(parents=True, exist_ok=True)
     return written(folder, files)
 
 

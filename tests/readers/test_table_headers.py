@@ -8,7 +8,7 @@ import pytest
 from crashfuse import cli
 from crashfuse.importing import Reading, import_source, read_records
 from crashfuse.readers.format import Travel
-from crashfuse.readers.table_headers import turned
+from crashfuse.readers.table_headers import exchange_axes
 from crashfuse.testing.readers import written
 from tests.importing.crash_files import german
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
@@ -80,4 +80,4 @@ def test_a_dead_sensor_does_not_travel(tmp_path: Path) -> None:
 )
 def test_headers_are_read_as_if_the_axis_were_x(header: str, axis: str, expected: str) -> None:
     """Only letters that stand alone, or after an a, name an axis; x becomes the axis in turn."""
-    assert turned(header, axis) == expected
+    assert exchange_axes(header, axis) == expected

@@ -12,7 +12,7 @@ from crashfuse.readers.vocabulary import (
     is_computed,
     is_simulated,
     other_setup,
-    proposed,
+    propose_by_code,
 )
 
 
@@ -39,10 +39,10 @@ def test_other_names_are_no_codes(text: str) -> None:
 
 def test_dummies_are_told_from_vehicles() -> None:
     """By the main location or by the kind of dummy; a sill's inside (IN) is no kind of dummy."""
-    assert code("11HEADCG0000ACXP").of_a_dummy
-    assert code("11LOAD0000H3ACXP").of_a_dummy
-    assert not code("10SIMELE00INACXD").of_a_dummy
-    assert not code("11VEHC0000__ACX_").of_a_dummy
+    assert code("11HEADCG0000ACXP").is_of_a_dummy
+    assert code("11LOAD0000H3ACXP").is_of_a_dummy
+    assert not code("10SIMELE00INACXD").is_of_a_dummy
+    assert not code("11VEHC0000__ACX_").is_of_a_dummy
 
 
 def test_filter_classes_are_low_passes() -> None:
@@ -67,7 +67,7 @@ def test_filter_classes_are_low_passes() -> None:
 def test_the_best_placed_are_proposed(codes: list[str], chosen: list[int]) -> None:
     """All at the rear seat, else one, or one on either side, of the next best place."""
     names = {f"{number}": code(text) for number, text in enumerate(codes)}
-    found, why = proposed(names)
+    found, why = propose_by_code(names)
     assert set(found) == {f"{number}" for number in chosen}
     assert ("choose one" in why) == (not chosen)
     assert code("10ENGN000000ACXP").rank == UNPLACED
