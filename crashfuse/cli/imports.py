@@ -5,7 +5,7 @@ from pathlib import Path
 
 from crashfuse.cli.conditions import AXES
 from crashfuse.cli.numbers import filter_class, in_si, number
-from crashfuse.readers.axes import TRAVELS
+from crashfuse.readers.format import TRAVELS
 from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS
 from crashfuse.units import LB, MS
 

@@ -12,7 +12,7 @@ from crashfuse.errors import CrashfuseError, UsageError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from crashfuse.importing.rated_files import RatingChoices
+    from crashfuse.importing.ratings import RatingChoices
 
 _SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
 
@@ -72,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _choices(arguments: argparse.Namespace) -> "RatingChoices":
-    from crashfuse.importing.rated_files import RatingChoices
+    from crashfuse.importing.ratings import RatingChoices
 
     return RatingChoices(
         tuple(arguments.channel),
@@ -83,7 +83,7 @@ def _choices(arguments: argparse.Namespace) -> "RatingChoices":
 
 
 def _explained(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    from crashfuse.importing.rated_files import WINDOWS_MS, explain_files
+    from crashfuse.importing.ratings import WINDOWS_MS, explain_files
     from crashfuse.reporting.rating_tables import explanation_record
 
     files, windows = (arguments.reference, arguments.comparison), arguments.windows_ms or WINDOWS_MS
@@ -92,8 +92,7 @@ def _explained(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
-    from crashfuse.importing.rated_channels import rate_channels
-    from crashfuse.importing.rated_files import WINDOWS_MS, RatingChoices, rate_files, rate_pairs
+    from crashfuse.importing.ratings import WINDOWS_MS, RatingChoices, rate_channels, rate_files, rate_pairs
 
     windows, choices = arguments.windows_ms or WINDOWS_MS, _choices(arguments)
     files = (arguments.reference, arguments.comparison)

@@ -6,10 +6,10 @@
 """
 
 from crashfuse.importing.campaign_import import add_settled, import_source, settle_each
-from crashfuse.importing.choices import Choices
-from crashfuse.importing.joined_tables import ColumnChoice
+from crashfuse.importing.detection import Choices
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, format_of, read_each, read_records
+from crashfuse.importing.tables import ColumnChoice
 
 __all__ = [
     "Choices",

@@ -1,35 +1,122 @@
-"""Import of foreign files into a campaign: read, settle, add."""
+"""Import of foreign files into a campaign: read, ask which are CAE runs, settle, add."""
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import NamedTuple, get_args
 
 from crashfuse.campaign_folder.added import Added
 from crashfuse.campaign_folder.additions import Addition, add_each
+from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem, UsageError, one_of, require_a
 from crashfuse.files.archive import refuse
-from crashfuse.importing.choices import Choices
-from crashfuse.importing.condition import Lacking, missing_values, told_of_several
-from crashfuse.importing.detection import UnknownUnit, delta_v
-from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
-from crashfuse.importing.roles import Label, check_names, role_of, which_are_tests
-from crashfuse.importing.settle import Settled, settle
-from crashfuse.importing.sources import Reading, each_record, format_of
-from crashfuse.importing.unpacking import is_archive
-from crashfuse.readers.axes import Travel
+from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
+from crashfuse.importing.settle import Lacking, Settled, joint_problems, missing_values, settle
+from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
+from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
+from crashfuse.readers.format import Travel
 from crashfuse.readers.formats import FORMATS
-from crashfuse.readers.quantities import speed
 from crashfuse.readers.record import Record
+from crashfuse.readers.vocabulary import names_a_simulation, speed
 from crashfuse.units import MS
 from crashfuse.wording import Sentence
 
+_CAE = re.compile(r"(?<![a-z])runs?(?![a-z])", re.IGNORECASE)
+_TEST = re.compile(
+    r"(?<![a-z])(tests?|versuche?|essais?|measure(d|ments?)|messung(en)?|gemessen|nhtsa|barrier)(?![a-z])",
+    re.IGNORECASE,
+)
+_MANY = 20  # records in one file; nobody crashes as many vehicles
 _ONE_SPEED = 1.05  # ratio of the changes of velocity of repeats; rebounds differ
 _COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what the columns of a table are
+
+
+class Label(NamedTuple):
+    """What tells whether a record is a test or a CAE run: its source, its id, and what it says of itself."""
+
+    source: str
+    id: str
+    is_simulated: bool = False
+
+    @classmethod
+    def of(cls, record: Record) -> "Label":
+        """The label of a record."""
+        return cls(record.source, record.id, record.is_simulated)
+
+    @property
+    def file(self) -> str:
+        """The file, by the source, which may be a sheet of the file."""
+        return self.source.partition(": ")[0]
+
+    def looks_like_cae(self, *, many: bool) -> bool:
+        """Whether it looks like a CAE run, by its own account, its sheet and id, or else its file or their number."""
+        name = f"{self.source.partition(': ')[2]} {self.id}"
+        if self.is_simulated or _is_named_cae(name) != _is_named_test(name):
+            return self.is_simulated or _is_named_cae(name)
+        return not _is_named_test(self.file) and (_is_named_cae(self.file) or many)
+
+
+def role_of(record: Record, role: Role, cae: Sequence[str]) -> Role:
+    """What a record is: a CAE run if its file, source or id is among ``cae``, else what all are taken as."""
+    return "cae" if {Label.of(record).file, record.source, record.id} & set(cae) else role
+
+
+def parts_of(records: Iterable[Label]) -> dict[str, bool]:
+    """The parts of a source by their names, and whether they look like CAE runs.
+
+    A part is a file, or if not all in it are alike, a record by its id, or by its source if the id occurs twice.
+    """
+    files: dict[str, list[Label]] = {}
+    for record in records:
+        files.setdefault(record.file, []).append(record)
+    parts: dict[str, bool] = {}
+    for file, labels in files.items():
+        looks = [label.looks_like_cae(many=len(labels) >= _MANY) for label in labels]
+        ids = Counter(label.id for label in labels)
+        names = [label.id if ids[label.id] == 1 else label.source for label in labels]
+        parts |= {file: looks[0]} if len(set(looks)) == 1 else dict(zip(names, looks, strict=True))
+    return parts
+
+
+def _is_named_cae(name: str) -> bool:
+    return _CAE.search(name) is not None or names_a_simulation(name)
+
+
+def _is_named_test(name: str) -> bool:
+    return _TEST.search(name) is not None
+
+
+def _which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list[Problem]:
+    """The question which files are CAE runs, if any look like them; none if all say so themselves.
+
+    ``source`` is its name, ``usual`` what files of its format are.
+    """
+    if records and all(label.is_simulated for label in records):
+        return []
+    parts = parts_of(records) if usual == "tests" else dict.fromkeys((label.file for label in records), True)
+    found = [name for name, is_cae in parts.items() if is_cae]
+    if not found:
+        return []
+    names, others = listed(found), listed([name for name in parts if name not in found])
+    if not others:
+        advice = "say that they are (--as cae), or that they are tests (--as tests)"
+        return [Problem(source, "tests", f"nothing but what looks like CAE runs ({names})", advice)]
+    advice = f"name those that are CAE runs (--cae {shlex.join(found)})"
+    if not any(label.is_simulated for label in records):
+        advice += ", or say that all are tests (--as tests)"
+    return [Problem(source, "tests", f"what looks like CAE runs ({names}) beside {others}", advice)]
+
+
+def _check_names(names: Sequence[str], records: Sequence[Label]) -> None:
+    there = {name for label in records for name in (label.file, label.source, label.id)}
+    if absent := [name for name in names if name not in there]:
+        parts = dict.fromkeys([*(label.file for label in records), *parts_of(records)])
+        raise UsageError(f"There is no file {listed(absent)} with records; there are {listed(parts)}.")
 
 
 def import_source(
@@ -82,39 +169,36 @@ def import_source(
     """
     source, out, conditions = Path(source), Path(out), None if conditions is None else Path(conditions)
     require_a(Choices, choices, "crashfuse.Choices()")
-    own = own_filter_class(out)
-    if own is not None and choices.channel_filter_class not in (None, own):
-        raise UsageError(f"The campaign filters every record with CFC {own:g}; remove --channel-filter-class.")
+    cfc = own_filter_class(out)
+    if cfc is not None and choices.channel_filter_class not in (None, cfc):
+        raise UsageError(f"The campaign filters every record with CFC {cfc:g}; remove --channel-filter-class.")
     one_of("kind of record", role or "tests", dict.fromkeys(get_args(Role)))
     together = record_id is not None or bool(choices.channels)
     problems: list[Problem] = []
     labels: list[Label] = []
 
-    def noted(records: Iterable[Record]) -> Iterator[Record]:
-        for record in records:
+    reading = Reading(source, fmt, tuple(columns), together, conditions, record_id, travel)
+
+    def labelled() -> Iterator[Record]:
+        for record in iter_records(reading, problems):
             labels.append(Label.of(record))
             yield record
 
-    records = noted(
-        each_record(Reading(source, fmt, tuple(columns), together, conditions, record_id, travel), problems)
-    )
     settled: tuple[Settled, ...] = ()
     try:
-        settled = settle_each(records, problems, choices, role=role or "tests", cae=cae, raw=own is not None)
+        settled = settle_each(labelled(), problems, choices, role=role or "tests", cae=cae, raw=cfc is not None)
     except OneCrashOrSeveral as error:
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
         if role != "cae" and not cae and all(label.is_simulated for label in labels):
-            advice = "say as well that they are CAE runs (--as cae)"
-            problems.append(
-                Problem(source.name, "measured accelerations", "simulated ones, by their own account", advice)
-            )
+            found, advice = "simulated ones, by their own account", "say as well that they are CAE runs (--as cae)"
+            problems.append(Problem(source.name, "measured accelerations", found, advice))
     except DataError as error:
         problems = [*error.problems, *problems]
-    check_names(cae, labels)
+    _check_names(cae, labels)
     if role is None and not cae and labels:
         usual = FORMATS[fmt or format_of(source)].role
         # what each lacks as a test may be no question then
-        refuse(which_are_tests(source.name, labels, usual), source.name)
+        refuse(_which_are_tests(source.name, labels, usual), source.name)
     alone = source.is_file() and not is_archive(source.name) and conditions is None
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
@@ -122,7 +206,7 @@ def import_source(
         given = choices.condition.speed_mps, choices.weights
         problems += missing_values(source.name, record_id or source.stem, *given)
     refuse(problems, source.name)
-    added = {(own.role, run_id) for own in add_settled(out, settled) for run_id in own.ids}
+    added = {(part.role, run_id) for part in add_settled(out, settled) for run_id in part.ids}
     return tuple(one for one in settled if (one.role, one.id) in added)
 
 
@@ -139,11 +223,9 @@ def settle_each(
     """Settle every record that can be settled; append the problems of the others to ``problems``.
 
     What the conditions of several records lack is told once, and not at all if ``records`` raises at its end because
-    the ids of a table of conditions are others.
-
-    ``choices``, ``role`` and ``raw`` are as in :func:`settle`; the records of the files ``cae`` are CAE runs.
-    ``tolerant`` turns an invalid choice into a problem of the record instead of raising, because choices that fit one
-    record may not fit another.
+    the ids of a table of conditions are others. ``choices``, ``role`` and ``raw`` are as in :func:`settle`; the records
+    of the files ``cae`` are CAE runs. ``tolerant`` turns an invalid choice into a problem of the record instead of
+    raising, because choices that fit one record may not fit another.
     """
     settled: dict[int, Settled] = {}
     refused: list[Problem] = []
@@ -169,22 +251,21 @@ def settle_each(
     others = tuple(settled.values())
     for place, record in unclear.items():
         attempt(place, _in_their_unit(record, others))
-    problems += told_of_several(refused) if len(ids) > 1 else refused
+    problems += joint_problems(refused) if len(ids) > 1 else refused
     alike = _unlike_their_table([settled[place] for place in sorted(settled)])
     return _of_one_speed(alike) if choices.condition.speed_mps is not None else alike
 
 
 def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
     """The record in the unit of the others of its table, else of its source, if they have one in common."""
-    beside = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
-    if len(set(beside)) != 1:
+    units = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
+    if len(set(units)) != 1:
         return record
-    n = len(beside)
-    return record.in_unit(beside[0], f"the {f'{n} other records' if n > 1 else 'other record'} beside it")
+    n = len(units)
+    return record.in_unit(units[0], f"the {f'{n} other records' if n > 1 else 'other record'} beside it")
 
 
 def _unlike_their_table(settled: Sequence[Settled]) -> tuple[Settled, ...]:
-    """Records told with care where most others of their table are in another unit or of the other sign."""
     forms: dict[str, Counter[tuple[str, str]]] = {}
     for one in settled:
         forms.setdefault(one.source, Counter())[one.unit, one.deceleration_sign] += 1
@@ -193,57 +274,45 @@ def _unlike_their_table(settled: Sequence[Settled]) -> tuple[Settled, ...]:
         [(usual, n)] = forms[one.source].most_common(1)
         if usual == (one.unit, one.deceleration_sign) or 2 * n <= forms[one.source].total():
             return one
-        told = f"Careful: {n} others of its table are in {usual[0]} with {usual[1]} deceleration, unlike this one."
-        return replace(one, steps=(*one.steps, told))
+        note = f"Careful: {n} others of its table are in {usual[0]} with {usual[1]} deceleration, unlike this one."
+        return replace(one, steps=(*one.steps, note))
 
     return tuple(map(checked, settled))
 
 
 def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
-    """Records that were all given one speed, told with care if it can hardly be that of each."""
     changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
     if not changes or max(changes) <= _ONE_SPEED * min(changes):
         return tuple(settled)
-    told = Sentence(
+    note = Sentence(
         f"Careful: one speed was given for all {len(settled)} records, but their changes of velocity go from {{}} to "
         "{}; a table of conditions gives each its own.",
         speed(min(changes)),
         speed(max(changes)),
     )
-    return tuple(replace(one, steps=(*one.steps, told)) for one in settled)
+    return tuple(replace(one, steps=(*one.steps, note)) for one in settled)
 
 
 def add_settled(out: Path, settled: Sequence[Settled]) -> tuple[Added, ...]:
     """Add settled records to a campaign, or start a new one with them: all of them or, on any problem, none.
 
-    Parameters
-    ----------
-    out : Path
-        The campaign folder; if it filters its own records (:func:`own_filter_class`), they must be settled raw.
-
-    Raises
-    ------
-    DataError
-        If an id is already there with another condition or pulse, or is not a valid file name; the campaign is
-        unchanged.
-    OSError
-        If writing fails.
+    If the campaign folder ``out`` filters its own records (:func:`own_filter_class`), they must be settled raw. A
+    DataError says that an id is already there with another condition or pulse, or is not a valid file name, an OSError
+    that writing failed; the campaign is unchanged.
     """
     additions: dict[Role, list[Addition]] = {}
     for one in settled:
-        own = Addition(one.id, one.condition, one.pulse, _told(one), one.quality)
-        additions.setdefault(one.role, []).append(own)
+        addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality)
+        additions.setdefault(one.role, []).append(addition)
     return add_each(out, additions)
 
 
 def _named(record: Record, problem: Problem) -> Problem:
-    """The problem with its record named, because many records may share one source."""
-    told = re.search(rf"(?<!\w){re.escape(record.id)}(?!\w)", f"{problem.where} {problem.expected}")
-    return problem if told else replace(problem, where=f"{problem.where}, {record.id}")
+    is_named = re.search(rf"(?<!\w){re.escape(record.id)}(?!\w)", f"{problem.where} {problem.expected}")
+    return problem if is_named else replace(problem, where=f"{problem.where}, {record.id}")
 
 
-def _told(settled: Settled) -> dict[str, str | float | Sequence[str]]:
-    """The entry for a record in campaign.toml."""
+def _entry(settled: Settled) -> dict[str, str | float | Sequence[str]]:
     cfc = settled.channel_filter_class
     return {
         "source": settled.source,

@@ -1,26 +1,28 @@
-"""The channels of a record that are averaged into the pulse: those chosen, or those proposed that agree."""
+"""The channels of a record that are averaged into the pulse, those chosen or those that agree, and their sampling."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
+from crashfuse.campaign_folder.recorded_pulse import UNEVEN
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.importing.choices import Choices
-from crashfuse.importing.detection import around_peak, delta_v, own_zero
-from crashfuse.importing.sampling import even, on_one_clock
-from crashfuse.readers.credibility import Doubt
-from crashfuse.readers.quantities import speed
+from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, stated_zero
 from crashfuse.readers.record import Record, RecordedChannel
-from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, speed
 from crashfuse.signals.onset import smoothed
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.sensor_faults import confirmed, sensor_faults
 from crashfuse.units import G
 from crashfuse.wording import Sentence, joined, number, time_text
+
+_LATEST_S = 1e9  # no clock counts farther
+_STRONGEST = 1e12  # in any unit; squares of more overflow in the end
+_GAP = 3.0  # steps
+_FEWEST = 20
 
 # Redundant sensors of one car, left and right too, differ by 2 % in ΔV, 0.2 ms in time and 12 % in shape.
 _DISSENT = 0.2  # of the larger ΔV of two
@@ -29,6 +31,92 @@ _SHAPE = 0.4  # sine of the angle between two signals: RMS of what one lacks of 
 _CARE = 0.45  # of these limits
 _STEP_S = 1e-4
 _ONSET = 0.05  # of the peak
+
+
+def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
+    """Return time and values of a channel at even sampling, and a sentence if that took more than rounding.
+
+    Samples without a value are cut at either end; within the record they are rejected, as are gaps in time.
+    """
+    place = f"{where}, {channel.name}"
+    time, values = np.asarray(channel.time_s, dtype=np.float64), np.asarray(channel.values, dtype=np.float64)
+    finite = np.flatnonzero(np.isfinite(values))
+    if time.shape != values.shape or finite.size < _FEWEST:
+        raise DataError(Problem(place, f"at least {_FEWEST} samples", f"{finite.size}", "export the whole record"))
+    inside = slice(finite[0], finite[-1] + 1)
+    time, values = time[inside], values[inside]
+    if not (np.isfinite(values).all() and np.isfinite(time).all()):
+        raise DataError(Problem(place, "a number in each sample", "samples without one", "repair the record"))
+    if (latest := float(np.abs(time).max())) > _LATEST_S:
+        raise DataError(Problem(place, "times of a crash", f"{latest:.3g} s", "repair the record"))
+    if (strongest := float(np.abs(values).max())) > _STRONGEST:
+        raise DataError(Problem(place, "accelerations of a crash", f"{strongest:.3g}", "repair the record"))
+    steps = np.diff(time)
+    if steps.min() <= 0:
+        raise DataError(_backwards(place, time, steps))
+    step = float(np.median(steps))
+    if steps.max() > _GAP * step:
+        found = f"a step of {time_text(steps.max())} among steps of {time_text(step)}"
+        raise DataError(Problem(place, "evenly sampled time", found, "export the record without gaps"))
+    clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
+    if clock.size == time.size and np.abs(steps - step).max() <= UNEVEN * step:
+        return clock, values, ""
+    lost = np.rint(steps / step).astype(int) - 1
+    note = f"{channel.name} was sampled unevenly and is interpolated to {1 / step:.0f} Hz."
+    if lost.any() and np.abs(steps - (lost + 1) * step).max() <= UNEVEN * step:
+        first_s = time[int(np.argmax(lost > 0))]
+        lacking = f"{channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {time_text(first_s, 6)}"
+        note = f"Careful: {lacking}; they are interpolated."
+    return clock, np.interp(clock, time, values), note
+
+
+def _backwards(place: str, time: FloatArray, steps: FloatArray) -> Problem:
+    expected = "time that increases from sample to sample"
+    if steps.min() < 0:
+        sample = int(np.argmax(steps < 0)) + 1
+        found = f"{time_text(time[sample], 6)} after {time_text(time[sample - 1], 6)}"
+        return Problem(place, expected, found, "sort the record by time")
+    twice = int(np.argmax(steps == 0))
+    found = f"duplicate times: {time_text(time[twice], 6)} in samples {twice + 1} and {twice + 2}"
+    count = int((steps == 0).sum())
+    found += f", and {count - 1} more" if count > 1 else ""
+    return Problem(place, expected, found, "delete the duplicates, or export time with more digits")
+
+
+def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
+    """Return the time that the channels have in common, and their values then, shape (n_channels, n).
+
+    Channels whose samples lie between those of the first are interpolated. A DataError names a channel that is
+    unusable, or of another rate or time than the first.
+    """
+    evens = [resample_evenly(channel, where) for channel in channels]
+    steps.extend(note for *_, note in evens if note)
+    times = [time for time, *_ in evens]
+    first, step = times[0], times[0][1] - times[0][0]
+    tolerance = UNEVEN * step
+    begin, end = max(time[0] for time in times) - tolerance, min(time[-1] for time in times) + tolerance
+    clock = first[(first >= begin) & (first <= end)]
+    for channel, time in zip(channels, times, strict=True):
+        if abs(time[1] - time[0] - step) > tolerance or clock.size < _FEWEST:
+            found = f"{channel.name} at {1 / (time[1] - time[0]):.6g} Hz from {time_text(time[0], 6)}"
+            found += f", {channels[0].name} at {1 / step:.6g} Hz from {time_text(first[0], 6)}"
+            advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
+            raise DataError(Problem(where, "channels sampled alike to average", found, advice))
+    if any(abs(time[0] - first[0]) > tolerance for time in times):
+        starts = ", ".join(
+            f"{one.name} from {time_text(time[0], 6)}" for one, time in zip(channels, times, strict=True)
+        )
+        steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
+    steps.append(f"Recorded at {(clock.size - 1) / (clock[-1] - clock[0]):.6g} Hz from {time_text(clock[0], 6)}.")
+    return clock, np.array([_at(clock, time, values, tolerance) for time, values, _ in evens])
+
+
+def _at(clock: FloatArray, time: FloatArray, values: FloatArray, tolerance: float) -> FloatArray:
+    start = int(np.searchsorted(time, clock[0] - tolerance))
+    same = time[start : start + clock.size]
+    if same.size == clock.size and np.abs(same - clock).max() <= tolerance:
+        return values[start : start + clock.size]
+    return np.interp(clock, time, values)
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:
@@ -50,7 +138,7 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     return missing
 
 
-def unmeasured(record: Record, choices: Choices) -> list[Problem]:
+def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
     """The problem of a test whose channels, as the file says of itself, nobody measured."""
     simulated = [channel for channel in record.chosen(choices.channels) if channel.is_simulated]
     if not simulated:
@@ -60,19 +148,13 @@ def unmeasured(record: Record, choices: Choices) -> list[Problem]:
     return [Problem(record.source, f"measured channels of {record.id}", f"by its own account {found}", advice)]
 
 
-def agreeing_channels(
-    record: Record, choices: Choices, speed_mps: float, role: Role, steps: list[str]
-) -> tuple[RecordedChannel, ...]:
+def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
     """The channels to average: those chosen, else the largest group of proposed channels that agree.
 
     They agree in their change of velocity, those of a test in time and in shape, too: in a CAE run all nodes have one
-    clock. Where they agree only just, that is told with care.
-
-    Raises
-    ------
-    DataError
-        If no more than half of the proposed channels agree.
+    clock. Where they agree only just, that is told with care. A DataError says that no more than half of them agree.
     """
+    record, choices, steps = case.record, case.choices, case.steps
     chosen = record.chosen(choices.channels)
     if choices.channels:
         steps.append(f"Channels chosen by the user: {', '.join(channel.name for channel in chosen)}.")
@@ -81,19 +163,20 @@ def agreeing_channels(
     else:
         chosen = _usable(record, chosen, steps)
     chosen = _in_one_unit(chosen, choices)
-    if role == "tests":
-        chosen = _sound(record, chosen, choices, steps)
+    if case.role == "tests":
+        chosen = _sound(case, chosen)
     units = {choices.unit or channel.unit for channel in chosen}
-    if len(chosen) == 1 or len(units) > 1 or speed_mps <= CREEP_MPS:
+    if len(chosen) == 1 or len(units) > 1 or case.speed_mps <= CREEP_MPS:
         return chosen
     signals = [_Signal.of(channel, record.source) for channel in chosen]
     agree = np.eye(len(signals), dtype=bool)
     for (i, one), (j, other) in combinations(enumerate(signals), 2):
-        unlike = one.changes_unlike(other) if role == "cae" else bool(one.differences(other))
+        unlike = one.changes_unlike(other) if case.role == "cae" else bool(one.differences(other))
         agree[i, j] = agree[j, i] = not unlike
     most = int(agree.sum(axis=1).argmax())
     near = agree[most]
-    majority, on_time = near.sum() * 2 > len(chosen), bool(own_zero(record, even(chosen[0], record.source)[0]))
+    majority = near.sum() * 2 > len(chosen)
+    on_time = bool(stated_zero(record, resample_evenly(chosen[0], record.source)[0]))
     reference = signals[most]
     if on_time and not majority:
         reference = min(signals, key=lambda signal: abs(signal.onset_s))
@@ -118,11 +201,10 @@ def agreeing_channels(
 
 
 def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[str]) -> tuple[RecordedChannel, ...]:
-    """The proposed channels without those that cannot be read as a signal, unless none can."""
     problems: dict[str, Problem] = {}
     for channel in proposed:
         try:
-            even(channel, record.source)
+            resample_evenly(channel, record.source)
         except DataError as error:
             problems[channel.name] = error.problems[0]
     if not 0 < len(problems) < len(proposed):
@@ -145,13 +227,7 @@ def _in_one_unit(channels: tuple[RecordedChannel, ...], choices: Choices) -> tup
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Signal:
-    """A channel around its peak at CFC 60 and 10 kHz, to be compared with others.
-
-    Parameters
-    ----------
-    gain : float
-        Change of velocity, signed, in the channel's unit times seconds.
-    """
+    """A channel around its peak at CFC 60 and 10 kHz, with its change of velocity in its unit times seconds, signed."""
 
     name: str
     gain: float
@@ -160,7 +236,7 @@ class _Signal:
 
     @classmethod
     def of(cls, channel: RecordedChannel, source: str) -> "_Signal":
-        time_s, values, _ = even(channel, source)
+        time_s, values, _ = resample_evenly(channel, source)
         near_s, near = around_peak(time_s, smoothed(time_s, values))
         grid = np.arange(near_s[0], near_s[-1], _STEP_S)
         return cls(channel.name, delta_v(time_s, values), grid, np.interp(grid, near_s, near))
@@ -172,7 +248,6 @@ class _Signal:
         return float(self.time_s[int(np.argmax(size >= _ONSET * size.max()))])
 
     def changes_unlike(self, other: "_Signal", share: float = 1.0) -> bool:
-        """Whether their changes of velocity differ by more than this share of the limit."""
         return abs(self.gain - other.gain) > share * _DISSENT * max(abs(self.gain), abs(other.gain))
 
     def differences(self, other: "_Signal", share: float = 1.0) -> list[str]:
@@ -201,15 +276,13 @@ class _Signal:
         return Sentence("{}: {}{}", self.name, change, "".join(f", {text}" for text in differ if text))
 
 
-def _sound(
-    record: Record, channels: tuple[RecordedChannel, ...], choices: Choices, steps: list[str]
-) -> tuple[RecordedChannel, ...]:
+def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedChannel, ...]:
     """The channels whose sensors did not fail; all of them if they were chosen or none is sound, which is told."""
-    signals = {channel.name: even(channel, record.source)[:2] for channel in channels}
+    signals = {channel.name: resample_evenly(channel, case.record.source)[:2] for channel in channels}
     failures: dict[str, Sentence] = {}
     for channel in channels:
         time_s, values = signals[channel.name]
-        factor = ACCELERATION_UNITS.get(choices.unit or channel.unit or "", G)
+        factor = ACCELERATION_UNITS.get(case.choices.unit or channel.unit or "", G)
         others = [np.interp(time_s, *signals[other.name]) for other in channels if other is not channel]
         expected = np.mean(others, axis=0) if others else values
         faults = confirmed(sensor_faults(time_s, values * factor), time_s, values * factor, expected * factor)
@@ -217,22 +290,23 @@ def _sound(
             clauses = joined([fault.text for fault in faults], "; ")
             failures[channel.name] = Sentence("{}: {}", printable(channel.name), clauses)
     sound = tuple(channel for channel in channels if channel.name not in failures)
-    if failures and sound and not choices.channels:
-        steps.append(Sentence("Left out, as a sensor failed: {}.", joined([*failures.values()], "; ")))
+    if failures and sound and not case.choices.channels:
+        case.steps.append(Sentence("Left out, as a sensor failed: {}.", joined([*failures.values()], "; ")))
         return sound
-    steps += [Sentence("Careful: {}; leave the test out, or mend its record.", each) for each in failures.values()]
+    case.steps.extend(
+        Sentence("Careful: {}; leave the test out, or mend its record.", fault) for fault in failures.values()
+    )
     return channels
 
 
-def averaged(
-    record: Record, channels: tuple[RecordedChannel, ...], choices: Choices, steps: list[str]
-) -> tuple[FloatArray, FloatArray]:
+def average(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[FloatArray, FloatArray]:
     """The time and the mean of the channels, in the unit of the first."""
-    if choices.unit is None and len({channel.unit for channel in channels}) > 1:
+    source = case.record.source
+    if case.choices.unit is None and len({channel.unit for channel in channels}) > 1:
         found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
         advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
-        raise DataError(Problem(record.source, "channels of one unit to average", found, advice))
-    time_s, values = on_one_clock(channels, record.source, steps)
+        raise DataError(Problem(source, "channels of one unit to average", found, advice))
+    time_s, values = _on_one_clock(channels, source, case.steps)
     if len(channels) > 1:
-        steps.append(f"{len(channels)} channels averaged.")
+        case.steps.append(f"{len(channels)} channels averaged.")
     return time_s, values.mean(axis=0)

@@ -1,23 +1,23 @@
-"""Detection from a record itself: unit and sign (from the impact speed), time zero, earlier filtering."""
+"""What a record tells by itself (unit, sign, time zero, earlier filtering), and the user's choices that replace it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.gap import LEAST_M, gap_s
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
-from crashfuse.errors import DataError, Problem
-from crashfuse.importing.choices import Choices
-from crashfuse.readers.quantities import speed
-from crashfuse.readers.record import Record, RecordedChannel
-from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
+from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
+from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, acceleration_unit, speed
 from crashfuse.signals.filters import CFC60_NOISE, noise_share
 from crashfuse.signals.onset import free_travel_s, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text
 
+_LONGEST_GAP_M = 10.0  # at 56 km/h more than half a second
 _NO_SIGN = "let the record tell its sign (remove --deceleration-sign)"
 _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below this leaves nothing for CFC 60 (100 Hz) to remove
@@ -27,35 +27,102 @@ _AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
 _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 
 
+def _require_filter_class(cfc: object) -> None:
+    if cfc not in (None, "none") and not (isinstance(cfc, int | float) and 1 <= cfc <= 1000):
+        raise UsageError(f'A channel filter class is 60, 180, 600, 1000 or "none", not {printable(repr(cfc), 20)}.')
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """User settings that replace detection; None or empty means detect.
+
+    A UsageError says that there is no such unit, sign or filter class, or that a number is none or in another unit.
+
+    Parameters
+    ----------
+    channels : tuple of str
+        Names of the channels to average.
+    unit : str, optional
+        Unit of the acceleration, as :func:`crashfuse.readers.vocabulary.acceleration_unit` takes it.
+    deceleration_sign : {"negative", "positive"}, optional
+        Whether the file writes deceleration as negative or as positive numbers.
+    time_zero_s : float, optional
+        Time of first contact in the file's own time.
+    gap_m : float, optional
+        Distance that CAE runs move before they meet the barrier; a run that decelerates before is left as it is.
+    front_share : float, optional
+        Share of the mass on the front axle, for files that state only the total mass.
+    """
+
+    channels: tuple[str, ...] = ()
+    unit: str | None = None
+    deceleration_sign: Literal["negative", "positive"] | None = None
+    time_zero_s: float | None = None
+    gap_m: float | None = None
+    channel_filter_class: float | Literal["none"] | None = None
+    condition: PartialCondition = field(default_factory=PartialCondition)
+    front_share: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", several(self.channels))
+        if self.unit is not None:
+            object.__setattr__(self, "unit", acceleration_unit(self.unit))
+        if self.deceleration_sign is not None:
+            one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
+        _require_filter_class(self.channel_filter_class)
+        require_a(PartialCondition, self.condition, "crashfuse.PartialCondition()")
+        for name in ("time_zero_s", "gap_m", "front_share"):
+            if (value := getattr(self, name)) is not None:
+                require_number(name, value)
+        if self.gap_m is not None and not 0 <= self.gap_m <= _LONGEST_GAP_M:
+            in_m = f"{self.gap_m:g} mm are {1e-3 * self.gap_m:g} m"
+            raise UsageError(f"gap_m is from 0 to {_LONGEST_GAP_M:g} m, not {self.gap_m:g}: {in_m}.")
+
+    @property
+    def weights(self) -> AxleWeights:
+        """The weights as far as the user gave them."""
+        return replace(self.condition.weights, front_share=self.front_share)
+
+
 @dataclass(frozen=True, slots=True)
 class UnknownUnit(Problem):
     """A unit that neither a record nor its speed tells; other records may."""
 
 
-def unit_and_sign(
-    record: Record,
-    channels: tuple[RecordedChannel, ...],
-    time_s: FloatArray,
-    values: FloatArray,
-    speed_mps: float,
-    choices: Choices,
-    role: Role,
-    steps: list[str],
-) -> tuple[str, str]:
-    """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed.
+@dataclass(frozen=True, eq=False, slots=True)
+class Case:
+    """A record on its way to a pulse: its speed is NaN where it is unknown; steps are appended to those so far."""
 
-    The speed may be unknown (NaN).
-    """
-    gain = delta_v(time_s, values)
-    moving = speed_mps > CREEP_MPS
-    fitting = [name for name, factor in ACCELERATION_UNITS.items() if moving and _fits(gain * factor, speed_mps, role)]
+    record: Record
+    choices: Choices
+    role: Role
+    speed_mps: float
+    steps: list[str]
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the vehicle is known to be faster than at a creep."""
+        return self.speed_mps > CREEP_MPS
+
+    def fits(self, change_mps: float) -> bool:
+        """Whether a change of velocity is about that of a vehicle that stops from its speed."""
+        low, high = STOPS[self.role]
+        return low <= abs(change_mps) / self.speed_mps <= high
+
+
+def unit_and_sign(
+    case: Case, channels: tuple[RecordedChannel, ...], time_s: FloatArray, values: FloatArray
+) -> tuple[str, str]:
+    """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed."""
+    choices, steps, moving, gain = case.choices, case.steps, case.is_moving, delta_v(time_s, values)
+    fitting = [name for name, factor in ACCELERATION_UNITS.items() if moving and case.fits(gain * factor)]
     label = choices.unit or channels[0].unit
     if label is None:
         if len(fitting) != 1:
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
-            check = Sentence("check the impact speed of {}, or give" if moving else "give", speed(speed_mps))
+            check = Sentence("check the impact speed of {}, or give" if moving else "give", speed(case.speed_mps))
             give = Sentence("{} its unit (--unit), or convert it to one of these", check)
-            raise DataError(UnknownUnit(record.source, expected, "a unit that neither file nor speed tells", give))
+            raise DataError(UnknownUnit(case.record.source, expected, "a unit that neither file nor speed tells", give))
         label = fitting[0]
         steps.append(f"Unit {label}: the file names none, this one gives the change of velocity that the speed asks.")
     elif choices.unit:
@@ -64,75 +131,60 @@ def unit_and_sign(
         steps.append(f"Unit {label}, from {channels[0].unit_from}.")
     change = gain * ACCELERATION_UNITS[label]
     if fitting and label not in fitting:
-        advice = f"check the unit: {fitting[0]} would fit (--unit)"
-        raise DataError(_unlike(record, time_s, change, label, speed_mps, advice))
-    found = "negative" if gain <= 0 or speed_mps <= CREEP_MPS else "positive"
+        raise DataError(_unlike(case, time_s, change, label, f"check the unit: {fitting[0]} would fit (--unit)"))
+    found = "negative" if gain <= 0 or case.speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
     if moving and sign != found:
-        told = Sentence("a change of {}", speed(change))
-        raise DataError(Problem(record.source, f"{sign} deceleration, as chosen", told, _NO_SIGN))
+        other = Sentence("a change of {}", speed(change))
+        raise DataError(Problem(case.record.source, f"{sign} deceleration, as chosen", other, _NO_SIGN))
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(Sentence(f"Sign {turned}: the file's change of velocity is {{}}.", speed(change)))
     return label, sign
 
 
-def change_trouble(
-    record: Record, time_s: FloatArray, accel: FloatArray, unit: str, speed_mps: float, role: Role
-) -> Problem | None:
+def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str) -> Problem | None:
     """The problem of a change of velocity that is unlike the impact speed, if it is and the speed is known."""
     change = delta_v(time_s, accel)
-    if not speed_mps > CREEP_MPS or _fits(change, speed_mps, role):
+    if not case.is_moving or case.fits(change):
         return None
-    return _unlike(record, time_s, change, unit, speed_mps, doubts(record, "speed, unit, channels and time zero"))
+    return _unlike(case, time_s, change, unit, crash_advice(case.record, "speed, unit, channels and time zero"))
 
 
-def doubts(record: Record, doubtful: str) -> str:
+def crash_advice(record: Record, doubtful: str) -> str:
     """Advice where the change of velocity is unlike the impact speed: the crash may be of another kind."""
     if record.other_setup:
         return f"the file calls the test {record.other_setup!r}, and only full-frontal barrier crashes can be used"
     return f"check {doubtful}; if it is no full-frontal barrier crash (but car to car, or small overlap), leave it out"
 
 
-def _fits(change_mps: float, speed_mps: float, role: Role) -> bool:
-    low, high = STOPS[role]
-    return low <= abs(change_mps) / speed_mps <= high
-
-
-def _unlike(record: Record, time_s: FloatArray, change_mps: float, unit: str, speed_mps: float, advice: str) -> Problem:
-    expected = Sentence("a change of velocity near the impact speed of {}", speed(speed_mps))
+def _unlike(case: Case, time_s: FloatArray, change_mps: float, unit: str, advice: str) -> Problem:
+    expected = Sentence("a change of velocity near the impact speed of {}", speed(case.speed_mps))
     lasts = time_text(time_s[-1] - time_s[0])
     found = Sentence(f"a change of {{}} in {unit}, in {lasts}", speed(abs(change_mps)))
-    return Problem(record.source, expected, found, advice)
+    return Problem(case.record.source, expected, found, advice)
 
 
-def own_zero(record: Record, time_s: FloatArray) -> str:
+def stated_zero(record: Record, time_s: FloatArray) -> str:
     """Why contact is at 0 of the file's time, by that time alone; empty if it tells nothing."""
     begins = f"the file's time begins before 0, at {time_text(time_s[0])}" if time_s[0] < -MS else ""
     return record.own_time_zero or begins
 
 
-def time_zero(
-    record: Record,
-    time_s: FloatArray,
-    accel: FloatArray,
-    speed_mps: float,
-    choices: Choices,
-    role: Role,
-    steps: list[str],
-) -> float:
+def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
     """The time of first contact in the file's own time."""
+    choices, role, speed_mps, steps = case.choices, case.role, case.speed_mps, case.steps
     start, end = float(time_s[0]), float(time_s[-1])
     begins = onset(time_s, accel)
     began = "never passes 0.5 g" if begins is None else f"begins at {time_text(begins.calm_s)}"
-    own = own_zero(record, time_s)
-    begin = 0.0 if own else start
+    stated = stated_zero(case.record, time_s)
+    begin = 0.0 if stated else start
     gap = gap_s(time_s - begin, accel, speed_mps, choices.gap_m) if role == "cae" and choices.gap_m else 0.0
     if choices.time_zero_s is not None:
         zero, why = float(choices.time_zero_s), "given by the user"
     elif gap and choices.gap_m:
         zero, why = begin + gap, f"after a gap of {number(choices.gap_m / MS, '.4g')} mm, given by the user"
-    elif own:
-        zero, why = 0.0, own
+    elif stated:
+        zero, why = 0.0, stated
     elif role == "cae" or begins is None or begins.calm_s - start < _AT_ONCE_S:
         zero, why = start, "the record begins at contact"
     else:
@@ -140,7 +192,7 @@ def time_zero(
     if not start - step_of(time_s) <= zero <= end:
         found = f"a record from {number(start / MS, '.4g')} to {time_text(end)}"
         expected = f"time zero at {time_text(zero)} ({why})"
-        raise DataError(Problem(record.source, expected, found, "give the time of first contact (--time-zero-ms)"))
+        raise DataError(Problem(case.record.source, expected, found, "give the time of first contact (--time-zero-ms)"))
     steps.append(f"Time zero at {time_text(zero)} of the file: {why}; deceleration {began}.")
     if begins is not None and role == "tests" and abs(begins.calm_s - zero) > _SUSPICIOUS_S:
         steps.append("Careful: deceleration begins far from time zero; check the time of first contact.")
@@ -156,17 +208,17 @@ def time_zero(
 
 
 def filter_class(
-    channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray, choices: Choices, steps: list[str]
+    case: Case, channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray
 ) -> float | None:
     """The channel filter class to apply; None for no filter."""
-    chosen = choices.channel_filter_class
+    chosen = case.choices.channel_filter_class
     if chosen == "none":
-        steps.append("Not filtered, as chosen by the user.")
+        case.steps.append("Not filtered, as chosen by the user.")
         return None
     if chosen is not None:
         return float(chosen)
     if why := filtered_before(channels, time_s, accel):
-        steps.append(f"Not filtered: {why}.")
+        case.steps.append(f"Not filtered: {why}.")
         return None
     return _DEFAULT_CFC
 
@@ -185,17 +237,17 @@ def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, a
     return ""
 
 
-def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: list[str]) -> None:
+def report_offset(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: list[str]) -> None:
     """Report the mean reading before contact, if the record starts early enough; it should be 0."""
     before = time_s < zero_s - _SOFT_CONTACT_S
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
         return
     mean = float(accel[before].mean())
-    told = f"before contact it reads {signed(mean / G, 2)} g on average"
+    reading = f"before contact it reads {signed(mean / G, 2)} g on average"
     if abs(mean) > _OFFSET_MPS2:
-        steps.append(f"Careful: {told}; if the vehicle did not brake then, export it with its zero corrected.")
+        steps.append(f"Careful: {reading}; if the vehicle did not brake then, export it with its zero corrected.")
     else:
-        steps.append(f"Zero kept: {told}.")
+        steps.append(f"Zero kept: {reading}.")
 
 
 def delta_v(time_s: FloatArray, values: FloatArray) -> float:

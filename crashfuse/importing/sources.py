@@ -1,28 +1,82 @@
-"""Import sources: format detection and reading of the records."""
+"""Import sources: files, folders, archives and uploads; detection of their format, and reading of their records."""
 
+import io
+import re
+import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
-from pathlib import Path, PurePath
+from pathlib import Path, PurePath, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import get_args
 
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.ids import safe_id
+from crashfuse.campaign_folder.upload import check_uploads, members_of_zip
 from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable, require_a
-from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
-from crashfuse.files.tarball import is_tar, tar_members
-from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral, read_tables
-from crashfuse.importing.unpacking import is_archive, lay_out_source
-from crashfuse.readers.axes import Travel
+from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member, in_memory, refuse, too_much, zip_members
+from crashfuse.files.tarball import ENDINGS, is_tar, tar_members
+from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral, read_tables
+from crashfuse.readers.format import Travel
 from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
-from crashfuse.readers.radioss.runs import is_time_history_csv
+from crashfuse.readers.radioss import is_time_history_csv
 from crashfuse.readers.record import Record
 
+_ARCHIVE = re.compile(f"(.*)({'|'.join(map(re.escape, ('.zip', *ENDINGS)))})", re.IGNORECASE | re.DOTALL)
 _MOST_FILES = 100_000  # examined in a folder
 _LISTED = 12  # tables in a sentence
+
+
+def is_archive(name: str) -> bool:
+    """Whether a file is a zip or a tar archive, by its name."""
+    return _ARCHIVE.fullmatch(name) is not None
+
+
+def members_of(name: str, content: bytes, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
+    """List the files of an archive in memory; a DataError if it is invalid, unsafe or exceeds the limits."""
+    if is_tar(name):
+        return tar_members(io.BytesIO(content), name, limits)
+    return members_of_zip(name, content, limits)
+
+
+def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
+    """Lay uploads out as a source that :func:`crashfuse.importing.read_records` reads.
+
+    Parameters
+    ----------
+    uploads : sequence of (str, bytes)
+        Files and archives; each archive is unpacked into a folder named after it. A DataError says that a name is
+        unsafe, an archive invalid, or a limit exceeded.
+    into : Path
+        An existing folder, which the caller must delete. The return value is the single file or folder in it, or a
+        folder with all of them.
+    """
+    check_uploads(uploads, limits)
+    home = into / "upload"
+    home.mkdir()
+    try:
+        for name, content in uploads:
+            budget = Budget(limits, len(content))
+            if archive := _ARCHIVE.fullmatch(PurePosixPath(name).name):
+                folder = home / (archive[1].strip(". ") or "archive")
+                for member in members_of(name, content, limits):
+                    _unpack(member, folder, budget)
+            else:
+                _unpack(in_memory(name, content), home, budget)
+    except BaseException:
+        shutil.rmtree(home)
+        raise
+    single = list(home.iterdir())
+    return single[0] if len(single) == 1 else home
+
+
+def _unpack(member: Member, folder: Path, budget: Budget) -> None:
+    try:
+        member.write_to(folder / member.path, budget)
+    except (FileExistsError, NotADirectoryError):
+        raise DataError(Problem(member.where, "names that differ", "another file of this name", "rename one")) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +121,7 @@ class Reading:
 def format_of(source: Path) -> str:
     """The format of a file, folder or zip, detected from the file names in it.
 
-    Raises
-    ------
-    DataError
-        If there is nothing there, nothing in a known format, or files of several formats besides tables.
+    A DataError says that there is nothing in a known format, or that there are files of several formats besides tables.
     """
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
@@ -87,17 +138,12 @@ def format_of(source: Path) -> str:
 
 
 def read_records(reading: Reading) -> tuple[Record, ...]:
-    """Read all records of a source.
+    """Read all records of a source, or raise a DataError with every problem of every record.
 
-    Raises
-    ------
-    DataError
-        With every problem of every record.
-    UsageError
-        If the format does not exist, a mapped column is missing, or one id is given for several records.
+    A UsageError says that the format or a mapped column does not exist, or that one id is given for several records.
     """
     problems: list[Problem] = []
-    records = tuple(each_record(reading, problems))
+    records = tuple(iter_records(reading, problems))
     refuse(problems, reading.source.name)
     return records
 
@@ -108,11 +154,11 @@ def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]
     records: list[Record] = []
     # the user, seeing the records, decides whether they are of one crash
     with collecting(problems), suppress(OneCrashOrSeveral):
-        records += each_record(reading, problems)
+        records += iter_records(reading, problems)
     return tuple(records), tuple(problems)
 
 
-def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
+def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     """Yield the records of a source one by one, read as by :func:`read_records`; append problems to ``problems``."""
     source = reading.source
     fmt = reading.fmt or format_of(source)
@@ -126,7 +172,7 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     unpacked = [source] if _has_to_be_unpacked(source, fmt) else _archives(source)
     if unpacked:
         with TemporaryDirectory() as scratch:  # the tables in it tell of which format they are
-            yield from each_record(replace(reading, source=_unpacked(unpacked, Path(scratch))), problems)
+            yield from iter_records(replace(reading, source=_unpacked(unpacked, Path(scratch))), problems)
         return
     extra = [] if reading.conditions is None else [reading.conditions]
     paths = tables_of(source) if fmt == TABLES else []
@@ -147,11 +193,11 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
                 raise UsageError(f"One id is not enough: {source.name} holds several records.")
             record = replace(record, id=reading.record_id)
         if unread and not ids:
-            told = f"Careful: tables in the source are left out, {listed(unread)}; import them by themselves."
-            record = replace(record, steps=(*record.steps, told))
+            note = f"Careful: tables in the source are left out, {listed(unread)}; import them by themselves."
+            record = replace(record, steps=(*record.steps, note))
         if fmt == TABLES and tables.neither and not ids:
-            told = f"Left out, as neither pulse nor conditions: {'; '.join(tables.neither[:_LISTED])}."
-            record = replace(record, steps=(*record.steps, told))
+            note = f"Left out, as neither pulse nor conditions: {'; '.join(tables.neither[:_LISTED])}."
+            record = replace(record, steps=(*record.steps, note))
         ids.append(record.id)
         yield _with_safe_id(tables.given_to(record), reading)
     if whole:  # else ids of unreadable records may be missing
@@ -159,18 +205,16 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
 
 
 def _with_safe_id(record: Record, reading: Reading) -> Record:
-    """The record with an id that can name a file, unless the user named it."""
     name = safe_id(record.id)
     if reading.record_id is not None or name == record.id:
         return record
-    told = f"Its id is {name}, because {printable(record.id, 60)!r} cannot name a file on every system."
-    return replace(record, id=name, steps=(*record.steps, told))
+    note = f"Its id is {name}, because {printable(record.id, 60)!r} cannot name a file on every system."
+    return replace(record, id=name, steps=(*record.steps, note))
 
 
 def _unread_tables(folder: Path, read: Sequence[Path]) -> list[str]:
-    """Names of the tables beside files of another format, neither read as conditions nor that format's own."""
-    known = {path.resolve() for path in read}
-    return [path.name for path in tables_of(folder) if path.resolve() not in known and not is_time_history_csv(path)]
+    resolved = {path.resolve() for path in read}
+    return [path.name for path in tables_of(folder) if path.resolve() not in resolved and not is_time_history_csv(path)]
 
 
 def tables_of(source: Path) -> list[Path]:
@@ -210,7 +254,6 @@ def _unpacked(archives: Sequence[Path], into: Path) -> Path:
 
 
 def _of_homes(source: Path, fmt: str, travel: Travel | None, problems: list[Problem]) -> Iterator[Record]:
-    """Yield the records of a format, with one path per test if its reader takes only one."""
     tests = _files(source, FORMATS[fmt].has) if FORMATS[fmt].one_a_file else []
     for home in tests if len(tests) > 1 else [source]:
         with collecting(problems):

@@ -1,18 +1,22 @@
-"""A foreign format: the names of its files, and its reader."""
+"""A foreign format: the names of its files, its reader, and the axes along which it may hold motion."""
 
 import importlib
 import re
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 from crashfuse.errors import CrashfuseError, DataError, Problem
 from crashfuse.extensions import NO_FAULTS, said
 
 if TYPE_CHECKING:
     from crashfuse.campaign_folder.condition_tables import Role
-    from crashfuse.readers.axes import Travel
     from crashfuse.readers.record import Record
+
+AXES = "xyz"
+Travel = Literal["x", "-x", "y", "-y", "z", "-z"]
+"""A direction of travel in the file's own axes."""
+TRAVELS: tuple[Travel, ...] = get_args(Travel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +35,7 @@ class Format:
     reader : str
         ``module:function``, imported on first use. The function takes the path of a file, folder or zip, returns a
         tuple of :class:`~crashfuse.readers.record.Record`, and raises a DataError for unusable input.
-        Empty for tables: :mod:`crashfuse.importing.joined_tables` reads them, because a user may assign columns.
+        Empty for tables: :mod:`crashfuse.importing.tables` reads them, because a user may assign columns.
     one_a_file : bool
         Whether each of these files is one test and the reader takes only one.
     role : {"tests", "cae"}
@@ -40,7 +44,7 @@ class Format:
         The package that adds it; empty for ours.
     axes : bool
         Whether its files may hold motion along any axis. The reader, if there is one, then takes the direction of
-        travel (:data:`~crashfuse.readers.axes.Travel`) as a second argument; None: to be found.
+        travel (:data:`~crashfuse.readers.format.Travel`) as a second argument; None: to be found.
     """
 
     label: str
@@ -56,7 +60,7 @@ class Format:
         """Whether the name of a file is of this format."""
         return re.fullmatch(self.names, path.name, re.IGNORECASE | re.DOTALL) is not None
 
-    def read(self, path: Path, travel: "Travel | None" = None) -> "tuple[Record, ...]":
+    def read(self, path: Path, travel: Travel | None = None) -> "tuple[Record, ...]":
         """Read the records in a file, folder or zip; raise a DataError if it is unusable."""
         module, _, function = self.reader.partition(":")
         try:

@@ -19,12 +19,12 @@ TABLES = "csv"
 
 FORMATS = {
     "nhtsa": Format("NHTSA", ".EV5", r".*\.ev5", f"{_HERE}.nhtsa:read_nhtsa", one_a_file=True),
-    "isomme": Format("ISO-MME", ".mme", r".*\.mme", f"{_HERE}.isomme_record:read_isomme_record", one_a_file=True),
+    "isomme": Format("ISO-MME", ".mme", r".*\.mme", f"{_HERE}.isomme:read_isomme_record", one_a_file=True),
     "lsdyna": Format(
         "LS-DYNA",
         "binout, nodout",
         r"(.+\.)?(binout[^.]*|nodout[^.]*(\.(txt|asc))?)",
-        f"{_HERE}.lsdyna.runs:read_lsdyna",
+        f"{_HERE}.lsdyna:read_lsdyna",
         role="cae",
         axes=True,
     ),
@@ -32,7 +32,7 @@ FORMATS = {
         "Radioss",
         "T01 or its .csv",
         r"(?!.*(nodout|binout|glstat)).*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
-        f"{_HERE}.radioss.runs:read_radioss",
+        f"{_HERE}.radioss:read_radioss",
         role="cae",
         axes=True,
     ),
@@ -43,7 +43,6 @@ FORMATS = {
 
 
 def _checked(name: str, found: object) -> Format:
-    """A format of another package, if its name is not ours."""
     if not isinstance(found, Format):
         raise ValueError("expected a crashfuse.readers.format.Format")
     if name in FORMATS:
@@ -55,11 +54,11 @@ def _checked(name: str, found: object) -> Format:
 BROKEN_FORMATS: dict[str, str] = {}
 """Formats of other packages that cannot be used: whose fault that is, and why."""
 
-for _each in load("crashfuse.readers", "reader", _checked):
-    if isinstance(_each, Broken):
-        BROKEN_FORMATS[_each.name] = _each.sentence
+for _loaded in load("crashfuse.readers", "reader", _checked):
+    if isinstance(_loaded, Broken):
+        BROKEN_FORMATS[_loaded.name] = _loaded.sentence
     else:
-        FORMATS[_each[0]] = replace(_each[1], package=_each[2])
+        FORMATS[_loaded[0]] = replace(_loaded[1], package=_loaded[2])
 
 
 def formats_of(paths: Iterable[PurePath]) -> list[str]:

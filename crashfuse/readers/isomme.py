@@ -1,4 +1,4 @@
-"""Reader of ISO-MME, the exchange format of crash laboratories (ISO/TS 13499): a folder, or a zip of one.
+"""ISO-MME, the exchange format of crash laboratories (ISO/TS 13499): its tests, and their reader, folder or zip.
 
 ::
 
@@ -7,28 +7,47 @@
     T1/Channel/T1.001     a channel: its descriptors in the same form, then one sample per line
 
 Time is implicit (``Time of first sample`` and ``Sampling interval``, s), or a separate channel that a channel names as
-its reference. ``NOVALUE`` means unknown.
-
-A channel code has 16 characters, see :mod:`crashfuse.readers.channel_codes`.
+its reference. ``NOVALUE`` means unknown. For channel codes see :mod:`crashfuse.readers.vocabulary`.
 
 Sources: ISO/TS 13499 with its related electronic documents A (descriptors) and B (channel codes), 1.6.2, as quoted by
 the public packages pyisomme and sdata, which also show that laboratories write UTF-8, Windows-1252 and Latin-1.
 """
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
-from crashfuse.readers.credibility import Doubt, doubt_of
-from crashfuse.readers.isomme_channels import NO_VALUE, Channel, IsommeTest, Pairs, first_of
 from crashfuse.readers.members import as_text, is_numbered, opened_members
-from crashfuse.readers.unit_spelling import UNITS, unit_named
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.vocabulary import (
+    UNITS,
+    UNPLACED,
+    ChannelCode,
+    Doubt,
+    doubt_of,
+    is_simulated,
+    number_and_unit,
+    other_setup,
+    propose_by_code,
+    speed,
+    statement_of_simulation,
+    unit_named,
+    weight,
+)
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.wording import Sentence
+
+NO_VALUE = "NOVALUE"
+"""The format's marker for an unknown value."""
+
+Pairs = Sequence[tuple[str, str]]
+"""Descriptors as name and value pairs."""
 
 _MOST_LINES = 2_000_000  # per file: 100 s at 20 kHz
 _MOST_DESCRIPTORS = 10_000
@@ -36,6 +55,61 @@ _UNEVEN = 0.02  # of a step, in a time channel
 
 ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
 """Size limits of a test; 300 channels of 60,000 samples are within them."""
+
+_ABOUT_THE_TEST = ("Type of the test", "Subtype of the test", "Title")
+_OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """A recorded or computed signal, in the words of the file; what is unknown is empty or None.
+
+    Parameters
+    ----------
+    unit : str
+        In ISO-MME's spelling (``m/(s*s)``).
+    values : ndarray, shape (n,)
+        NaN where a sample has no value.
+    interval_s : float or None
+        Sampling interval; None if the file gives no even time.
+    source : str
+        ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
+    status : str
+        ``ok``, ``channel failed``, ``questionable data`` …
+    filter_class : str
+        The channel filter class as a number (``60``).
+    """
+
+    code: str
+    name: str
+    unit: str
+    values: FloatArray
+    interval_s: float | None
+    start_s: float | None = 0.0
+    comments: tuple[str, ...] = ()
+    source: str = ""
+    filter_class: str = ""
+    status: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class IsommeTest:
+    """One test: its descriptors and channels.
+
+    ``descriptors`` are the lines of the ``.mme`` file in order that have a value; a name may occur more than once.
+    """
+
+    name: str
+    descriptors: Pairs
+    channels: tuple[Channel, ...]
+
+    def descriptor(self, name: str) -> str | None:
+        """The value of the first descriptor with this name (case ignored); None if there is none."""
+        return _first_of(self.descriptors, name)
+
+
+def _first_of(pairs: Pairs, name: str) -> str | None:
+    return next((value for key, value in pairs if key.lower() == name.lower()), None)
 
 
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
@@ -58,7 +132,11 @@ def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
         found = f"{len(headers)} of them" if headers else "none"
         raise DataError(Problem(name, "one .mme file", found, "choose the folder of one test"))
     home = headers[0].path.parent
-    near = [member for member in files if member.path.parent == home or _is_channel_folder(member.path.parent, home)]
+    near = [
+        member
+        for member in files
+        if (folder := member.path.parent) == home or (folder.parent == home and folder.name.lower() == "channel")
+    ]
     listed = [
         pair
         for member in near
@@ -83,35 +161,33 @@ def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
 
 
 def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, str | None]:
-    """One channel, and the code of its time channel, if any."""
     lines, where = _lines_in(member, budget), member.where
     end = next((row for row, line in enumerate(lines) if line.strip() and ":" not in line), len(lines))
     header = _descriptors(lines[:end], where)
-    status = first_of(header, "Data status") or ""
+    status = _first_of(header, "Data status") or ""
     values: FloatArray = np.empty(0)
     with suppress(DataError) if doubt_of(status) == Doubt.FAILED else nullcontext():
         values = _samples(lines[end:], header, where)
     interval = _seconds_in(header, "Sampling interval", where)
     if interval is not None and interval <= 0:
         raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))
-    code, _, name = (first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
+    code, _, name = (_first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
     channel = Channel(
-        code=first_of(header, "Channel code") or code.strip(),
-        name=first_of(header, "Name of the channel") or name.strip(),
-        unit=first_of(header, "Unit") or "",
+        code=_first_of(header, "Channel code") or code.strip(),
+        name=_first_of(header, "Name of the channel") or name.strip(),
+        unit=_first_of(header, "Unit") or "",
         values=values,
         interval_s=interval,
         start_s=_seconds_in(header, "Time of first sample", where),
         comments=tuple(value for name, value in header if name.lower() == "comments"),
-        source=first_of(header, "Data source") or "",
+        source=_first_of(header, "Data source") or "",
         status=status,
     )
-    implicit = (first_of(header, "Reference channel") or "").lower() == "implicit"
-    return channel, None if implicit else first_of(header, "Reference channel name")
+    implicit = (_first_of(header, "Reference channel") or "").lower() == "implicit"
+    return channel, None if implicit else _first_of(header, "Reference channel name")
 
 
 def _samples(lines: list[str], header: Pairs, where: str) -> FloatArray:
-    """The samples, as many as the header says."""
     values, count = _numbers(lines, where), _number_in(header, "Number of samples", where)
     if count is not None and count != values.size:
         expected = f"{count:g} samples, as its header says"
@@ -139,7 +215,6 @@ def _lines_in(member: Member, budget: Budget) -> list[str]:
 
 
 def _descriptors(lines: list[str], where: str) -> list[tuple[str, str]]:
-    """Descriptor names and values, without those that have no value."""
     if len(lines) > _MOST_DESCRIPTORS:
         expected = f"at most {_MOST_DESCRIPTORS} descriptors"
         raise DataError(Problem(where, expected, f"{len(lines)}", "export the test again"))
@@ -164,7 +239,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
 
 
 def _number_in(header: Pairs, name: str, where: str) -> float | None:
-    if (text := first_of(header, name)) is None:
+    if (text := _first_of(header, name)) is None:
         return None
     try:
         value = float(text.split()[0])  # "0.0001 s" occurs in practice
@@ -176,20 +251,121 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
 
 
 def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
-    """A time in s, the unit defined by the format unless the value names another."""
     value = _number_in(header, name, where)
-    unit = (first_of(header, name) or "").split()[1:]
+    unit = (_first_of(header, name) or "").split()[1:]
     if value is None or not unit:
         return value
-    known = unit_named(unit[0], "time")
-    if known is None:
+    if (named := unit_named(unit[0], "time")) is None:
         raise DataError(Problem(where, "a time in s or ms", printable(unit[0]), "correct the header", name))
-    return value * UNITS["time"][known]
-
-
-def _is_channel_folder(path: PurePath, home: PurePath) -> bool:
-    return path.parent == home and path.name.lower() == "channel"
+    return value * UNITS["time"][named]
 
 
 def _is_text(path: PurePath) -> bool:
     return path.suffix.lower() in (".mme", ".chn") or is_numbered(path)
+
+
+def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
+    """Read one ISO-MME test as a record.
+
+    The X accelerations at the rear seat are proposed, else the vehicle's own, else those of tunnel, sills or B-pillars:
+    of what is measured and sound, by ``Data source`` and ``Data status``.
+    """
+    return (record_of(read_isomme(path, limits), path.name),)
+
+
+def record_of(test: IsommeTest, source: str) -> Record:
+    """The record of a test with the channels that could be the pulse, best placed and least filtered first."""
+    on_vehicles = [(code, channel) for channel in test.channels if (code := _on_a_vehicle(channel))]
+    if not on_vehicles:
+        expected = "an X acceleration of the vehicle (a code such as 10VEHC000000ACXD)"
+        raise DataError(Problem(source, expected, f"none in {len(test.channels)} channels", "export it too"))
+    objects = {code.test_object for code, _ in on_vehicles}
+    vehicle = min({code.test_object for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
+    named = _named([(code, channel) for code, channel in on_vehicles if code.test_object == vehicle])
+    timed = {name: one for name, one in named.items() if one[1].interval_s is not None and one[1].values.size >= 2}
+    expected, advice = "an even time, as long as the channel", "export its sampling interval"
+    untimed = {name: Problem(f"{source}, {name}", expected, "none such", advice) for name in named if name not in timed}
+    if not timed:
+        raise DataError(list(untimed.values()))
+    origin = _origin(test)
+    recorded = {name: _recorded(name, code, channel, origin) for name, (code, channel) in timed.items()}
+    chosen, why = proposal(recorded, lambda names: propose_by_code({name: timed[name][0] for name in names}))
+    condition, notes = _condition(test, vehicle)
+    if objects != {"1"}:
+        others = " and ".join(sorted(objects - {vehicle}))
+        left_out = f"; those of test object {others} are left out" if others else ""
+        notes = (*notes, f"Channels, speed and weights are those of test object {vehicle}{left_out}.")
+    if untimed:
+        notes = (*notes, f"Left out for lack of an even time: {', '.join(untimed)}.")
+    zero = "0 is time zero of the test, by the format's definition"
+    if any(timed[name][1].start_s is None for name in chosen or timed):
+        notes = (*notes, "No time of the first sample is in the file, so that time zero has to be found.")
+        zero = ""
+    steps = (*notes, *why)
+    channels, other = tuple(recorded.values()), _other_setup(test, vehicle)
+    return Record(test.name, source, condition, channels, chosen, steps, zero, unread=untimed, other_setup=other)
+
+
+def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
+    code = ChannelCode.parsed(channel.code)
+    if code is None or code.is_of_a_dummy or not (code.is_acceleration and code.is_along_x):
+        return None
+    return code if code.test_object.isdigit() else None
+
+
+def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[ChannelCode, Channel]]:
+    """Channels by code as written, numbered if several share one; best placed and least filtered first."""
+    ordered = sorted(channels, key=lambda pair: pair[0].order)
+    times, seen = Counter(channel.code for _, channel in channels), Counter[str]()
+    named = {}
+    for code, channel in ordered:
+        seen[channel.code] += 1
+        named[channel.code if times[channel.code] == 1 else f"{channel.code}#{seen[channel.code]}"] = code, channel
+    return named
+
+
+def _origin(test: IsommeTest) -> str:
+    texts = (test.descriptor(name) or "" for name in _ABOUT_THE_TEST)
+    return next(filter(is_simulated, texts), "") or statement_of_simulation(value for _, value in test.descriptors)
+
+
+def _recorded(name: str, code: ChannelCode, channel: Channel, origin: str) -> RecordedChannel:
+    assert channel.interval_s is not None  # noqa: S101 - channels without it were left out
+    time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
+    label, unit = printable(channel.name or name), unit_named(channel.unit, "acceleration")
+    origin, status = channel.source or origin, channel.status
+    return RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, origin=origin, status=status)
+
+
+def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[str, ...]]:
+    its = f"test object {vehicle}"
+    names = ("Mass", ".Front weight", ".Rear weight")
+    speed_mps = _quantity(test, (f"Velocity {its}", f"Velocity {its} lon."), "speed", "m/s")
+    mass, front, rear = (_quantity(test, (f"{name} {its}",), "mass", "kg") for name in names)
+    notes = [f"ISO-MME test, {printable(test.descriptor('Title') or test.name)}."]
+    if kind := test.descriptor("Type of the test"):
+        notes.append(f"Type of the test: {printable(kind)}.")
+    if speed_mps:
+        notes.append(Sentence("Speed {} from the .mme file.", speed(speed_mps, form=".4g")))
+    else:
+        notes.append(f"The .mme file has no speed of {its}.")
+    if front and rear:
+        notes.append(Sentence("Front weight {} and rear weight {} from the .mme file.", weight(front), weight(rear)))
+    elif mass:
+        template = "Mass {} from the .mme file, which does not say what each axle carries."
+        notes.append(Sentence(template, weight(mass)))
+    return PartialCondition(speed_mps, mass, front, rear), tuple(notes)
+
+
+def _other_setup(test: IsommeTest, vehicle: str) -> str:
+    texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
+    side = test.descriptor(f"Impact side test object {vehicle}") or ""
+    return other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
+
+
+def _quantity(test: IsommeTest, names: Sequence[str], quantity: str, default: str) -> float | None:
+    """Return the first descriptor with one of these names in SI; its unit is the format's unless it states one."""
+    text = next((value for name in names if (value := test.descriptor(name))), "")
+    number, unit = number_and_unit(text) or (0.0, "")
+    named = unit_named(unit, quantity) if unit else default
+    return number * UNITS[quantity][named] if named and 0 < number < np.inf else None

@@ -1,12 +1,18 @@
-"""The files of a source: a folder, one of its files, or a zip of it."""
+"""The files of a source (a folder, one of its files, or a zip of it), and the records of all that are in it."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath, PurePosixPath
+from typing import TypeVar
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Budget, Limits, Member, too_many, zip_members
+import numpy as np
+
+from crashfuse.errors import DataError, Problem, collecting
+from crashfuse.files.archive import Budget, Limits, Member, refuse, too_many, zip_members
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 @contextmanager
@@ -15,6 +21,9 @@ def opened_members(
 ) -> Iterator[tuple[list[Member], Budget]]:
     """Open the wanted files of a source; return them with the budget for reading them.
 
+    A DataError says that the path does not exist, is a file of another kind, contains an unreadable folder, or has too
+    many files.
+
     Parameters
     ----------
     path : Path
@@ -22,13 +31,7 @@ def opened_members(
     wanted : callable
         Tells from a file's path whether it belongs to the format; no other file is opened.
     kind : str
-        Name of the expected source in messages ("an ISO-MME folder or zip").
-
-    Raises
-    ------
-    DataError
-        If the path does not exist, is a file of another kind, contains an unreadable folder, or has more files than
-        allowed.
+        The expected source in messages ("an ISO-MME folder or zip").
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         with path.open("rb") as stream:
@@ -50,11 +53,19 @@ def opened_members(
     yield members, Budget(limits, size)
 
 
-def files_below(folder: Path) -> Iterator[Path]:
-    """Yield all files in a folder and its subfolders.
+def read_all(items: Iterable[Item], read: Callable[[Item], Result], source: str) -> tuple[Result, ...]:
+    """What is read of each item; a DataError with the problems of all that cannot be read."""
+    results: list[Result] = []
+    problems: list[Problem] = []
+    for item in items:
+        with collecting(problems), np.errstate(all="ignore"):  # damaged data may hold any number
+            results.append(read(item))
+    refuse(problems, source)
+    return tuple(results)
 
-    An unreadable folder raises a DataError, because its files would otherwise be left out silently.
-    """
+
+def files_below(folder: Path) -> Iterator[Path]:
+    """Yield all files in a folder and its subfolders; an unreadable one raises a DataError, as its files would lack."""
 
     def refuse(error: OSError) -> None:
         found, advice = error.strerror or str(error), "ask for the right to read it, or move it elsewhere"

@@ -1,4 +1,4 @@
-"""Reader of NHTSA's vehicle crash test database, ASCII form: a folder, or a zip of one.
+"""Reader of NHTSA's vehicle crash test database, ASCII form: a folder, or a zip of one; what its TDMS form shares.
 
 ::
 
@@ -10,30 +10,30 @@ weights in kg, lengths in mm. ``VEHCG`` is the distance of the centre of gravity
 wheelbase it gives the axle weights.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.archive import Budget, Limits, Member
+from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import is_numbered, opened_members
-from crashfuse.readers.nhtsa_sensors import (
-    Sensor,
-    mass_step,
-    nhtsa_record,
-    number_in,
-    of_first_vehicle,
-    other_configuration,
-    speed_step,
-)
-from crashfuse.readers.quantities import weight
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.vocabulary import doubt_of, speed, weight
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH
+from crashfuse.units import KPH, MS
 from crashfuse.wording import Sentence
+
+_LONGEST_S = 100 * MS
+_STATUS = {"AM": "as measured", "CF": "channel failed", "CM": "computed", "QD": "questionable data"}
+_CENTRE = "VECG"
+_SETUPS = {"VTV": "vehicle into vehicle (VTV)", "ITV": "impactor into vehicle (ITV)", "VTP": "vehicle into pole (VTP)"}
+_REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
+_REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
 
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
 """Size limits of a test; 1000 channels of 10,000 samples are within them."""
@@ -46,16 +46,148 @@ _MOST_SAMPLES = 1_000_000
 _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
 
 
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A line of INSTRUMENTATION."""
+
+    vehicle: str
+    number: int
+    sensor: str
+    occupant: str
+    attachment: str
+    axis: str
+    unit: str
+    cutoff_hz: float | None
+    status: str
+    redundant: bool
+    comment: str
+
+    @property
+    def is_of_the_vehicle(self) -> bool:
+        """Whether it could measure the pulse: an X accelerometer on the vehicle, not on a dummy or the barrier."""
+        on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
+        return self.sensor == "AC" and self.axis.startswith("X") and on_it
+
+    @property
+    def quality(self) -> str:
+        """The data status in words, or its code where the words are not ours."""
+        return _STATUS.get(self.status, self.status)
+
+    @property
+    def shown(self) -> str:
+        """Its number and comment, as messages print them."""
+        return f"{self.number} ({printable(self.comment)})"
+
+    @property
+    def is_at_the_rear(self) -> bool:
+        """Whether it is on the floor behind the crush zone, where both sides follow the motion of the whole vehicle."""
+        label = self.comment.upper()
+        return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
+
+
+def number_in(value: str | float) -> float:
+    """Return a number above 0; otherwise 0, NHTSA's own code for unknown."""
+    try:
+        number = float(value)
+    except ValueError:
+        return 0.0
+    return number if 0 < number < math.inf else 0.0
+
+
+def speed_step(speed_kph: float, where: str) -> str:
+    """A sentence on the speed; 0 means unknown."""
+    sentence = Sentence("Speed {} from {}.", speed(speed_kph * KPH, form=".4g"), where)
+    return sentence if speed_kph else f"{where} has no speed of the vehicle."
+
+
+def mass_step(mass_kg: float, where: str) -> str:
+    """A sentence on the mass of a vehicle whose axle weights are unknown."""
+    return Sentence("Weight {} from {}, which does not say what each axle carried.", weight(mass_kg), where)
+
+
+def other_configuration(setup: str, angle_deg: float) -> str:
+    """The configuration, unless it is that of a full-frontal barrier test (VTB at 0°) or unknown."""
+    usual = setup in ("VTB", "") and not angle_deg
+    return "" if usual else printable(f"{_SETUPS.get(setup, setup or 'unknown')} at {angle_deg:g}°")
+
+
+def nhtsa_record(
+    stem: str,
+    source: str,
+    sensors: Mapping[Sensor, Callable[[], RecordedChannel]],
+    condition: PartialCondition,
+    condition_steps: Sequence[str],
+    other_setup: str,
+) -> Record:
+    """Read the channels of one vehicle into a record, proposing those at the best location.
+
+    ``stem`` is v and the number of the test. The DataError of a function in ``sensors``, which reads a channel, is
+    passed on only for a channel that would be proposed, or if no other is left.
+    """
+    channels: dict[Sensor, RecordedChannel] = {}
+    damaged: dict[Sensor, Problem] = {}
+    for sensor, read in sensors.items():
+        try:
+            channels[sensor] = replace(read(), status=sensor.quality)
+        except DataError as error:
+            damaged[sensor] = error.problems[0]
+    wanted, _ = _at_best_place([entry for entry in sensors if not doubt_of(entry.quality)])
+    if set(wanted) & set(damaged) or not channels:
+        refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
+    left_out = (f"Left out as damaged or empty: {', '.join(entry.shown for entry in damaged)}.",) if damaged else ()
+    proposed, why = _proposed(channels)
+    zero, steps = "0 is first contact, by the format's definition", (*condition_steps, *left_out, *why)
+    best_first = tuple(channels[sensor] for sensor in sorted(channels, key=_likelihood))
+    unread = {str(entry.number): problem for entry, problem in damaged.items()}
+    return Record(
+        stem.lstrip("vV"), source, condition, best_first, proposed, steps, zero, unread=unread, other_setup=other_setup
+    )
+
+
+def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
+    """The sensors that could measure the pulse, of the first vehicle that has any."""
+    there = [sensor for sensor in sensors if sensor.is_of_the_vehicle]
+    return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
+
+
+def _likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
+    return bool(doubt_of(sensor.quality)), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
+
+
+def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    named = {str(entry.number): (entry, channel) for entry, channel in channels.items()}
+
+    def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
+        long = (
+            entry
+            for entry, channel in map(named.__getitem__, names)
+            if channel.time_s[-1] >= _LONGEST_S - 2 * (channel.time_s[1] - channel.time_s[0])
+        )
+        chosen, what = _at_best_place(list(long))
+        if not chosen:
+            return (), "No channel lies on the rear floor or at the centre of gravity; choose one."
+        average = "their average is the pulse" if len(chosen) > 1 else "it is the pulse"
+        why = f"Channels {what}: {', '.join(entry.shown for entry in chosen)}; {average}."
+        return tuple(str(entry.number) for entry in chosen), why
+
+    return proposal({name: channel for name, (_, channel) in named.items()}, at_best_place)
+
+
+def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
+    rear = [entry for entry in sound if entry.is_at_the_rear]
+    if rear:
+        return rear, "on the rear crossmember or floor, behind the crush"
+    return [entry for entry in sound if entry.attachment == _CENTRE], "at the centre of gravity"
+
+
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read the conditions and the vehicle's X accelerations of one NHTSA test: its folder, its ``.EV5`` file, or a zip.
 
     The rear crossmember's channels are proposed, else those at the centre of gravity; channels that the test engineers
     marked as failed can be chosen but are never proposed.
     """
-    with opened_members(path, _is_of_the_format, "an NHTSA folder or zip with a .EV5 file", limits) as (
-        members,
-        budget,
-    ):
+    kind = "an NHTSA folder or zip with a .EV5 file"
+    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
         specification = _specification(members, path)
         sections = _sections(specification, budget)
         stem = specification.path.stem.lower()
@@ -63,14 +195,14 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         listed = [_listed(fields, specification.where) for fields in sections.get("INSTRUMENTATION", [])]
         candidates = of_first_vehicle(list({one.number: one for one in listed if one.number in files}.values()))
         if not candidates:
-            have = f"{sum(entry.of_the_vehicle for entry in listed)} listed, none of them beside it"
+            have = f"{sum(entry.is_of_the_vehicle for entry in listed)} listed, none of them beside it"
             expected, advice = "files of the vehicle's X accelerations", "download all channels of the test"
             raise DataError(Problem(specification.where, expected, have, advice))
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
-        told = _condition(sections, candidates[0].vehicle, specification.where)
+        condition, steps = _condition(sections, candidates[0].vehicle, specification.where)
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
-        return (nhtsa_record(specification.path.stem, path.name, sensors, told, other),)
+        return (nhtsa_record(specification.path.stem, path.name, sensors, condition, steps, other),)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:
@@ -84,7 +216,6 @@ def _specification(members: Sequence[Member], path: Path) -> Member:
 
 
 def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
-    """Lines by section, split into fields."""
     lines = _text(member, budget).split("\n")  # splitlines() would also split at control characters
     if len(lines) > _MOST_LINES:
         raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", "download it again"))
@@ -143,23 +274,21 @@ def _samples(text: str, where: str) -> tuple[FloatArray, FloatArray]:
 def _condition(
     sections: dict[str, list[list[str]]], vehicle: str, where: str
 ) -> tuple[PartialCondition, tuple[str, ...]]:
-    """Speed and axle weights, with sentences on their origin."""
     test = sections["TEST"][0]
     car = next((fields for fields in sections["VEHICLE"] if fields[0] == vehicle), sections["VEHICLE"][0])
     speed, mass, wheelbase, behind = (
         number_in(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
     )
-    notes = [f"NHTSA test, {printable(_field(test, _TITLE))}."]
-    notes.append(speed_step(speed, where))
+    notes = [f"NHTSA test, {printable(_field(test, _TITLE))}.", speed_step(speed, where)]
     front = rear = None
     if mass and wheelbase and 0 < behind < wheelbase:
         rear = mass * behind / wheelbase
         front = mass - rear
-        told = (
+        template = (
             "Weight {} from {}: {} in front and {} at the rear, from the centre of gravity "
             f"{behind:g} mm behind the front axle and the wheelbase {wheelbase:g} mm."
         )
-        notes.append(Sentence(told, weight(mass), where, weight(front), weight(rear)))
+        notes.append(Sentence(template, weight(mass), where, weight(front), weight(rear)))
     elif mass:
         notes.append(mass_step(mass, where))
     return PartialCondition(speed * KPH or None, mass or None, front, rear), tuple(notes)

@@ -1,21 +1,102 @@
 """The record: the content of a foreign file on one crash, before anything is decided about it.
 
-Every reader of a foreign format (:mod:`~crashfuse.readers.nhtsa`, :mod:`~crashfuse.readers.isomme`,
-:mod:`~crashfuse.readers.tables.table_reader` …) returns records: numbers and signs as found, with the origin of each
-fact. Their interpretation (time zero, sign and unit) is settled in one place, :mod:`crashfuse.importing`.
+Every reader returns records: numbers and signs as found, with the origin of each fact. Time zero, sign and unit are
+settled in one place, :mod:`crashfuse.importing`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
+import numpy as np
+
 from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.readers.axle_weights import AxleWeights
-from crashfuse.readers.credibility import Doubt, doubt_of, is_computed, is_simulated
-from crashfuse.readers.unit_spelling import acceleration_unit
+from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_of, is_computed, is_simulated, weight
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.wording import Sentence, joined
 
+_UNEQUAL = 0.01  # of the mass: allowed for rounding and scale errors
 _LISTED = 260  # characters of a list of channels in a message
+
+
+@dataclass(frozen=True, slots=True)
+class AxleWeights:
+    """A vehicle's weights as stated by one source (a file or a user); None where not stated."""
+
+    mass_kg: float | None = None
+    front_kg: float | None = None
+    rear_kg: float | None = None
+    front_share: float | None = None  # front axle's share of the mass
+
+    @property
+    def n_stated(self) -> int:
+        """How many of the four values are stated."""
+        return sum(value is not None for value in (self.mass_kg, self.front_kg, self.rear_kg, self.front_share))
+
+    def overruled(self, by: "AxleWeights") -> "AxleWeights":
+        """Return the weights with the values of ``by`` taking precedence; values that contradict them are dropped.
+
+        Two values determine all. A mass alone keeps the front-axle share, a share alone keeps the mass, and the weight
+        of one axle keeps that of the other.
+        """
+        if by.n_stated == 0:
+            return self
+        if by.n_stated > 1:
+            return by
+        front, rear = self.axles()
+        whole = None if front is None or rear is None else front + rear
+        if by.mass_kg is not None:
+            if front is not None and whole:
+                return AxleWeights(by.mass_kg, front_share=front / whole)
+            return AxleWeights(by.mass_kg, front, rear, self.front_share)
+        if by.front_share is not None:
+            return AxleWeights(self.mass_kg if whole is None else whole, front_share=by.front_share)
+        pair = AxleWeights(
+            None, front if by.front_kg is None else by.front_kg, rear if by.rear_kg is None else by.rear_kg
+        )
+        return pair if pair.n_stated > 1 else AxleWeights(self.mass_kg, by.front_kg, by.rear_kg, self.front_share)
+
+    def axles(self) -> tuple[float | None, float | None]:
+        """Front and rear weight in kg, as far as they can be derived."""
+        mass, front, rear, share = self.mass_kg, self.front_kg, self.rear_kg, self.front_share
+        if front is None and rear is None and mass is not None and share is not None:
+            front = share * mass
+        elif front is None and rear is not None:
+            front = _other_axle(mass, rear, None if share is None else 1 - share)
+        if rear is None and front is not None:
+            rear = _other_axle(mass, front, share)
+        return front, rear
+
+    def contradiction(self) -> str:
+        """The contradiction between stated values; empty if there is none."""
+        front, rear = self.axles()
+        stated = [value for value in (self.mass_kg, self.front_kg, self.rear_kg) if value is not None]
+        if front is None or rear is None or not all(0 < value < np.inf for value in stated):
+            return ""
+        whole = front + rear
+        if self.mass_kg is not None and (min(front, rear) <= 0 or abs(self.mass_kg - whole) > _UNEQUAL * whole):
+            axles = ((self.front_kg, "in front"), (self.rear_kg, "at the rear"))
+            loads = [Sentence("{} {}", weight(value), where) for value, where in axles if value is not None]
+            return Sentence("{} with a mass of {}", joined(loads, " and "), weight(self.mass_kg))
+        if self.front_share is not None and abs(self.front_share - front / whole) > _UNEQUAL:
+            share = f"a front share of {100 * self.front_share:.3g} %"
+            return f"{100 * front / whole:.3g} % of the mass in front with {share}"
+        return ""
+
+    def single_value(self) -> str:
+        """The one value that is stated, in words; "none" if there is none."""
+        if self.front_share is not None:
+            return f"a front share of {100 * self.front_share:.4g} % alone"
+        for name, value in (("mass", self.mass_kg), ("front weight", self.front_kg), ("rear weight", self.rear_kg)):
+            if value is not None:
+                return Sentence("a {} of {} alone", name, weight(value))
+        return "none"
+
+
+def _other_axle(mass: float | None, one: float, share: float | None) -> float | None:
+    if mass is not None:
+        return mass - one
+    return None if not share else one / share - one
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,18 +119,18 @@ class PartialCondition:
 
     def overruled(self, by: "PartialCondition") -> "PartialCondition":
         """Return the condition with the values of ``by`` taking precedence; for weights see :class:`AxleWeights`."""
-        known = {each.name: value for each in fields(by) if (value := getattr(by, each.name)) not in (None, ())}
-        return replace(self, **known).weighing(self.weights.overruled(by.weights))
-
-    @property
-    def weights(self) -> AxleWeights:
-        """The stated weights."""
-        return AxleWeights(self.mass_kg, self.front_weight_kg, self.rear_weight_kg)
+        stated = {field.name: value for field in fields(by) if (value := getattr(by, field.name)) not in (None, ())}
+        return replace(self, **stated).weighing(self.weights.overruled(by.weights))
 
     def weighing(self, weights: AxleWeights) -> "PartialCondition":
         """Return the condition with these weights, including those derived from them."""
         front, rear = weights.axles()
         return replace(self, mass_kg=weights.mass_kg, front_weight_kg=front, rear_weight_kg=rear)
+
+    @property
+    def weights(self) -> AxleWeights:
+        """The stated weights."""
+        return AxleWeights(self.mass_kg, self.front_weight_kg, self.rear_weight_kg)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,7 +148,7 @@ class RecordedChannel:
     values : ndarray, shape (n,)
         As found: not filtered or cropped by the reader, sign and unit as in the file.
     unit : str or None
-        As :func:`crashfuse.readers.unit_spelling.acceleration_unit` takes it; None if the file does not state it.
+        As :func:`crashfuse.readers.vocabulary.acceleration_unit` takes it; None if the file does not state it.
     cutoff_hz : float, optional
         −3 dB frequency of the low pass already applied, according to the file; None if it does not say.
     unit_from : str
@@ -126,20 +207,10 @@ class RecordedChannel:
 def proposal(
     channels: Mapping[str, RecordedChannel], propose: Callable[[Sequence[str]], tuple[tuple[str, ...], str]]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Propose channels to average, of the most credible ones, by what the file says of their source and quality.
+    """Propose channels to average, by what the file says of their source and quality: their names, and sentences.
 
     What is simulated is proposed only where nothing is measured, what is doubtful only where nothing sound is proposed,
-    what has failed never.
-
-    Parameters
-    ----------
-    propose : callable
-        The choice among the channels with these names, by where they sit, and the reason for it.
-
-    Returns
-    -------
-    tuple of (names, sentences)
-        The names proposed, and sentences on the choice and on what was passed over.
+    what has failed never. ``propose`` chooses among the channels with some names, by where they sit, and says why.
     """
     measured = [name for name, one in channels.items() if not one.is_simulated]
     candidates = measured or list(channels)
@@ -148,8 +219,8 @@ def proposal(
         chosen, why = propose([name for name in candidates if channels[name].doubt < Doubt.FAILED])
     remarks = {name: f"{printable(name)} ({one.remark})" for name, one in channels.items() if one.remark}
     steps = [why]
-    if passed := [text for name, text in remarks.items() if name not in chosen]:
-        steps.append(f"Left out by the file's own account: {', '.join(passed)}.")
+    if passed_over := [text for name, text in remarks.items() if name not in chosen]:
+        steps.append(f"Left out by the file's own account: {', '.join(passed_over)}.")
     if doubtful := [text for name, text in remarks.items() if name in chosen and channels[name].doubt]:
         steps.append(f"Careful: taken for want of better, by the file's own account: {', '.join(doubtful)}.")
     return chosen, tuple(steps)
@@ -217,12 +288,7 @@ class Record:
     def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
         """The channels with these names, spelt as in the file or as messages print them; by default the proposed ones.
 
-        Raises
-        ------
-        UsageError
-            If the record has no such channel.
-        DataError
-            If the channel could not be read.
+        A UsageError says that there is none of a name, a DataError that it could not be read.
         """
         if damaged := [self.unread[name] for name in names if name in self.unread]:
             raise DataError(damaged)

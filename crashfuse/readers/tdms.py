@@ -1,36 +1,255 @@
-"""Reader of tests in TDMS: NHTSA's newer downloads, and other laboratories' (:mod:`crashfuse.readers.tdms_laboratory`).
+"""Reader of tests in TDMS: NHTSA's newer downloads, and those of any other laboratory.
 
 NHTSA stores the content of its ASCII specification (:mod:`crashfuse.readers.nhtsa`) as properties of each channel:
 ``Inst_SenAtt`` FLLR, ``Inst_Axis`` XG, ``Veh_VehSpd``, ``Veh_VehTWt`` … in km/h and kg; sampling is in ``wf_increment``
 and ``wf_start_offset``, and 0 is first contact. Axle weights are not included.
+
+Of other laboratories, the vehicle's accelerations are found by names and units, as columns of a table are. The IIHS
+names channels by codes of ISO-MME (``11VEHC0000__ACX_``, and ``11VEHC0000__ACXD`` for the filtered signal), or in words
+with the unit (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time (sec)``); the property ``Impact_velocity`` of the
+file is the speed, a text in km/h. Channels whose recording began at different times (``wf_start_time``) are aligned.
 """
 
-from collections.abc import Sequence
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, collecting, printable
-from crashfuse.files.archive import Limits, Member, refuse
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Limits, Member
 from crashfuse.readers.formats import FORMATS
-from crashfuse.readers.members import opened_members
-from crashfuse.readers.nhtsa_sensors import (
+from crashfuse.readers.members import opened_members, read_all
+from crashfuse.readers.nhtsa import (
     Sensor,
     mass_step,
     nhtsa_record,
+    number_in,
     of_first_vehicle,
     other_configuration,
     speed_step,
 )
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile, parse_tdms
-from crashfuse.readers.tdms_laboratory import laboratory_record
-from crashfuse.readers.tdms_waveform import MOST_CHANNELS, Told, number_of, text_of, waveform
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.table_headers import (
+    OF_A_DUMMY,
+    OTHER_DIRECTION,
+    ColumnUse,
+    cutoff_of,
+    likelihood,
+    use_of,
+    why_no_acceleration,
+)
+from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
+from crashfuse.readers.vocabulary import (
+    UNITS,
+    ChannelCode,
+    is_simulated,
+    number_and_unit,
+    other_setup,
+    propose_by_code,
+    unit_named,
+)
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
+from crashfuse.wording import time_text
+
+MOST_CHANNELS = 200
+"""Limit of a test's channels that could be its pulse."""
+
+_LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
+_MOST_VALUES = 20_000_000  # in all of them
+_MOST_CLOCKS = 1000
+_SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
+_ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
 """Size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB."""
+
+
+def _text_of(properties: Properties, name: str) -> str:
+    value = properties.get(name, "")
+    return value.strip() if isinstance(value, str) else f"{value:g}"
+
+
+def _number_of(properties: Properties, name: str) -> float:
+    """A property as a number above 0; otherwise 0."""
+    return number_in(properties.get(name, 0.0))
+
+
+def waveform(
+    file: TdmsFile, channel: TdmsChannel, name: str, label: str, where: str, clock: FloatArray | None = None
+) -> RecordedChannel:
+    """A channel with the even time of its own properties, else with this clock; a DataError without either."""
+    properties = file.properties_of(channel)
+    increment, start = _number_of(properties, "wf_increment"), properties.get("wf_start_offset", 0.0)
+    values = file.values(channel)
+    if increment > 0 and isinstance(start, float) and values.size >= 2:
+        unit_s = UNITS["time"][unit_named(_text_of(properties, "wf_xunit_string"), "time") or "s"]
+        clock = unit_s * (start + increment * np.arange(values.size))
+    if clock is None or clock.size != values.size:
+        expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples without it"
+        advice = "export it as a waveform, or with a channel of time beside it"
+        raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, found, advice))
+    unit = unit_named(_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"), "acceleration")
+    return RecordedChannel(
+        name,
+        printable(label),
+        clock,
+        values,
+        unit,
+        _number_of(properties, "inst_prefil") or None,
+        origin=_descriptor(properties, "data source") or (channel.group if is_simulated(channel.group) else ""),
+        status=_descriptor(properties, "data status"),
+    )
+
+
+def _descriptor(properties: Properties, name: str) -> str:
+    """A descriptor of ISO-MME, which programs that convert it keep as a property, blanks or not."""
+    return _text_of(properties, name) or _text_of(properties, name.replace(" ", "_"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Candidate:
+    channel: TdmsChannel
+    properties: Properties
+    use: ColumnUse
+
+    @classmethod
+    def of(cls, channel: TdmsChannel, properties: Properties) -> Self:
+        return cls(channel, properties, use_of(" ".join(channel.name.split()), _text_of(properties, "unit_string")))
+
+    @property
+    def may_be_one(self) -> bool:
+        is_unknown = self.use.is_unknown and not _text_of(self.properties, "unit_string")
+        return is_unknown and not why_no_acceleration(self.channel.name, "")
+
+
+def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
+    """The record of a file with its accelerations that could be the vehicle's along X, the likeliest first.
+
+    Those at the best place are proposed, by the codes of their names; without codes, the only acceleration. A DataError
+    says that there is none with samples and a time.
+    """
+    every = [_Candidate.of(channel, file.properties_of(channel)) for channel in file.channels]
+    found, what = [one for one in every if one.use.role == "acceleration"], "acceleration"
+    if not found:
+        found, what = [one for one in every if one.may_be_one], "channel"
+    if not found:
+        expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
+        raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
+    found = sorted(found, key=lambda one: likelihood(one.channel.name))
+    channels, unread, began_s = _read_channels(file, found[:MOST_CHANNELS], every, where)
+    if not channels:
+        raise DataError(list(unread.values()))
+    condition, steps = _laboratory_condition(found[0].properties)
+    if len(set(began_s.values())) > 1:
+        channels = _aligned(channels, began_s, steps)
+    if others := sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every):
+        steps.append(f"Left out: accelerations of dummies or in other directions ({others}).")
+    if unread:
+        steps.append(f"Left out for lack of samples or of their time: {', '.join(map(printable, unread))}.")
+    chosen, why = _proposed(channels, len(found), what)
+    about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
+    recorded, other = tuple(channels.values()), other_setup(about)
+    return Record(record_id, where, condition, recorded, chosen, (*steps, *why), unread=unread, other_setup=other)
+
+
+def _read_channels(
+    file: TdmsFile, found: Sequence[_Candidate], every: Sequence[_Candidate], where: str
+) -> tuple[dict[str, RecordedChannel], dict[str, Problem], dict[str, float]]:
+    repeated = Counter(one.channel.name for one in found)
+    clocks = [one for one in every if one.use.role == "time"][:_MOST_CLOCKS]
+    times: dict[str, FloatArray] = {}
+    channels, unread, began_s = dict[str, RecordedChannel](), dict[str, Problem](), dict[str, float]()
+    for one in found:
+        channel, start = one.channel, one.properties.get("wf_start_time")
+        name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
+        try:
+            clock = None if _number_of(one.properties, "wf_increment") else _clock_of(one, clocks, file, times)
+            read = waveform(file, channel, name, channel.name, where, clock)
+        except DataError as error:
+            unread[name] = error.problems[0]
+            continue
+        if clock is None and isinstance(start, float) and start > 0:  # 0 is not set
+            began_s[name] = start
+        unit = read.unit or unit_named(one.use.unit or "", "acceleration")
+        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or cutoff_of(channel.name))
+        if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
+            expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
+            raise DataError(Problem(where, expected, "more", "choose the file of one test"))
+    return channels, unread, began_s
+
+
+def _aligned(
+    channels: Mapping[str, RecordedChannel], began_s: Mapping[str, float], steps: list[str]
+) -> dict[str, RecordedChannel]:
+    """The channels in one time, from the first sample on: zeros of their own are those of several triggers."""
+    late_s = {name: round(start_s - min(began_s.values()), 6) for name, start_s in began_s.items()}
+    times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
+    first_s = min(float(time_s[0]) for time_s in times.values())
+    late = ", ".join(f"{printable(name)} by {time_text(delay_s, 6)}" for name, delay_s in late_s.items() if delay_s)
+    aligned = f"Aligned by the times at which recording began (wf_start_time): {late} later"
+    steps.append(f"{aligned}; time counts from the first sample.")
+    return {name: replace(channel, time_s=times[name] - first_s) for name, channel in channels.items()}
+
+
+def _clock_of(
+    one: _Candidate, clocks: Sequence[_Candidate], file: TdmsFile, times: dict[str, FloatArray]
+) -> FloatArray | None:
+    """Time in s from a channel of time of equal length, if any: of its group, and of a name that begins alike."""
+    size = file.size(one.channel)
+    alike = [clock for clock in clocks if file.size(clock.channel) == size >= 2]
+    if not alike:
+        return None
+
+    def likeness(clock: _Candidate) -> tuple[bool, int]:
+        pairs = zip(clock.channel.name.lower(), one.channel.name.lower(), strict=False)
+        n_alike = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+        return clock.channel.group == one.channel.group, n_alike
+
+    clock = max(alike, key=likeness)
+    key = f"{clock.channel.group}/{clock.channel.name}"
+    if key not in times:
+        time = file.values(clock.channel)
+        unit = clock.use.unit or ("s" if np.ptp(time) <= _LONGEST_S else "ms")
+        times[key] = time * UNITS["time"][unit]
+    return times[key]
+
+
+def _proposed(
+    channels: Mapping[str, RecordedChannel], found: int, what: str
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
+
+    def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
+        codes = {name: code for name in names if (code := ChannelCode.parsed(channels[name].label)) is not None}
+        chosen, why = propose_by_code(codes)
+        if chosen:
+            return chosen, why
+        if len(names) == 1 and len(channels) == found and what == "acceleration":
+            return tuple(names), f"The only {what}{unit}: {printable(names[0])}."
+        return (), f"Choose one of {len(channels)} {what}s{unit}."
+
+    return proposal(channels, at_best_place)
+
+
+def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, list[str]]:
+    steps = ["TDMS file."]
+    for name, value in properties.items():
+        if (key := _SPEED.match(name)) is None:
+            continue
+        number, unit = (value, "") if isinstance(value, float) else number_and_unit(value) or (0.0, "")
+        unit = unit or name[key.end() :].strip(" _-")
+        named = unit_named(unit, "speed") if unit else "km/h"
+        if number_in(number) and named:
+            steps.append(f"Speed {number:g} {named} from the file's property {printable(name)}.")
+            return PartialCondition(number * UNITS["speed"][named]), steps
+    return PartialCondition(), steps
 
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
@@ -46,64 +265,59 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
             members = [member for member in members if member.path.as_posix() == path.name]
         if not members:
             raise DataError(Problem(path.name, kind, "none", "check the path"))
-        records: list[Record] = []
-        problems: list[Problem] = []
-        for member in members:
-            with collecting(problems), np.errstate(all="ignore"):  # damaged data may hold any number
-                records.append(_record(parse_tdms(member.content(budget), member.where), member))
-        refuse(problems, path.name)
-    return tuple(records)
+        return read_all(members, lambda one: _record(parse_tdms(one.content(budget), one.where), one), path.name)
 
 
 def _record(file: TdmsFile, member: Member) -> Record:
-    told = [(channel, file.told(channel)) for channel in file.channels]
-    of_nhtsa = [(channel, said) for channel, said in told if "inst_sentyp" in said]
+    pairs = [(channel, file.properties_of(channel)) for channel in file.channels]
+    of_nhtsa = [(channel, properties) for channel, properties in pairs if "inst_sentyp" in properties]
     if of_nhtsa:
         return _nhtsa_record(file, of_nhtsa, member)
-    return laboratory_record(file, member.path.stem, member.where)
+    return _laboratory_record(file, member.path.stem, member.where)
 
 
-def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, Told]], member: Member) -> Record:
+def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]], member: Member) -> Record:
     where = member.where
-    sensors = {_sensor(place, said): (channel, said) for place, (channel, said) in enumerate(told, start=1)}
+    sensors = {_sensor(place, pair[1]): pair for place, pair in enumerate(pairs, start=1)}
     candidates = of_first_vehicle(list(sensors))[:MOST_CHANNELS]
     if not candidates:
-        found = f"none in {len(told)} channels"
+        found = f"none in {len(pairs)} channels"
         raise DataError(Problem(where, "X accelerations of the vehicle", found, "download all channels of the test"))
 
     def read(sensor: Sensor) -> RecordedChannel:
-        channel, said = sensors[sensor]
+        channel, _ = sensors[sensor]
         label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
-        return waveform(file, channel, said, str(sensor.number), label, where)
+        return waveform(file, channel, str(sensor.number), label, where)
 
     test = sensors[candidates[0]][1]
-    other = other_configuration(text_of(test, "test_tstcfn"), number_of(test, "test_impang"))
+    other = other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
-    return nhtsa_record(member.path.stem, where, readers, _condition(test, where), other)
+    return nhtsa_record(member.path.stem, where, readers, *_nhtsa_condition(test, where), other)
 
 
-def _sensor(place: int, said: Told) -> Sensor:
-    """A channel's properties as a sensor, as if from a line of the ASCII specification."""
+def _sensor(place: int, properties: Properties) -> Sensor:
     return Sensor(
-        vehicle=text_of(said, "veh_vehno") or "1",
-        number=int(number_of(said, "inst_curno")) or place,
-        sensor=text_of(said, "inst_sentyp").upper(),
-        occupant=text_of(said, "inst_senloc").upper(),
-        attachment=text_of(said, "inst_senatt").upper(),
-        axis=text_of(said, "inst_axis").upper(),
-        unit=text_of(said, "unit_string") or text_of(said, "inst_yunits"),
-        cutoff_hz=number_of(said, "inst_prefil") or None,
-        status=text_of(said, "inst_dastat").upper(),
-        redundant=text_of(said, "inst_chstat").upper() == "R",
-        comment=printable(text_of(said, "inst_inscom")),
+        vehicle=_text_of(properties, "veh_vehno") or "1",
+        number=int(_number_of(properties, "inst_curno")) or place,
+        sensor=_text_of(properties, "inst_sentyp").upper(),
+        occupant=_text_of(properties, "inst_senloc").upper(),
+        attachment=_text_of(properties, "inst_senatt").upper(),
+        axis=_text_of(properties, "inst_axis").upper(),
+        unit=_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"),
+        cutoff_hz=_number_of(properties, "inst_prefil") or None,
+        status=_text_of(properties, "inst_dastat").upper(),
+        redundant=_text_of(properties, "inst_chstat").upper() == "R",
+        comment=printable(_text_of(properties, "inst_inscom")),
     )
 
 
-def _condition(said: Told, where: str) -> tuple[PartialCondition, tuple[str, ...]]:
-    speed, mass = number_of(said, "veh_vehspd") or number_of(said, "test_clsspd"), number_of(said, "veh_vehtwt")
-    car = " ".join(filter(None, (text_of(said, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
-    steps = [f"NHTSA test {text_of(said, 'test_tstno')}, {printable(car)}."]
-    steps.append(speed_step(speed, where))
+def _nhtsa_condition(properties: Properties, where: str) -> tuple[PartialCondition, tuple[str, ...]]:
+    speed, mass = (
+        _number_of(properties, "veh_vehspd") or _number_of(properties, "test_clsspd"),
+        _number_of(properties, "veh_vehtwt"),
+    )
+    car = " ".join(filter(None, (_text_of(properties, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
+    steps = [f"NHTSA test {_text_of(properties, 'test_tstno')}, {printable(car)}.", speed_step(speed, where)]
     if mass:
         steps.append(mass_step(mass, where))
     return PartialCondition(speed * KPH or None, mass or None), tuple(steps)

@@ -1,21 +1,32 @@
-"""Reader of TDMS, National Instruments' container of measured channels; files are treated as untrusted.
+"""Reader of TDMS, National Instruments' container of measured channels, and of their scales; files are untrusted.
 
 A file is a sequence of segments: a lead-in, objects (file, groups, channels) with properties, and raw data in repeated
-chunks, channel after channel or interleaved. As in "TDMS File Format Internal Structure" (NI); scales as in
-:mod:`crashfuse.readers.tdms_scales`. Not supported are DAQmx raw data.
+chunks, channel after channel or interleaved. As in "TDMS File Format Internal Structure" (NI). Not supported are DAQmx
+raw data.
+
+``NI_Scale[n]_…`` are properties of a channel, its group or its file, the first that has any; the last scale gives the
+values, and each names its input: another scale, or the numbers as stored. Names, order and meaning as in the public
+package npTDMS.
 """
 
 import re
 import struct
 from collections import ChainMap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.readers.tdms_scales import UnusableScale, scaled
 from crashfuse.signals.pulse import FloatArray
+
+_UNSCALED = 0xFFFFFFFF  # as an input: the numbers as stored
+_TYPE = re.compile(r"ni_scale\[(\d{1,4})\]_scale_type")
+_MOST_STEPS = 16  # of one channel
+_MOST_NUMBERS = 10_000  # of a polynomial or table
+
+Properties = Mapping[str, str | float]
+"""Properties of a channel, its group and its file by their names in lower case."""
 
 _LEAD_IN = struct.Struct("<4sI")
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 3, 5, 6, 7))
@@ -28,7 +39,89 @@ _MOST_METADATA = 8 << 20  # bytes, all segments together
 _MOST_VISITS = 1_000_000  # object entries, all segments together
 _MOST_VALUES = 5_000_000  # per channel
 
-Properties = dict[str, str | float]
+
+class _UnusableScale(ValueError):
+    """A scale that gives no acceleration, or makes no sense."""
+
+
+def apply_scales(values: FloatArray, levels: Iterable[Properties]) -> FloatArray:
+    """Values with their scales applied, by the properties of the channel, its group and its file.
+
+    Scales of a kind that no accelerometer has, without a property, or in a circle raise a ValueError.
+    """
+    for properties in levels:
+        count = _scale_count(properties)
+        if count and str(properties.get("ni_scaling_status")).lower() != "scaled":
+            return _Scales(properties).applied(count - 1, values)
+    return values
+
+
+def _scale_count(properties: Properties) -> int:
+    if "ni_number_of_scales" in properties:
+        return _whole_number(properties["ni_number_of_scales"])
+    return max((int(match[1]) + 1 for name in properties if (match := _TYPE.fullmatch(name))), default=0)
+
+
+def _whole_number(number: str | float) -> int:
+    if not isinstance(number, float) or not number.is_integer():
+        raise _UnusableScale(f"{number} for a whole number")
+    return int(number)
+
+
+class _Scales:
+    def __init__(self, properties: Properties) -> None:
+        self._properties, self._left = properties, _MOST_STEPS
+
+    def applied(self, index: int, values: FloatArray) -> FloatArray:
+        if index == _UNSCALED:
+            return values
+        self._left -= 1
+        if self._left < 0:
+            raise _UnusableScale(f"more than {_MOST_STEPS} scales, or scales in a circle")
+        kind = self._properties.get(f"ni_scale[{index}]_scale_type", "none")
+        prefix = f"ni_scale[{index}]_{kind}_".lower()
+
+        def number(name: str) -> float:
+            value = self._properties.get(prefix + name)
+            if not isinstance(value, float):
+                raise _UnusableScale(f"scale {index} ({kind}) without {name}")
+            return value
+
+        def numbers(name: str, usual: float | None = None) -> FloatArray:
+            stated = number(f"{name}_size") if usual is None else self._properties.get(f"{prefix}{name}_size", usual)
+            count = _whole_number(stated)
+            if not 0 < count <= _MOST_NUMBERS:
+                raise _UnusableScale(f"scale {index} ({kind}) with {count:,} {name}")
+            return np.array([number(f"{name}[{n}]") for n in range(count)])
+
+        def source(name: str = "input_source") -> FloatArray:
+            return self.applied(_whole_number(self._properties.get(prefix + name, float(_UNSCALED))), values)
+
+        match kind:
+            case "Linear":
+                return source() * number("slope") + number("y_intercept")
+            case "Polynomial":
+                return np.polynomial.polynomial.polyval(source(), numbers("coefficients", 4.0))
+            case "Table":
+                inputs, outputs = numbers("pre_scaled_values"), numbers("scaled_values")
+                return _interpolated(source(), inputs, outputs)
+            case "Add":
+                return source("left_operand_input_source") + source("right_operand_input_source")
+            case "Subtract":  # the right one less the left one, as National Instruments' own programs do
+                return source("right_operand_input_source") - source("left_operand_input_source")
+            case "AdvancedAPI":
+                return source()
+        raise _UnusableScale(f"scale {index} of the kind {kind}")
+
+
+def _interpolated(values: FloatArray, inputs: FloatArray, outputs: FloatArray) -> FloatArray:
+    if inputs.shape != outputs.shape:
+        raise _UnusableScale("a table of unlike columns")
+    if inputs[0] > inputs[-1]:
+        inputs, outputs = inputs[::-1], outputs[::-1]
+    if not (np.diff(inputs) > 0).all():
+        raise _UnusableScale("a table that neither rises nor falls")
+    return np.interp(values, inputs, outputs)
 
 
 @dataclass(slots=True)
@@ -39,16 +132,13 @@ class _Layout:
     count: int
     size: int
 
+    @property
+    def width(self) -> int:
+        return self.size // max(self.count, 1)
 
-@dataclass(frozen=True, slots=True)
-class _Extent:
-    """A channel's numbers in a segment: ``chunks`` times ``count`` of them, with their strides in bytes."""
 
-    code: str
-    offset: int
-    chunks: int
-    count: int
-    strides: tuple[int, int]
+_Extent = tuple[tuple[int, int], str, int, tuple[int, int]]
+"""A channel's numbers in a segment: chunks times count, their code, offset, and strides in bytes."""
 
 
 @dataclass(slots=True)
@@ -57,7 +147,7 @@ class TdmsChannel:
 
     group: str
     name: str
-    properties: Properties = field(default_factory=dict)
+    properties: dict[str, str | float] = field(default_factory=dict)
     _layout: _Layout | None = None
     _extents: list[_Extent] = field(default_factory=list)
 
@@ -66,47 +156,41 @@ class TdmsChannel:
 class TdmsFile:
     """A TDMS file with its own properties; the values of its channels are read on demand."""
 
-    properties: Properties
+    properties: dict[str, str | float]
     channels: tuple[TdmsChannel, ...]
     _groups: Mapping[str, TdmsChannel]
     _content: bytes
     _where: str
 
-    def told(self, channel: TdmsChannel) -> Mapping[str, str | float]:
+    def properties_of(self, channel: TdmsChannel) -> Properties:
         """All properties of a channel: its own, else its group's, else the file's."""
         return ChainMap(*self._levels(channel))
 
-    def _levels(self, channel: TdmsChannel) -> tuple[Properties, Properties, Properties]:
+    def _levels(self, channel: TdmsChannel) -> list[dict[str, str | float]]:
         group = self._groups.get(channel.group)
-        return channel.properties, group.properties if group else {}, self.properties
+        return [channel.properties, group.properties if group else {}, self.properties]
 
     def size(self, channel: TdmsChannel) -> int:
         """How many numbers a channel holds."""
-        return sum(extent.chunks * extent.count for extent in channel._extents)
+        return sum(chunks * count for (chunks, count), *_ in channel._extents)
 
     def values(self, channel: TdmsChannel) -> FloatArray:
         """Return the numbers of a channel, scaled; a DataError if there are too many or their scales are unusable."""
         place = f"{self._where}: {printable(channel.name)}"
         if self.size(channel) > _MOST_VALUES:
             raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", "choose the file of one test"))
-        parts = [
-            np.ndarray((e.chunks, e.count), e.code, self._content, e.offset, e.strides).ravel()
-            for e in channel._extents
-        ]
+        parts = [np.ndarray(shape, code, self._content, at, by).ravel() for shape, code, at, by in channel._extents]
         with np.errstate(all="ignore"):  # damaged data may hold any number
             values = np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
             try:
-                return scaled(values, self._levels(channel))
-            except UnusableScale as error:
+                return apply_scales(values, self._levels(channel))
+            except _UnusableScale as error:
                 expected, advice = "scales that give an acceleration", "export it with values in physical units"
                 raise DataError(Problem(place, expected, printable(str(error)), advice)) from error
 
 
 def parse_tdms(content: bytes, where: str) -> TdmsFile:
-    """Read the metadata of a TDMS file and its channels.
-
-    Raise a DataError if it is not a TDMS file, is damaged, or stores its data in an unsupported form.
-    """
+    """Read the metadata of a file; a DataError if it is no TDMS, is damaged, or stores its data in another form."""
     reader = _Reader(content, where)
     while len(content) - reader.at >= 28:
         reader.segment()
@@ -117,8 +201,6 @@ def parse_tdms(content: bytes, where: str) -> TdmsFile:
 
 
 class _Reader:
-    """Reader of one segment after another."""
-
     def __init__(self, content: bytes, where: str) -> None:
         self.at, self.objects = 0, dict[str, TdmsChannel]()
         self._content, self._where = content, where
@@ -175,25 +257,22 @@ class _Reader:
             return _Layout(kind, count, self._unpack("Q")[0])
         if dimensions != 1 or (kind not in _NUMBERS and kind not in _OTHERS):
             raise self._damaged("a type of data that is not known", "export it as float")
-        return _Layout(
-            kind, count, count * (struct.calcsize(f"={_NUMBERS[kind]}") if kind in _NUMBERS else _OTHERS[kind])
-        )
+        width = struct.calcsize(f"={_NUMBERS[kind]}") if kind in _NUMBERS else _OTHERS[kind]
+        return _Layout(kind, count, count * width)
 
     def _find_data(self, start: int, end: int, *, interleaved: bool) -> None:
         layouts = [(item, item._layout) for item in self._present.values() if item._layout is not None]
         chunk = sum(layout.size for _, layout in layouts)
         chunks = (end - start) // chunk if chunk else 0
-        row = sum(layout.size // max(layout.count, 1) for _, layout in layouts)
+        row = sum(layout.width for _, layout in layouts)
         if interleaved and len({layout.count for _, layout in layouts}) > 1:
             raise self._damaged("interleaved channels of unlike length")
         at = start
         for item, layout in layouts:
-            width = layout.size // max(layout.count, 1)
             if layout.kind in _NUMBERS and chunks:
-                code = f"{self._order}{_NUMBERS[layout.kind]}"
-                strides = (chunk, row if interleaved else width)
-                item._extents.append(_Extent(code, at, chunks, layout.count, strides))
-            at += width if interleaved else layout.size
+                code, shape = f"{self._order}{_NUMBERS[layout.kind]}", (chunks, layout.count)
+                item._extents.append((shape, code, at, (chunk, row if interleaved else layout.width)))
+            at += layout.width if interleaved else layout.size
 
     def _value(self) -> str | float | None:
         (kind,) = self._unpack("I")

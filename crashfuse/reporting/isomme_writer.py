@@ -7,7 +7,7 @@ import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.readers.isomme_channels import NO_VALUE, Channel, IsommeTest, Pairs
+from crashfuse.readers.isomme import NO_VALUE, Channel, IsommeTest, Pairs
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.version import __version__
 

@@ -11,8 +11,8 @@ import plotly.graph_objects as go
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem, one_of, require_a
 from crashfuse.importing import ColumnChoice, Reading, Settled, read_records, settle_each
-from crashfuse.importing.choices import Choices
-from crashfuse.readers.axes import Travel
+from crashfuse.importing.detection import Choices
+from crashfuse.readers.format import Travel
 from crashfuse.readers.record import Record
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions

@@ -15,7 +15,7 @@ from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, format_of, read_records, settle
 from crashfuse.readers.formats import FORMATS, formats_of
 from crashfuse.readers.record import PartialCondition, Record
-from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS
 from crashfuse.units import KPH
 
 _GIVEN = Choices(condition=PartialCondition(56 * KPH, front_weight_kg=950.0, rear_weight_kg=750.0))
@@ -105,8 +105,7 @@ class ReaderContract:
         for name, content in self.files.items():
             for share in _CUTS:
                 (folder / name).write_bytes(content[: int(share * len(content))])
-                said = refusal(folder, self.format)
-                assert said or share > 0 or len(self.files) > 1
+                assert refusal(folder, self.format) or share > 0 or len(self.files) > 1
             (folder / name).write_bytes(content[:-1])
             refusal(folder, self.format)
             (folder / name).write_bytes(content)
@@ -131,17 +130,17 @@ class ReaderContract:
 
 def refusal(source: Path, fmt: str) -> str:
     """What is said against a source, a sentence for each problem, in a moment and by the reader itself; else empty."""
-    began, said = time.monotonic(), list[str]()
+    began, sentences = time.monotonic(), list[str]()
     try:
         for record in read_records(Reading(source, fmt)):
             settle(record, _GIVEN, role="cae")
     except DataError as error:
-        said = [str(problem) for problem in error.problems]
+        sentences = [str(problem) for problem in error.problems]
     assert time.monotonic() - began < _SOON_S
-    assert all(one.endswith(".") and one.splitlines() == [one] and len(one) < _LONGEST_SENTENCE for one in said)
+    assert all(one.endswith(".") and one.splitlines() == [one] and len(one) < _LONGEST_SENTENCE for one in sentences)
     fault = f"the reader of the package {FORMATS[fmt].package} failed"
-    assert not any(fault in one for one in said), said
-    return "\n".join(said)
+    assert not any(fault in one for one in sentences), sentences
+    return "\n".join(sentences)
 
 
 def written(folder: Path, files: Mapping[str, bytes]) -> Path:

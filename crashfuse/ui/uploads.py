@@ -22,7 +22,7 @@ from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
-from crashfuse.importing.unpacking import is_archive, lay_out_source, members_of
+from crashfuse.importing.sources import is_archive, lay_out_source, members_of
 from crashfuse.readers.formats import formats_of
 from crashfuse.ui import campaigns
 from crashfuse.ui.importing.session import Source, source_at

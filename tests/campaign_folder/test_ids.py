@@ -14,7 +14,8 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 from crashfuse.files.archive import name_trouble
 from crashfuse.importing import Reading, read_records
-from tests.importing.crash_files import german, write
+from crashfuse.testing.readers import written
+from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g
 
 COMPOSED, APART = (unicodedata.normalize(form, "Prüfung é") for form in ("NFC", "NFD"))
@@ -89,7 +90,7 @@ def test_a_pulse_is_found_whose_name_has_its_accents_apart(campaign_folder: Path
 def test_a_foreign_name_that_is_no_id_is_made_one_and_told(tmp_path: Path) -> None:
     """Its first step says so; a name that the user gave stays."""
     table = german(clock(-0.01, 0.12, 2000), half_sine_g(clock(-0.01, 0.12, 2000)))
-    path = write(tmp_path, {"=1+1.csv": table}) / "=1+1.csv"
+    path = written(tmp_path, {"=1+1.csv": table}) / "=1+1.csv"
     (record,) = read_records(Reading(path))
     assert record.id == "_1+1"
     assert "Its id is _1+1, because '=1+1' cannot name a file on every system." in record.steps

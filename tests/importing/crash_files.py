@@ -5,17 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from crashfuse.readers.isomme_channels import Channel, IsommeTest
+from crashfuse.readers.isomme import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS, G
 from tests.importing.crashes import SPEED_MPS, clock, half_sine_g, scatter_g
-
-
-def write(folder: Path, files: dict[str, bytes]) -> Path:
-    """Write files into a folder."""
-    return written(folder, files)
 
 
 def german(time_s: FloatArray, *pulses: FloatArray, header: str = "Zeit [ms];a_x [g]") -> bytes:
@@ -43,7 +38,7 @@ def library(folder: Path) -> Path:
     table = german(time_s * MS, *pulses, header=header)
     rows = [f"Run {i};{v:.6f};950;750".replace(".", ",") for i, v in enumerate(speeds.tolist())]
     conditions = "\n".join(["Lauf;v0 [km/h];Gewicht VA [kg];Gewicht HA [kg]", *rows])
-    return write(folder, {"runs.csv": table, "conditions.csv": conditions.encode()})
+    return written(folder, {"runs.csv": table, "conditions.csv": conditions.encode()})
 
 
 def imported(folder: Path) -> list[dict[str, object]]:

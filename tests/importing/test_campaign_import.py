@@ -7,15 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crashfuse.campaign_folder.history import undo
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
 from crashfuse.importing import Choices, Reading, add_settled, import_source, read_each, settle_each
+from crashfuse.importing.campaign_import import Label, parts_of
 from crashfuse.readers.record import PartialCondition
 from crashfuse.signals.pulse import GRID_S
+from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS
 from tests.conftest import SHARED, needs_shared
-from tests.importing.crash_files import german, imported, isomme, library, write
+from tests.importing.crash_files import german, imported, isomme, library
 from tests.importing.crashes import GIVEN, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g, scatter_g
 from tests.readers.lsdyna_files import MASS_KG, Run
 from tests.readers.nhtsa_files import nhtsa_files
@@ -25,9 +28,9 @@ REAL = SHARED / "real/nhtsa_10146_camry2018"
 
 def test_a_campaign_grows_from_four_formats(tmp_path: Path) -> None:
     """NHTSA, ISO-MME and a German CSV as tests and a foreign table as CAE runs make a campaign without a warning."""
-    write(tmp_path / "v00005", nhtsa_files())
-    write(tmp_path / "mme", isomme("M1", scatter=1.5))
-    write(tmp_path, {"T7.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), -1.5))})
+    written(tmp_path / "v00005", nhtsa_files())
+    written(tmp_path / "mme", isomme("M1", scatter=1.5))
+    written(tmp_path, {"T7.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), -1.5))})
     out = tmp_path / "campaign"
     import_source(tmp_path / "v00005", out)
     import_source(tmp_path / "mme", out, Choices(front_share=0.56))
@@ -48,7 +51,7 @@ def test_a_campaign_grows_from_four_formats(tmp_path: Path) -> None:
 
 def test_a_record_goes_raw_into_a_campaign_that_filters(campaign_folder: Path, tmp_path: Path) -> None:
     """Filtered once, by the campaign, whole: as if it had been filtered on the way in."""
-    raw = write(tmp_path, {"T9.csv": german(clock(), half_sine_g(clock()) + ringing_g(clock()))}) / "T9.csv"
+    raw = written(tmp_path, {"T9.csv": german(clock(), half_sine_g(clock()) + ringing_g(clock()))}) / "T9.csv"
     (campaign_folder / "campaign.toml").write_text("channel_filter_class = 60\n")
     import_source(raw, campaign_folder, GIVEN)
     import_source(raw, tmp_path / "other", GIVEN)
@@ -62,7 +65,7 @@ def test_a_record_goes_raw_into_a_campaign_that_filters(campaign_folder: Path, t
 def test_all_of_a_source_or_nothing(tmp_path: Path) -> None:
     """One bad record among good ones keeps all out, and every problem is told."""
     bad = german(clock(), 0.1 * half_sine_g(clock()))
-    write(tmp_path / "in", {"A.csv": german(clock(), half_sine_g(clock())), "B.csv": bad, "C.csv": bad})
+    written(tmp_path / "in", {"A.csv": german(clock(), half_sine_g(clock())), "B.csv": bad, "C.csv": bad})
     with pytest.raises(DataError) as caught:
         import_source(tmp_path / "in", tmp_path / "out", GIVEN)
     assert [problem.where for problem in caught.value.problems] == ["B.csv", "C.csv"]
@@ -71,7 +74,7 @@ def test_all_of_a_source_or_nothing(tmp_path: Path) -> None:
 
 def test_a_folder_of_lsdyna_runs_is_a_library(tmp_path: Path) -> None:
     """Speed from the nodes, mass from the energy, the front axle's share from the user: runs become CAE runs."""
-    runs = write(tmp_path / "lib", {"r1/binout0000": Run().binout(), "r2/binout": Run(direction=-1).binout()})
+    runs = written(tmp_path / "lib", {"r1/binout0000": Run().binout(), "r2/binout": Run(direction=-1).binout()})
     settled = import_source(runs, tmp_path / "out", Choices(front_share=0.56), role="cae")
     assert [one.id for one in settled] == ["r1", "r2"]
     for one in settled:
@@ -82,10 +85,10 @@ def test_a_folder_of_lsdyna_runs_is_a_library(tmp_path: Path) -> None:
 def test_conditions_are_joined_by_id(tmp_path: Path) -> None:
     """From a table beside the pulses or elsewhere; conditions that fit none of the pulses are a mistake."""
     table = "ID;speed [km/h];front [kg];rear [kg];drive\nt7;56;950;750;AWD\nT8;50;950;750;FWD\n"
-    write(tmp_path, {"in/T7.csv": german(clock(), half_sine_g(clock())), "conditions.csv": table.encode()})
+    written(tmp_path, {"in/T7.csv": german(clock(), half_sine_g(clock())), "conditions.csv": table.encode()})
     (one,) = import_source(tmp_path / "in", tmp_path / "out", conditions=tmp_path / "conditions.csv")
     assert one.condition.factors == (("drive", "AWD"),)
-    write(tmp_path, {"conditions.csv": table.replace("t7", "t6").encode()})
+    written(tmp_path, {"conditions.csv": table.replace("t7", "t6").encode()})
     with pytest.raises(DataError, match="conditions for T7, found those of t6, T8"):
         import_source(tmp_path / "in", tmp_path / "out2", conditions=tmp_path / "conditions.csv")
 
@@ -95,7 +98,7 @@ def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
     ids = [f"T{number}" for number in range(8)]
     for number, test_id in enumerate(ids):
         pulse = half_sine_g(clock()) + scatter_g(clock(), 2.0 * number)
-        write(tmp_path / "files", {f"{test_id}.csv": german(clock(), pulse)})
+        written(tmp_path / "files", {f"{test_id}.csv": german(clock(), pulse)})
 
     def add(test_id: str) -> None:
         import_source(tmp_path / "files" / f"{test_id}.csv", tmp_path / "campaign", GIVEN)
@@ -111,8 +114,8 @@ def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
 
 def test_an_id_is_the_one_in_the_table_of_conditions(tmp_path: Path) -> None:
     """The record is called what the user says before its conditions are looked up."""
-    write(tmp_path, {"record 17.csv": german(clock(), half_sine_g(clock()))})
-    write(tmp_path, {"conditions.csv": b"id,speed_kph,front_weight_kg,rear_weight_kg\nV7,56,950,700\n"})
+    written(tmp_path, {"record 17.csv": german(clock(), half_sine_g(clock()))})
+    written(tmp_path, {"conditions.csv": b"id,speed_kph,front_weight_kg,rear_weight_kg\nV7,56,950,700\n"})
     conditions = tmp_path / "conditions.csv"
     (test,) = import_source(tmp_path / "record 17.csv", tmp_path / "car", record_id="V7", conditions=conditions)
     assert (test.id, test.condition.front_weight_kg) == ("V7", 950)
@@ -131,7 +134,9 @@ def test_a_damaged_source_never_gives_half_a_campaign(tmp_path: Path) -> None:
         content = bytearray(wholes[name])
         for _ in range(dice.choice([1, 3, 30])):
             content[dice.randrange(len(content))] = dice.randrange(256)
-        source = write(tmp_path / str(round_), {**wholes, name: bytes(content[: dice.randrange(1, len(content) * 2)])})
+        source = written(
+            tmp_path / str(round_), {**wholes, name: bytes(content[: dice.randrange(1, len(content) * 2)])}
+        )
         out = tmp_path / f"out{round_}"
         try:
             import_source(source / "x.csv" if name == "x.csv" else source / "M1", out, GIVEN)
@@ -164,7 +169,7 @@ def test_a_real_test_as_a_table_is_what_it_is_in_its_own_format(tmp_path: Path, 
 def crash(folder: Path, name: str, speed_mps: float, scatter: float) -> None:
     """A table with the pulse of one crash at a speed, without its condition."""
     pulse_g = half_sine_g(clock()) * speed_mps / SPEED_MPS
-    write(folder, {name: german(clock(), pulse_g + scatter_g(clock(), scatter))})
+    written(folder, {name: german(clock(), pulse_g + scatter_g(clock(), scatter))})
 
 
 def test_what_many_records_lack_is_asked_for_once_with_the_table_that_gives_each_its_own(tmp_path: Path) -> None:
@@ -224,7 +229,7 @@ def test_a_column_of_another_sign_or_unit_than_its_table_is_told_with_care(tmp_p
 def test_the_good_are_told_from_the_bad(tmp_path: Path) -> None:
     """One test without its speed, one table that is none: the rest can be added."""
     for number, speed in ((5, "56.0"), (6, "")):
-        write(tmp_path / "in" / f"v{number}", nhtsa_files(number, speed=speed))
+        written(tmp_path / "in" / f"v{number}", nhtsa_files(number, speed=speed))
     records, unread = read_each(Reading(tmp_path / "in"))
     refused: list[Problem] = []
     settled = settle_each(records, refused)
@@ -250,13 +255,13 @@ def test_the_unit_that_a_slow_run_leaves_open_is_that_of_the_others(tmp_path: Pa
     columns = np.column_stack([time_s / MS, *(v * KPH * hump for v in speeds_kph.values())])
     rows = [",".join(["time", *speeds_kph]), *(",".join(f"{x:.6g}" for x in row) for row in columns)]
     table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},{v},900,700" for i, v in speeds_kph.items())])
-    write(tmp_path / "runs", {"runs.csv": "\n".join(rows).encode(), "conditions.csv": table.encode()})
+    written(tmp_path / "runs", {"runs.csv": "\n".join(rows).encode(), "conditions.csv": table.encode()})
     slow, *others = import_source(tmp_path / "runs", tmp_path / "campaign", role="cae")
     assert [one.id for one in (slow, *others)] == ["R1", "R2", "R3"]
     assert {one.unit for one in (slow, *others)} == {"m/s²"}
     assert "Unit m/s², from the 2 other records beside it." in slow.steps
-    write(tmp_path / "alone", {"R1.csv": "\n".join(",".join(row.split(",")[:2]) for row in rows).encode()})
-    write(tmp_path / "alone", {"conditions.csv": "\n".join(table.split("\n")[:2]).encode()})
+    written(tmp_path / "alone", {"R1.csv": "\n".join(",".join(row.split(",")[:2]) for row in rows).encode()})
+    written(tmp_path / "alone", {"conditions.csv": "\n".join(table.split("\n")[:2]).encode()})
     with pytest.raises(DataError, match="a unit that neither file nor speed tells"):
         import_source(tmp_path / "alone", tmp_path / "other", role="cae")
 
@@ -265,6 +270,107 @@ def test_ids_that_only_a_table_of_conditions_has_are_named(tmp_path: Path) -> No
     """Versuch_T2 has no conditions because the table calls it T2: the message shows both."""
     files = {f"{name}.csv": german(clock(), half_sine_g(clock())) for name in ("T1", "Versuch_T2")}
     table = "id,speed [km/h],front [kg],rear [kg]\nT1,56,900,700\nT2,56,900,700"
-    write(tmp_path / "tests", files | {"conditions.csv": table.encode()})
+    written(tmp_path / "tests", files | {"conditions.csv": table.encode()})
     with pytest.raises(DataError, match=r"speed of Versuch_T2, found conditions without a record, of T2"):
         import_source(tmp_path / "tests", tmp_path / "campaign")
+
+
+@pytest.mark.parametrize(
+    ("files", "found"),
+    [
+        ({"CAE_wide.csv": 3, "T1.csv": 1}, ("CAE_wide.csv",)),
+        ({"sim 12.csv": 1, "run07.csv": 1, "Versuch_3.csv": 1}, ("sim 12.csv", "run07.csv")),
+        ({"export.csv": 72, "a.xlsx: Sheet1": 1, "a.xlsx: Sheet2": 1}, ("export.csv",)),
+        ({"simca test.csv": 1, "CAE test 3.csv": 30, "B.csv": 1}, ()),
+        ({"run1.csv": 1, "run2.csv": 1}, ("run1.csv", "run2.csv")),
+    ],
+)
+def test_a_name_or_a_number_of_records_looks_like_cae(files: dict[str, int], found: tuple[str, ...]) -> None:
+    """Beside others that do not, or alone; a name that says test is none."""
+    labels = [Label(source, f"V{number}") for source, n in files.items() for number in range(n)]
+    assert tuple(name for name, is_cae in parts_of(labels).items() if is_cae) == found
+
+
+@pytest.mark.parametrize(
+    ("labels", "parts"),
+    [
+        (
+            [("V8.xlsx: Versuch 8", "Versuch 8"), ("V8.xlsx: Simulation 8", "Simulation 8")],
+            {"Versuch 8": False, "Simulation 8": True},
+        ),
+        ([("V8.xlsx: Test", "V8"), ("V8.xlsx: CAE", "V8")], {"V8.xlsx: Test": False, "V8.xlsx: CAE": True}),
+        ([("cae.csv", "Test7"), ("cae.csv", "CAE7"), ("cae.csv", "V9")], {"Test7": False, "CAE7": True, "V9": True}),
+        ([("both.csv", "Versuch"), ("both.csv", "FE-Modell")], {"Versuch": False, "FE-Modell": True}),
+        ([("x.csv", "sim1"), ("x.csv", "sim2")], {"x.csv": True}),
+        ([("x.csv", "left"), ("x.csv", "right")], {"x.csv": False}),
+    ],
+)
+def test_sheets_and_ids_tell_records_of_one_file_apart(labels: list[tuple[str, str]], parts: dict[str, bool]) -> None:
+    """Named by their ids, or by their sheets where both have one id; what is alike stays one file."""
+    assert parts_of(Label(*label) for label in labels) == parts
+
+
+@pytest.fixture
+def mixed(tmp_path: Path) -> Path:
+    """Two tests and two CAE runs with the conditions of each."""
+    time_s = clock()
+    names = {"T1": 1.5, "T2": -1.5, "CAE_1": 0.8, "CAE_2": -0.8}
+    files = {f"{name}.csv": german(time_s, half_sine_g(time_s) + scatter_g(time_s, s)) for name, s in names.items()}
+    table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},56,900,700" for i in names)])
+    return written(tmp_path / "mixed", files | {"conditions.csv": table.encode()})
+
+
+def test_a_mixture_is_asked_about_and_nothing_written(mixed: Path, tmp_path: Path) -> None:
+    """The one sentence names the files, and the options that settle it."""
+    with pytest.raises(DataError) as caught:
+        import_source(mixed, tmp_path / "out")
+    assert str(caught.value) == (
+        "mixed: expected tests, found what looks like CAE runs (CAE_1.csv, CAE_2.csv) beside T1.csv, T2.csv; name "
+        "those that are CAE runs (--cae CAE_1.csv CAE_2.csv), or say that all are tests (--as tests)."
+    )
+    assert not (tmp_path / "out").exists()
+    assert len(import_source(mixed, tmp_path / "all tests", role="tests")) == 4
+
+
+def test_where_all_look_like_cae_runs_it_is_asked(tmp_path: Path) -> None:
+    """By name, or by a format of solvers: nothing is written before they are said to be CAE runs, or tests."""
+    time_s = clock()
+    content = {"sim_1.csv": german(time_s, half_sine_g(time_s)), "sim_2.csv": german(time_s, half_sine_g(time_s))}
+    runs, solver = written(tmp_path / "sims", content), written(tmp_path / "lib", {"r1/binout": Run().binout()})
+    for source, names in ((runs, "sim_1.csv, sim_2.csv"), (solver, "lib")):
+        with pytest.raises(DataError) as caught:
+            import_source(source, tmp_path / "out")
+        assert str(caught.value) == (
+            f"{source.name}: expected tests, found nothing but what looks like CAE runs ({names}); "
+            "say that they are (--as cae), or that they are tests (--as tests)."
+        )
+    assert not (tmp_path / "out").exists()
+    given = Choices(condition=PartialCondition(speed_mps=56 / 3.6, front_weight_kg=900.0, rear_weight_kg=700.0))
+    assert {one.role for one in import_source(runs, tmp_path / "out", given, role="cae")} == {"cae"}
+
+
+def test_files_that_are_cae_runs_go_where_they_belong_in_one_change(mixed: Path, tmp_path: Path) -> None:
+    """Tests and CAE runs are added together, and taken back together; a file that is not there is refused."""
+    out = tmp_path / "out"
+    added = import_source(mixed, out, cae=("CAE_1.csv", "CAE_2.csv"))
+    assert {(one.id, one.role) for one in added} == {
+        ("T1", "tests"), ("T2", "tests"), ("CAE_1", "cae"), ("CAE_2", "cae"),
+    }  # fmt: skip
+    assert sorted(path.relative_to(out).as_posix() for path in out.glob("*/*.csv")) == [
+        "cae/CAE_1.csv", "cae/CAE_2.csv", "tests/T1.csv", "tests/T2.csv",
+    ]  # fmt: skip
+    assert np.loadtxt(out / "cae" / "CAE_1.csv", delimiter=",", skiprows=1).shape[1] == 2
+    undo(out)
+    assert not list(out.glob("*.csv"))
+    with pytest.raises(UsageError, match=r"no file CAE_3\.csv with records; there are CAE_1\.csv, CAE_2\.csv, T1\.csv"):
+        import_source(mixed, out, cae=("CAE_3.csv",))
+
+
+def test_nothing_is_added_if_either_kind_cannot_be(mixed: Path, tmp_path: Path) -> None:
+    """A CAE run whose id is taken by another pulse leaves the tests out, too."""
+    out = tmp_path / "out"
+    import_source(mixed / "T1.csv", out, role="cae", record_id="CAE_1", conditions=mixed / "conditions.csv")
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    with pytest.raises(DataError, match="expected an id that is not there yet, found 'CAE_1'"):
+        import_source(mixed, out, cae=("CAE_1.csv", "CAE_2.csv"))
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before

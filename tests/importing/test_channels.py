@@ -11,17 +11,16 @@ from hypothesis import strategies as st
 
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, Settled, import_source, read_records, settle
-from crashfuse.importing.rated_channels import rate_channels
-from crashfuse.importing.roles import Label, parts_of
+from crashfuse.importing.campaign_import import Label, parts_of
+from crashfuse.importing.ratings import rate_channels
 from crashfuse.importing.sources import Reading
-from crashfuse.readers.isomme_channels import Channel, IsommeTest
-from crashfuse.readers.isomme_record import record_of
+from crashfuse.readers.isomme import Channel, IsommeTest, record_of
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.signals.pulse import kinematics
+from crashfuse.testing.readers import written
 from crashfuse.units import MS, G
 from tests.conftest import SHARED, needs_shared
-from tests.importing.crash_files import write
 from tests.importing.crashes import CRUSH_M, SPEED_MPS, clock, half_sine_g, record, ringing_g, scatter_g
 
 FORMATS = SHARED / "real" / "formats"
@@ -176,7 +175,7 @@ def test_a_failed_channel_may_hold_anything(tmp_path: Path, samples: bytes) -> N
     files[name] = b"".join(
         [header[0], header[1], *header[2].partition(b"\r\nTime of first sample")[:2], b" :-0.05\r\n"]
     )
-    (found,) = read_records(Reading(write(tmp_path, files | {name: files[name] + samples}) / "T1"))
+    (found,) = read_records(Reading(written(tmp_path, files | {name: files[name] + samples}) / "T1"))
     settled = settle(found)
     assert settled.channels == (LEFT,)
     assert any("Left out" in step and RIGHT in step for step in settled.steps)
@@ -194,7 +193,7 @@ def test_a_failed_channel_may_hold_anything(tmp_path: Path, samples: bytes) -> N
 def test_what_says_that_it_is_simulated_is_no_test(tmp_path: Path, source: str, descriptors: dict[str, str]) -> None:
     """Alone, it is asked for; as a CAE run it is taken; no option makes a test of it."""
     test = isomme((LEFT, source, "ok"), **descriptors)
-    folder = write(tmp_path, isomme_files(test)) / "T1"
+    folder = written(tmp_path, isomme_files(test)) / "T1"
     for role in (None, "tests"):
         with pytest.raises(DataError, match=r"expected measured channels of T1, found by its own account .*\(--as cae"):
             import_source(folder, tmp_path / "out", role=role)
@@ -210,7 +209,7 @@ def test_channels_that_failed_are_not_rated_and_questionable_ones_noted(tmp_path
     """By whichever of both tests says it."""
     for name, status in (("A", "channel failed"), ("B", "ok")):
         test = replace(isomme((LEFT, "", status), (RIGHT, "", "questionable data"), (THIRD, "", "ok")), name=name)
-        write(tmp_path, isomme_files(test))
+        written(tmp_path, isomme_files(test))
     table = rate_channels(tmp_path / "A", tmp_path / "B", [60]).set_index("channel")
     assert np.isnan(table.loc[LEFT, "overall"])
     assert table.loc[LEFT, "note"] == "the reference marks it 'channel failed'"

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from crashfuse.errors import DataError, UsageError
-from crashfuse.importing.condition import complete_condition
+from crashfuse.importing import Choices
+from crashfuse.importing.settle import complete_condition
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.wording import KPH_KG, MPH_LB, Sentence
@@ -16,7 +17,7 @@ from tests.importing.crashes import CONDITION, SPEED_MPS, channel, record
 
 def weights(one: Record, given: PartialCondition, share: float | None = None) -> tuple[float, float]:
     """Front and rear weight of a record completed with what is given."""
-    found = complete_condition(one, given, share, [], role="tests")
+    found = complete_condition(one, Choices(condition=given, front_share=share), [], role="tests")
     return found.front_weight_kg, found.rear_weight_kg
 
 
@@ -162,7 +163,9 @@ def test_weights_are_said_in_the_units_of_the_reader() -> None:
     """In both as a string, in one on a page."""
     steps: list[str] = []
     one = record(channel(), condition=PartialCondition(SPEED_MPS))
-    complete_condition(one, PartialCondition(mass_kg=1000 * LB), 0.58, steps, role="tests")
+    complete_condition(
+        one, Choices(condition=PartialCondition(mass_kg=1000 * LB), front_share=0.58), steps, role="tests"
+    )
     told = steps[-1]
     assert told == "Front weight 263 kg (580 lb): 58 % of 454 kg (1000 lb)."
     assert isinstance(told, Sentence)

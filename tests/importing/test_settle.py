@@ -10,7 +10,7 @@ import pytest
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, Settled, settle
 from crashfuse.importing.detection import UnknownUnit
-from crashfuse.readers.lsdyna.runs import read_lsdyna
+from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.filters import CFC60_NOISE, cfc_filter, noise_share

@@ -8,22 +8,24 @@ from typing import Literal
 import pytest
 
 from crashfuse.errors import DataError, UsageError
-from crashfuse.files.archive import zipped
+from crashfuse.files.archive import Limits, zipped
 from crashfuse.importing import ColumnChoice, Reading, format_of, import_source, read_each, read_records, settle_each
-from tests.importing.crash_files import german, imported, isomme, write
+from crashfuse.importing.sources import lay_out_source
+from crashfuse.testing.readers import written
+from tests.importing.crash_files import german, imported, isomme
 from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
 from tests.readers.nhtsa_files import nhtsa_files
 
 
 def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
     """In files, folders and zips; what is none of them is refused."""
-    write(tmp_path / "n", nhtsa_files() | {"readme.csv": b"a"})
-    write(tmp_path / "i", isomme("M1"))
-    write(tmp_path / "d", {"binout0000": b"", "notes.txt": b""})
-    write(tmp_path / "t", {"x.tdms": b""})
-    write(tmp_path / "c", {"x.XLSX": b""})
-    write(tmp_path / "e", {"x.pdf": b""})
-    write(tmp_path, {"i.zip": zipped(isomme("M1"))})
+    written(tmp_path / "n", nhtsa_files() | {"readme.csv": b"a"})
+    written(tmp_path / "i", isomme("M1"))
+    written(tmp_path / "d", {"binout0000": b"", "notes.txt": b""})
+    written(tmp_path / "t", {"x.tdms": b""})
+    written(tmp_path / "c", {"x.XLSX": b""})
+    written(tmp_path / "e", {"x.pdf": b""})
+    written(tmp_path, {"i.zip": zipped(isomme("M1"))})
     found = {name: format_of(tmp_path / name) for name in ("n", "i", "d", "t", "c", "i.zip")}
     assert found == {"n": "nhtsa", "i": "isomme", "d": "lsdyna", "t": "tdms", "c": "csv", "i.zip": "isomme"}
     for path, message in (("e", "none of these"), ("nowhere", "nothing there")):
@@ -35,9 +37,9 @@ def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("ending", "mode"), [("tar.gz", "w:gz"), ("TGZ", "w:gz"), ("tar", "w")])
 def test_tar_archives_are_read_as_zips_are(tmp_path: Path, ending: str, mode: Literal["w", "w:gz"]) -> None:
     """One test, several, or tables: as downloads come."""
-    write(tmp_path / "one", isomme("M1"))
-    write(tmp_path / "two", isomme("M1") | isomme("M2"))
-    write(tmp_path / "table", {"T1.csv": german(clock(), half_sine_g(clock()))})
+    written(tmp_path / "one", isomme("M1"))
+    written(tmp_path / "two", isomme("M1") | isomme("M2"))
+    written(tmp_path / "table", {"T1.csv": german(clock(), half_sine_g(clock()))})
     for name, fmt, ids in (("one", "isomme", ["M1"]), ("two", "isomme", ["M1", "M2"]), ("table", "csv", ["T1"])):
         source = tmp_path / f"{name}.{ending}"
         with tarfile.open(source, mode) as archive:
@@ -55,7 +57,7 @@ def test_a_folder_that_cannot_be_read_is_not_passed_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fmt: str | None
 ) -> None:
     """Tests in it would silently lack."""
-    write(tmp_path, {"x.csv": german(clock(), half_sine_g(clock())), "closed/y.csv": b"", "v/v00005.EV5": b""})
+    written(tmp_path, {"x.csv": german(clock(), half_sine_g(clock())), "closed/y.csv": b"", "v/v00005.EV5": b""})
     listed = os.scandir
 
     def scandir(folder: str) -> object:
@@ -71,8 +73,8 @@ def test_a_folder_that_cannot_be_read_is_not_passed_over(
 def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
     """One import for a whole download."""
     for number in (5, 6):
-        write(tmp_path / "in" / f"v{number}", nhtsa_files(number))
-    write(tmp_path / "mme", isomme("M1") | isomme("M2"))
+        written(tmp_path / "in" / f"v{number}", nhtsa_files(number))
+    written(tmp_path / "mme", isomme("M1") | isomme("M2"))
     assert [record.id for record in read_records(Reading(tmp_path / "in"))] == ["00005", "00006"]
     assert [record.id for record in read_records(Reading(tmp_path / "mme"))] == ["M1", "M2"]
     assert len(import_source(tmp_path / "in", tmp_path / "out")) == 2
@@ -102,9 +104,9 @@ def test_a_folder_of_archives_gives_the_tests_in_them(tmp_path: Path) -> None:
 
 def test_formats_are_not_mixed_without_a_word(tmp_path: Path) -> None:
     """A folder of two formats is refused, or read as the one that is named; tables may lie beside any."""
-    write(tmp_path / "mixed", {**isomme("A"), "notes.csv": b"Name;Value\nA;B\n"})
+    written(tmp_path / "mixed", {**isomme("A"), "notes.csv": b"Name;Value\nA;B\n"})
     assert format_of(tmp_path / "mixed") == "isomme"
-    write(tmp_path / "mixed" / "old", nhtsa_files())
+    written(tmp_path / "mixed" / "old", nhtsa_files())
     with pytest.raises(DataError, match="expected records of one format, found nhtsa and isomme"):
         import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN)
     (test,) = import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN, fmt="isomme")
@@ -115,12 +117,12 @@ def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
     """COLUMN=ROLE:UNIT overrules the proposal; channels of one table are averaged under one id."""
     time_s = clock()
     other_g = half_sine_g(time_s) + scatter_g(time_s, 6.0)
-    source = write(tmp_path, {"x.csv": german(time_s, half_sine_g(time_s), other_g, header="c1;c2;c3")})
+    source = written(tmp_path, {"x.csv": german(time_s, half_sine_g(time_s), other_g, header="c1;c2;c3")})
     columns = [ColumnChoice.parsed(text) for text in ("c1=time:ms", "c2=acceleration:g", "c3=acceleration:g")]
     (one,) = import_source(source / "x.csv", tmp_path / "out", GIVEN, record_id="T1", columns=columns)
     assert (one.id, one.channels) == ("T1", ("c2", "c3"))
     table = (
-        write(tmp_path, {"c.csv": b"id;speed [km/h];front [kg];rear [kg]\nc2;56;950;750\nc3;56;950;750\n"}) / "c.csv"
+        written(tmp_path, {"c.csv": b"id;speed [km/h];front [kg];rear [kg]\nc2;56;950;750\nc3;56;950;750\n"}) / "c.csv"
     )
     two = import_source(source / "x.csv", tmp_path / "out", columns=columns, conditions=table)
     assert [settled.id for settled in two] == ["c2", "c3"]
@@ -135,14 +137,14 @@ def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
 def test_one_id_is_for_one_record(tmp_path: Path) -> None:
     """A source of two tests cannot share it."""
     for number in (5, 6):
-        write(tmp_path / "in", nhtsa_files(number))
+        written(tmp_path / "in", nhtsa_files(number))
     with pytest.raises(UsageError, match="One id is not enough: in holds several"):
         import_source(tmp_path / "in", tmp_path / "out", record_id="T1")
 
 
 def test_a_table_without_pulses_says_what_it_lacks(tmp_path: Path) -> None:
     """The columns that are there are named, and how to map them."""
-    write(tmp_path, {"x.csv": b"p,q\n1,2\n1,5\n2,4\n"})
+    written(tmp_path, {"x.csv": b"p,q\n1,2\n1,5\n2,4\n"})
     with pytest.raises(DataError, match=r"x\.csv with the columns p, q; map the columns"):
         import_source(tmp_path / "x.csv", tmp_path / "out", GIVEN)
 
@@ -150,7 +152,7 @@ def test_a_table_without_pulses_says_what_it_lacks(tmp_path: Path) -> None:
 def test_one_bad_table_among_good_ones_is_one_problem(tmp_path: Path) -> None:
     """The others are read."""
     good = german(clock(), half_sine_g(clock()))
-    write(tmp_path, {"a.csv": good, "b.csv": good.replace(b"\n100,000000;", b"\nhundred;"), "c.csv": good})
+    written(tmp_path, {"a.csv": good, "b.csv": good.replace(b"\n100,000000;", b"\nhundred;"), "c.csv": good})
     records, problems = read_each(Reading(tmp_path))
     assert [record.id for record in records] == ["a", "c"]
     assert [problem.found for problem in problems] == ["'hundred'"]
@@ -159,10 +161,51 @@ def test_one_bad_table_among_good_ones_is_one_problem(tmp_path: Path) -> None:
 
 def test_tables_beside_another_format_are_not_passed_over_in_silence(tmp_path: Path) -> None:
     """A test exported as CSV beside NHTSA's files is named, a table of conditions that is read is not."""
-    write(tmp_path, nhtsa_files())
-    write(tmp_path, {"T7.csv": b"time;a", "conditions.csv": b"id,speed [km/h]\n00005,56"})
+    written(tmp_path, nhtsa_files())
+    written(tmp_path, {"T7.csv": b"time;a", "conditions.csv": b"id,speed [km/h]\n00005,56"})
     (record,) = read_records(Reading(tmp_path, conditions=tmp_path / "conditions.csv"))
     assert [step for step in record.steps if "T7.csv" in step] == [
         "Careful: tables in the source are left out, T7.csv; import them by themselves."
     ]
     assert not any("conditions.csv;" in step for step in record.steps)
+
+
+def test_uploads_become_a_file_a_folder_or_a_folder_of_all(tmp_path: Path) -> None:
+    """A zip is unpacked under its own name; the content is kept to the byte."""
+    for number, (uploads, inside) in enumerate(
+        [
+            ([("a.csv", b"1")], {"a.csv": b"1"}),
+            ([("run 7.zip", zipped({"x/binout0000": b"2"}))], {"run 7/x/binout0000": b"2"}),
+            ([("a.csv", b"1"), ("b.zip", zipped({"c": b"3"}))], {"a.csv": b"1", "b/c": b"3"}),
+        ]
+    ):
+        home = tmp_path / str(number)
+        home.mkdir()
+        source = lay_out_source(uploads, home)
+        assert source.name == ("upload" if len(uploads) > 1 else next(iter(inside)).partition("/")[0])
+        found = {
+            str(path.relative_to(home / "upload")): path.read_bytes() for path in home.rglob("*") if path.is_file()
+        }
+        assert found == inside
+
+
+@pytest.mark.parametrize(
+    ("uploads", "found"),
+    [
+        ([("x.zip", zipped({"../y": b""}))], "a path that leaves its folder"),
+        ([("../x.csv", b"")], "a path that leaves its folder"),
+        ([("a.csv", b""), ("a.csv", b"")], "another file of this name"),
+        ([("a", b""), ("a.zip", zipped({"b": b""}))], "another file of this name"),
+        ([("bomb.zip", zipped({"b": b"0" * 5_000_000}))], "zip bomb"),
+        ([("broken.zip", b"PK")], "a damaged one"),
+        ([(f"{i}.csv", b"") for i in range(9)], "9"),
+        ([("a.csv", b"0" * 6_000_000)], "more"),
+    ],
+)
+def test_tricks_are_refused_and_leave_nothing(tmp_path: Path, uploads: list[tuple[str, bytes]], found: str) -> None:
+    """Names, sizes and damage, all before a reader sees anything."""
+    home = tmp_path / "home"
+    home.mkdir()
+    with pytest.raises(DataError, match=found):
+        lay_out_source(uploads, home, Limits(total_bytes=5 << 20, members=8))
+    assert [path.name for path in tmp_path.rglob("*")] == ["home"]

@@ -18,15 +18,14 @@ from crashfuse.readers.format import Format
 from crashfuse.readers.formats import FORMATS, TABLES, all_formats
 from crashfuse.readers.members import files_below
 from crashfuse.testing import ReaderContract
-from crashfuse.testing.readers import refusal
+from crashfuse.testing.readers import refusal, written
 from crashfuse.units import MS
-from tests.importing.crash_files import german, isomme, write
+from tests.importing.crash_files import german, isomme
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 from tests.readers.lsdyna_files import Run, lsda
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.readers.radioss_files import RadiossRun
-from tests.readers.test_tdms import by_hand, nhtsa_test
-from tests.readers.test_tdms_laboratory import iihs_test
+from tests.readers.test_tdms import by_hand, iihs_test, nhtsa_test
 
 Files = dict[str, bytes]
 
@@ -54,7 +53,7 @@ def test_every_format_has_a_good_file_here() -> None:
 @every_format
 def test_the_pulse_is_that_of_the_crash(tmp_path: Path, fmt: str, files: Files) -> None:
     """Unit, sign and time zero are found."""
-    (record,) = read_records(Reading(write(tmp_path / "good", files), fmt))
+    (record,) = read_records(Reading(written(tmp_path / "good", files), fmt))
     assert settle(record, GIVEN).pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=0.01)
 
 
@@ -73,14 +72,16 @@ def test_bytes_of_another_format_under_this_name_are_refused(
 ) -> None:
     """Renaming makes no test: whatever the bytes are, it is said that they are not of this format."""
     foreign = max(GOOD[other].values(), key=len)
-    assert refusal(write(tmp_path / "renamed", dict.fromkeys(files, foreign)), fmt)
+    assert refusal(written(tmp_path / "renamed", dict.fromkeys(files, foreign)), fmt)
 
 
 @pytest.mark.parametrize("fmt", [fmt for fmt in FORMATS if fmt != TABLES])
 def test_a_file_that_is_named_as_another_format_is_not_its_folder(tmp_path: Path, fmt: str) -> None:
     """Whoever names a table as NHTSA gets no other test that lies somewhere below it."""
     for name, files in GOOD.items():
-        write(tmp_path, {f"old {name}/{file}": content for file, content in files.items()} if name != TABLES else files)
+        written(
+            tmp_path, {f"old {name}/{file}": content for file, content in files.items()} if name != TABLES else files
+        )
     with pytest.raises(DataError, match=r"T1\.csv: expected .* found a file of another kind"):
         read_records(Reading(tmp_path / "T1.csv", fmt))
 
@@ -145,7 +146,7 @@ def polar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     line = Format("Polar", ".polar", r".*\.polar", "tests.readers.test_contract:polar_records")
     monkeypatch.setitem(FORMATS, "polar", line)
     time_s = clock()
-    return write(tmp_path, {"P1.polar": np.column_stack([time_s, half_sine_g(time_s)]).tobytes()}) / "P1.polar"
+    return written(tmp_path, {"P1.polar": np.column_stack([time_s, half_sine_g(time_s)]).tobytes()}) / "P1.polar"
 
 
 def test_a_new_format_is_one_function_and_one_line(polar: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -167,7 +168,7 @@ def test_a_new_format_is_one_function_and_one_line(polar: Path, capsys: pytest.C
 def test_tables_lie_beside_every_format(polar: Path) -> None:
     """A folder of a format and a table of its conditions is of that format, also of one that was added last."""
     table = "id;speed [km/h];front [kg];rear [kg]\nP1;56;950;750\n"
-    write(polar.parent, {"conditions.csv": table.encode()})
+    written(polar.parent, {"conditions.csv": table.encode()})
     assert format_of(polar.parent) == "polar"
     assert [path.name for path in tables_of(polar.parent)] == ["conditions.csv"]
     (record,) = read_records(Reading(polar.parent, conditions=polar.parent / "conditions.csv"))

@@ -12,15 +12,12 @@ from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, Settled, format_of, import_source, read_records, settle
 from crashfuse.readers.formats import formats_of
-from crashfuse.readers.radioss.binary import read_binary
-from crashfuse.readers.radioss.converted import read_converted
-from crashfuse.readers.radioss.runs import read_radioss
-from crashfuse.readers.radioss.time_history import TimeHistory, Watched
-from crashfuse.readers.radioss.unnamed import with_names
+from crashfuse.readers.radioss import read_binary, read_converted, read_radioss
+from crashfuse.readers.radioss_history import TimeHistory, Watched, with_names
 from crashfuse.readers.record import Record
+from crashfuse.testing.readers import written
 from crashfuse.units import MS
 from tests.conftest import SHARED, needs_shared
-from tests.importing.crash_files import write
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.radioss_files import MASS_KG, Converter, RadiossRun
 from tests.readers.test_lsdyna import WEIGHTS
@@ -32,7 +29,7 @@ RUN = RadiossRun()
 def only(folder: Path, **files: bytes) -> Record:
     """The one record of these files, each named after its key (``hc1T01_csv`` has the suffix .csv)."""
     named = {name.replace("_csv", ".csv").replace("_thy", ".thy"): content for name, content in files.items()}
-    (record,) = read_records(Reading(write(folder, named)))
+    (record,) = read_records(Reading(written(folder, named)))
     return record
 
 
@@ -138,10 +135,10 @@ def test_a_vehicle_struck_at_rest_needs_its_direction_and_speed(tmp_path: Path) 
     """Nothing sets out, so it is refused, until the user says along which axis it is pushed, and how fast."""
     content = replace(RUN, pushed=True).binary()
     assert "if it is struck at rest, give axis and speed" in refusal(tmp_path / "a", hc1T01=content)
-    (record,) = read_radioss(write(tmp_path / "b", {"hc1T01": content}), "x")
+    (record,) = read_radioss(written(tmp_path / "b", {"hc1T01": content}), "x")
     assert record.no_speed == "nodes at rest along x at the start"
     with pytest.raises(DataError, match="expected nodes that set out along x, as given, found along -x"):
-        read_radioss(write(tmp_path / "c", {"hc1T01": RUN.binary()}), "x")
+        read_radioss(written(tmp_path / "c", {"hc1T01": RUN.binary()}), "x")
 
 
 def test_forces_are_told_as_impulses(tmp_path: Path) -> None:
@@ -152,7 +149,7 @@ def test_forces_are_told_as_impulses(tmp_path: Path) -> None:
 @pytest.mark.parametrize("form", ["T01", "T01.csv"])
 def test_quality_is_that_of_the_global_histories(tmp_path: Path, form: str) -> None:
     """Of all energy less the work from outside 3 % are lost in time; hourglass 0.04 of 0.8; 1.25 % added mass."""
-    (record,) = read_records(Reading(write(tmp_path, {f"hc1{form}": RUN.csv() if "csv" in form else RUN.binary()})))
+    (record,) = read_records(Reading(written(tmp_path, {f"hc1{form}": RUN.csv() if "csv" in form else RUN.binary()})))
     assert record.quality.energy_change == pytest.approx(-0.03 * (1 - 1 / 1200), rel=1e-3)
     assert record.quality.hourglass_share == pytest.approx(0.05)
     assert record.quality.added_mass_share == pytest.approx(0.0125)
@@ -184,7 +181,7 @@ def test_a_barrier_that_does_not_move_is_no_mass_of_the_vehicle(tmp_path: Path) 
 )
 def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[bytes], bytes], found: str) -> None:
     """In one sentence, whatever is wrong with it."""
-    path = write(tmp_path, {"hc1T01": damage(RUN.binary())}) / "hc1T01"
+    path = written(tmp_path, {"hc1T01": damage(RUN.binary())}) / "hc1T01"
     with pytest.raises(DataError, match=found) as caught:
         read_radioss(path)
     assert "\n" not in str(caught.value)
@@ -213,16 +210,13 @@ def test_a_run_that_was_stopped_is_read_to_its_last_whole_state(tmp_path: Path) 
 @pytest.mark.parametrize("form", ["hc1T{:02}", "hc1T{:02}_csv", "hc1_{:04}_thy"])
 def test_a_restarted_run_is_one_run(tmp_path: Path, form: str) -> None:
     """Its second part computes 5 ms anew and replaces them; the first alone would end while the car still moves."""
-    parts = {
-        form.format(1): replace(RUN, end_ms=60.0),
-        form.format(2): replace(RUN, begin_ms=55.0, end_ms=120.0),
-    }
+    parts = {form.format(1): replace(RUN, end_ms=60.0), form.format(2): replace(RUN, begin_ms=55.0, end_ms=120.0)}
     files = {name: run.csv() if "csv" in name else run.binary() for name, run in parts.items()}
     record = only(tmp_path, **files)
     np.testing.assert_allclose(record.channels[0].time_s, RUN.time_ms * MS, atol=1e-8)
     assert sum(step.startswith("Joined from hc1") for step in record.steps) == 1
     is_the_crash(record)
-    with_second = write(tmp_path, {}) / form.format(2).replace("_csv", ".csv").replace("_thy", ".thy")
+    with_second = written(tmp_path, {}) / form.format(2).replace("_csv", ".csv").replace("_thy", ".thy")
     (same,) = read_radioss(with_second)
     np.testing.assert_array_equal(same.channels[0].values, record.channels[0].values)
 
@@ -253,10 +247,12 @@ def test_nodes_may_lie_in_an_additional_file(tmp_path: Path) -> None:
 def test_a_folder_of_runs_is_a_library(tmp_path: Path) -> None:
     """A record a run, by its name, else by its folder; a CSV beside its original is no run of its own."""
     files = {"aT01": RUN.binary(), "aT01.csv": RUN.csv(), "b-2T01": RUN.binary()}
-    assert [record.id for record in read_radioss(write(tmp_path / "one", files))] == ["a", "b-2"]
+    assert [record.id for record in read_radioss(written(tmp_path / "one", files))] == ["a", "b-2"]
     files = {"a/hc1T01": RUN.binary(), "b/hc1T01": RUN.binary(), "b/hc1T01_TITLES": b"         0 VX"}
-    assert [record.id for record in read_radioss(write(tmp_path / "many", files))] == ["a-hc1", "b-hc1"]
-    write(tmp_path, {"many.zip": zipped(files), "csv.zip": zipped({"x/aT01.csv": RUN.csv(), "y/bT01.csv": RUN.csv()})})
+    assert [record.id for record in read_radioss(written(tmp_path / "many", files))] == ["a-hc1", "b-hc1"]
+    written(
+        tmp_path, {"many.zip": zipped(files), "csv.zip": zipped({"x/aT01.csv": RUN.csv(), "y/bT01.csv": RUN.csv()})}
+    )
     assert [record.id for record in read_records(Reading(tmp_path / "many.zip"))] == ["a-hc1", "b-hc1"]
     assert [record.id for record in read_records(Reading(tmp_path / "csv.zip"))] == ["a", "b"]
 
@@ -340,7 +336,7 @@ def test_rows_that_hold_no_state_each_are_refused(tmp_path: Path) -> None:
 def test_tables_of_a_laboratory_stay_tables(tmp_path: Path) -> None:
     """Whatever they are called: it is the header that tells a time history."""
     rows = b"".join(b"%.4f;%.3f\n" % (t, 20 * np.sin(np.pi * t / 0.07)) for t in np.arange(0, 0.07, 1e-4))
-    path = write(tmp_path, {"MEASUREMENT01.csv": b"time [s];acceleration x [g]\n" + rows}) / "MEASUREMENT01.csv"
+    path = written(tmp_path, {"MEASUREMENT01.csv": b"time [s];acceleration x [g]\n" + rows}) / "MEASUREMENT01.csv"
     assert format_of(path) == "csv"
     assert formats_of([Path("nodout01"), Path("run.glstat01")]) == ["lsdyna"]
 
@@ -357,7 +353,7 @@ def test_damage_is_a_sentence_or_a_record(tmp_path: Path, name: str) -> None:
         for _ in range(int(dice.choice([1, 5, 40]))):
             at = int(dice.integers(min(len(broken) + 1, int(dice.choice([400, 4000, len(sound)])))))
             broken[at : at + int(dice.choice([0, 1, 1, 9]))] = dice.bytes(int(dice.integers(3)))
-        path = write(tmp_path, {name: bytes(broken)}) / name
+        path = written(tmp_path, {name: bytes(broken)}) / name
         said: list[Problem] = []
         with collecting(said):
             settle(read_radioss(path)[0], WEIGHTS, role="cae")

@@ -16,7 +16,7 @@ from openpyxl import Workbook
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.files.archive import zipped
-from crashfuse.readers.isomme_channels import Channel, IsommeTest
+from crashfuse.readers.isomme import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.ui import uploads, visitors
 from crashfuse.units import KPH, MPH, G

@@ -11,7 +11,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
 from crashfuse.importing.settle import Settled
 from crashfuse.readers.record import RecordedChannel
-from crashfuse.readers.unit_spelling import ACCELERATION_UNITS
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS
 from crashfuse.reporting.plots.canvas import (
     add_band,
     add_line,

@@ -8,7 +8,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.condition import Condition
 from crashfuse.readers.record import PartialCondition, Record
-from crashfuse.readers.unit_spelling import UNITS
+from crashfuse.readers.vocabulary import UNITS
 from crashfuse.ui import address
 from crashfuse.ui.importing.session import Source
 from crashfuse.ui.text import chosen_units

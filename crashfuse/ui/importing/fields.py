@@ -10,12 +10,13 @@ from crashfuse.errors import DataError, UsageError
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
 from crashfuse.importing.sources import tables_of
-from crashfuse.importing.table_forms import TableForm
-from crashfuse.readers.axes import TRAVELS, Travel
+from crashfuse.importing.tables import TableForm
+from crashfuse.readers.format import TRAVELS, Travel
 from crashfuse.readers.formats import FORMATS, TABLES
 from crashfuse.readers.record import Record
-from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole
-from crashfuse.readers.unit_spelling import ACCELERATION_UNITS, UNITS
+from crashfuse.readers.table_headers import ColumnRole
+from crashfuse.readers.table_mapping import QUANTITIES
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, UNITS
 from crashfuse.ui.importing.condition import Units, condition_of, units_of
 from crashfuse.ui.importing.session import Source, forms_of
 from crashfuse.ui.text import plain

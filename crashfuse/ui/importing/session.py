@@ -12,9 +12,8 @@ import streamlit as st
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, format_of, read_each, settle_each
-from crashfuse.importing.sources import tables_of
-from crashfuse.importing.table_forms import TableForm, table_forms
-from crashfuse.importing.unpacking import is_archive
+from crashfuse.importing.sources import is_archive, tables_of
+from crashfuse.importing.tables import TableForm, table_forms
 from crashfuse.readers.formats import TABLES
 from crashfuse.readers.record import Record
 from crashfuse.ui import campaigns

@@ -12,7 +12,7 @@ from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem
 from crashfuse.importing import Choices, Settled
-from crashfuse.importing.roles import Label, parts_of, role_of
+from crashfuse.importing.campaign_import import Label, parts_of, role_of
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT, Display

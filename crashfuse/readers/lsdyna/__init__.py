@@ -1,1 +1,0 @@
-"""Readers of LS-DYNA's nodal histories in ``binout`` or ``nodout``."""

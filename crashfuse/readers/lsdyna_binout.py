@@ -1,0 +1,400 @@
+"""LS-DYNA's ``binout``: histories of nodes, rigid bodies and energies, of several processors, continuations, restarts.
+
+The binary container is LSDA, treated as untrusted. A file is a header of eight bytes followed by records: length,
+command, and the command's data. Folders and variables are listed in symbol tables, each of which ends with the offset
+of the next; the solver adds a table from time to time, so that a killed run can be read up to the last table. Layout as
+published with the solver's own library (LSTC I/O Library, file format, 1.1).
+"""
+
+import struct
+from array import array
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import IO, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.readers.format import AXES, Travel
+from crashfuse.readers.lsdyna_histories import (
+    GLSTAT,
+    MATSUM,
+    MOST_NODES,
+    MOST_VALUES,
+    Histories,
+    States,
+    nodes_to_keep,
+    too_many_values,
+)
+from crashfuse.readers.solver_run import History, axis_of_travel
+from crashfuse.signals.pulse import FloatArray
+
+_CD, _DATA, _VARIABLE, _BEGIN_TABLE, _END_TABLE, _TABLE_OFFSET = 2, 3, 4, 5, 6, 7
+_TYPES = dict(enumerate(("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"), start=1))
+_INTEGERS = {1: "B", 2: "H", 4: "I", 8: "Q"}
+_HEADER_BYTES = 8
+_MOST_WANTED, _MOST_FOLDERS = 2_000_000, 300_000
+_MOST_BYTES = 64 << 20  # per variable
+_LONGEST_RECORD = 4096  # bytes, for a path or a name
+_BLOCK = 1 << 20  # bytes of a symbol table in memory
+
+_Folder = tuple[str, ...]
+"""A folder's path: ``("nodout", "d000001")``."""
+
+_Shards = Sequence[tuple[IO[bytes], str]]
+"""Seekable files, and their names in messages."""
+
+_DATABASES = {
+    "nodouthf": ("{}_acceleration", "{}_velocity"),
+    "nodout": ("{}_acceleration", "{}_velocity"),
+    "rbdout": ("global_a{}", "global_v{}"),
+}
+_VARIABLES = {
+    name: frozenset({"time", *(form.format(axis) for form in forms for axis in AXES)})
+    for name, forms in _DATABASES.items()
+}
+_METADATA = frozenset({"ids", "legend", "legend_ids", "title"})
+_TITLE_BYTES = 80
+_PREFIX = {"rbdout": "body "}
+_SAMPLED = 20  # states
+
+
+class _LsdaFile:
+    """An LSDA file with its symbol tables read and its data read on demand; a DataError if damaged or not LSDA.
+
+    However many symbols a file lists, only the wanted ones are kept: a long list costs time, not memory.
+
+    ``stream`` is seekable and must stay open; ``wanted`` maps a folder's path to the wanted names in it.
+    """
+
+    def __init__(self, stream: IO[bytes], where: str, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
+        self._stream, self._where = stream, where
+        self._size = stream.seek(0, 2)
+        header = self._exactly(_HEADER_BYTES, 0)
+        if header[0] < _HEADER_BYTES or not set(header[1:5]) <= _INTEGERS.keys() or header[5] > 1 or header[6]:
+            raise self._damaged("another kind of file")
+        length, offset, command, kind = (_INTEGERS[size] for size in header[1:5])
+        self._order = "<" if header[5] else ">"
+        self._record = struct.Struct(f"{self._order}{length}{command}")
+        self._offset = struct.Struct(f"{self._order}{offset}")
+        self._symbol = struct.Struct(f"{self._order}{kind}{offset}{length}")
+        self._kind = struct.Struct(f"{self._order}{kind}B")
+        self.folders: dict[_Folder, dict[str, int]] = {}  # the wanted variables that exist, and where they are listed
+        self._listed = array("Q")  # type, count and offset of each variable
+        self._read_tables(header[0], wanted)
+
+    def read(self, folder: _Folder, name: str) -> npt.NDArray[Any] | None:
+        place = self.folders.get(folder, {}).get(name)
+        if place is None:
+            return None
+        kind, count, offset = self._listed[place : place + 3]
+        numbers = np.dtype(f"{self._order}{_TYPES[kind]}")
+        label = name.encode("latin-1")
+        ahead = self._record.size + self._kind.size + len(label)
+        if count * numbers.itemsize > _MOST_BYTES:
+            raise self._damaged(f"no data of {name} where they should be")
+        content = self._exactly(ahead + count * numbers.itemsize, offset)
+        command = self._record.unpack_from(content)[1]
+        found, _ = self._kind.unpack_from(content, self._record.size)
+        if (command, found) != (_DATA, kind) or content[ahead - len(label) : ahead] != label:
+            raise self._damaged(f"no data of {name} where they should be")
+        return np.frombuffer(content, numbers, offset=ahead)
+
+    def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
+        if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
+            raise self._damaged("another kind of file")
+        folder: _Folder = ()
+        names = wanted(folder)
+        offset = self._offset.unpack(self._exactly(self._offset.size))[0]
+        seen: set[int] = set()
+        left = self._size  # tables do not overlap, so all of them together are no longer than the file
+        while offset:
+            if offset in seen:
+                raise self._damaged("symbol tables in a circle")
+            seen.add(offset)
+            for command, body in self._table(offset):
+                left -= self._record.size + len(body)
+                if command == _CD:
+                    folder = _changed(folder, body.decode("latin-1"))
+                    names = wanted(folder)
+                elif command == _VARIABLE:
+                    if names:
+                        self._list(folder, names, body)
+                elif command == _END_TABLE and len(body) == self._offset.size:
+                    offset = self._offset.unpack(body)[0]
+                if left < 0:
+                    raise self._damaged("symbol tables that overlap")
+
+    def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
+        """Yield the commands of a symbol table with what they say, the last one with the offset of the next table."""
+        length, command = self._record.unpack(self._exactly(self._record.size, offset))
+        if command != _BEGIN_TABLE:
+            raise self._damaged("no symbol table where it should be")
+        ahead, at = self._record.size, 0
+        block = self._stream.read(min(length, _BLOCK))
+        while command != _END_TABLE:
+            block, at = self._with_more(block, at, ahead)
+            length, command = self._record.unpack_from(block, at)
+            length = ahead + self._offset.size if command == _END_TABLE else length
+            if command not in (_CD, _VARIABLE, _END_TABLE) or not ahead <= length <= ahead + _LONGEST_RECORD:
+                raise self._damaged("a symbol table that makes no sense")
+            block, at = self._with_more(block, at, length)
+            yield command, block[at + ahead : at + length]
+            at += length
+
+    def _with_more(self, block: bytes, at: int, count: int) -> tuple[bytes, int]:
+        if at + count <= len(block):
+            return block, at
+        block = block[at:] + self._stream.read(_BLOCK if at else _LONGEST_RECORD)
+        if count > len(block):
+            raise self._damaged("one that was cut short")
+        return block, 0
+
+    def _list(self, folder: _Folder, names: frozenset[str], body: bytes) -> None:
+        at = len(body) - self._symbol.size
+        name = body[: max(at, 0)].decode("latin-1")
+        if name not in names:
+            return
+        kind, offset, count = self._symbol.unpack_from(body, at)
+        if kind not in _TYPES:
+            return
+        self.folders.setdefault(folder, {})[name] = len(self._listed)
+        self._listed.extend((kind, count, offset))
+        if len(self._listed) > 3 * _MOST_WANTED or len(self.folders) > _MOST_FOLDERS:
+            expected = f"at most {_MOST_FOLDERS:,} states with {_MOST_WANTED:,} variables of nodes and energies"
+            raise DataError(Problem(self._where, expected, "more", "write fewer states (DT in *DATABASE_NODOUT)"))
+
+    def _exactly(self, count: int, offset: int | None = None) -> bytes:
+        if offset is not None:
+            self._stream.seek(min(offset, self._size))
+        content = self._stream.read(count)
+        if len(content) < count:
+            raise self._damaged("one that was cut short")
+        return content
+
+    def _damaged(self, found: str) -> DataError:
+        return DataError(Problem(self._where, "a sound binout file of LS-DYNA", found, "copy it again from the run"))
+
+
+def _changed(folder: _Folder, path: str) -> _Folder:
+    parts = [] if path.startswith("/") else list(folder)
+    for part in path.split("/"):
+        if part == "..":
+            del parts[-1:]
+        elif part not in ("", "."):
+            parts.append(part)
+    return tuple(parts[:8])
+
+
+@dataclass
+class _Metadata:
+    """What a database says of its nodes; a continuation file leaves it to the first of its family."""
+
+    title: str
+    ids: npt.NDArray[np.integer[Any]]
+    titles: dict[str, str]
+
+    def labels(self, database: str) -> list[str]:
+        return [f"{_PREFIX.get(database, '')}{int(number)}" for number in self.ids[:MOST_NODES]]
+
+
+@dataclass
+class _Part:
+    """A database in one file: its states in order of time, and the file in which the last may go on."""
+
+    database: str
+    file: _LsdaFile
+    after: _LsdaFile | None
+    where: str
+    of: _Metadata
+    states: list[_Folder]
+    time: FloatArray
+
+    def value(self, state: _Folder, name: str) -> npt.NDArray[Any] | None:
+        """A variable of all nodes in a state; None if it was not written."""
+        values = self.file.read(state, name)
+        if values is None and self.after is not None and name in self._torn(state):
+            values = self.after.read(state, name)
+        if values is not None and values.size != self.of.ids.size:
+            expected, found = f"{name} of {self.of.ids.size} nodes in each state", f"{values.size} in {state[1]}"
+            raise DataError(Problem(self.where, expected, found, "copy it again from the run"))
+        return values
+
+    def names(self, state: _Folder) -> set[str]:
+        return {*self.file.folders[state], *self._torn(state)}
+
+    def _torn(self, state: _Folder) -> Collection[str]:
+        """Names of the variables of a state that went into the next file."""
+        variables = () if self.after is None else self.after.folders.get(state, ())
+        return () if "time" in variables else variables
+
+    def velocities(self, state: _Folder) -> FloatArray:
+        velocities = np.full((3, self.of.ids.size), np.nan)
+        for row, axis in zip(velocities, AXES, strict=True):
+            if (value := self.value(state, _DATABASES[self.database][1].format(axis))) is not None:
+                row[:] = value
+        return velocities
+
+
+def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -> tuple[Histories, States, States]:
+    """Read a run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing.
+
+    If there are more than ``most`` nodes, those with a title are kept first.
+    """
+    glstat: States = {}
+    matsum: States = {}
+    parts: list[_Part] = []
+    for shards in families:
+        files = [_LsdaFile(stream, where, _wanted) for stream, where in shards]
+        for file in files:
+            glstat |= _states_of(file, "glstat")
+            matsum |= _states_of(file, "matsum")
+        family = list(_parts(files, [where for _, where in shards]))
+        _check_apart(parts, family)
+        parts += family
+    title = next((part.of.title for part in parts if part.of.title), "")
+    if not parts:
+        return Histories(title, (), 0), glstat, matsum
+    if sum(len(part.states) * min(part.of.ids.size, most) for part in parts) > MOST_VALUES:
+        raise too_many_values(parts[0].where)
+    start, fastest = _motion(parts)
+    axis = AXES[axis_of_travel(start, travel)]
+    pieces: dict[tuple[str, str], list[History]] = {}
+    for part in parts:
+        for piece in _histories(part, axis, most):
+            pieces.setdefault((part.database, piece.name), []).append(piece)
+    frequent = {name for database, name in pieces if database == "nodouthf"}
+    merged = [_joined(of) for (database, name), of in pieces.items() if database != "nodout" or name not in frequent]
+    kept = nodes_to_keep([node.name for node in merged], {node.name: node.title for node in merged}, most)
+    nodes = tuple(node for node in merged if node.name in kept)
+    total = max(len(merged), *(part.of.ids.size for part in parts))
+    count = sum(map(len, families))
+    holding = len({part.where for part in parts})
+    notes = (f"Nodes from {holding} of {count} files of binout, joined.",) if count > 1 else ()
+    return Histories(title, nodes, total, start, fastest, notes=notes), glstat, matsum
+
+
+def _states_of(file: _LsdaFile, database: str) -> States:
+    states: States = {}
+    for folder, names in file.folders.items():
+        if folder[0] != database or (time := file.read(folder, "time")) is None or not time.size:
+            continue
+        values = {name: file.read(folder, name) for name in names if name != "time"}
+        states[float(time[0])] = {
+            name: float(value.sum(dtype=np.float64)) for name, value in values.items() if value is not None
+        }
+    return states
+
+
+def _wanted(folder: _Folder) -> frozenset[str] | None:
+    match folder:
+        case (database, "metadata") if database in _DATABASES:
+            return _METADATA
+        case (database, _) if database in _DATABASES:
+            return _VARIABLES[database]
+        case ("glstat", _):
+            return GLSTAT
+        case ("matsum", _):
+            return MATSUM
+    return None
+
+
+def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
+    metadata: dict[str, _Metadata] = {}
+    for file, after, where in zip(files, [*files[1:], None], names, strict=True):
+        states: dict[str, list[_Folder]] = {}
+        for folder, variables in file.folders.items():
+            if folder[0] in _DATABASES and folder[1] != "metadata" and "time" in variables:
+                states.setdefault(folder[0], []).append(folder)
+        for database in _DATABASES:
+            if (ids := file.read((database, "metadata"), "ids")) is not None and ids.dtype.kind in "iu":
+                title = printable(_text(file, (database, "metadata"), "title").strip())
+                metadata[database] = _Metadata(title, ids, _titles(file, database))
+            if not states.get(database):
+                continue
+            if database not in metadata:
+                expected, advice = f"the numbers of the nodes of {database} (metadata)", "copy all files of the run"
+                raise DataError(Problem(where, expected, "none", advice))
+            times = (file.read(state, "time") for state in states[database])
+            time = np.array([np.nan if values is None or values.size != 1 else float(values[0]) for values in times])
+            order = [place for place in np.argsort(time, kind="stable").tolist() if np.isfinite(time[place])]
+            in_order = [states[database][place] for place in order]
+            part = _Part(database, file, after, where, metadata[database], in_order, time[order])
+            if order and part.names(in_order[-1]) < part.names(in_order[0]):  # killed while it was written
+                part = replace(part, states=in_order[:-1], time=part.time[:-1])
+            if part.states:
+                yield part
+
+
+def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
+    """Raise a DataError if two families hold the same nodes at the same time: they are of two runs."""
+    for part in parts:
+        for other in others:
+            at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
+            if part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size:
+                expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
+                advice = "put each run into a folder of its own, or name its job (run1.binout0000)"
+                raise DataError(Problem(other.where, expected, found, advice))
+
+
+def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
+    """How the nodes set out, shape (3, n_nodes), and the largest speed along each axis in some of the states."""
+    first: dict[tuple[str, bytes], _Part] = {}
+    fastest = np.zeros(3)
+    for part in sorted(parts, key=lambda part: float(part.time[0])):
+        first.setdefault((part.database, part.of.ids.tobytes()), part)
+        for place in np.unique(np.linspace(0, len(part.states) - 1, _SAMPLED, dtype=int)).tolist():
+            speeds = np.nan_to_num(np.abs(part.velocities(part.states[place])), nan=0.0)
+            fastest = np.maximum(fastest, speeds.max(axis=1, initial=0.0))
+    return np.concatenate([part.velocities(part.states[0]) for part in first.values()], axis=1), fastest
+
+
+def _histories(part: _Part, axis: str, most: int) -> list[History]:
+    labels = part.of.labels(part.database)
+    chosen = nodes_to_keep(labels, part.of.titles, most)
+    places = [place for place, label in enumerate(labels) if label in chosen]
+    values = np.full((2, len(places), len(part.states)), np.nan)
+    with np.errstate(invalid="ignore"):  # damaged data may hold any number
+        for of, name in zip(values, _DATABASES[part.database], strict=True):
+            for place, state in enumerate(part.states):
+                row = part.value(state, name.format(axis))
+                if row is not None:
+                    of[:, place] = row[places]
+                elif place + 1 < len(part.states):
+                    found, advice = f"none in {state[1]}", "copy it again from the run"
+                    raise DataError(Problem(part.where, f"{name.format(axis)} in each state", found, advice))
+    return [
+        History(labels[place], part.of.titles.get(labels[place], ""), part.time, accel, velocity)
+        for place, accel, velocity in zip(places, *values, strict=True)
+    ]
+
+
+def _titles(file: _LsdaFile, database: str) -> dict[str, str]:
+    folder = (database, "metadata")
+    ids, text = file.read(folder, "legend_ids"), _text(file, folder, "legend")
+    if ids is None or ids.dtype.kind not in "iu":
+        return {}
+    prefix = _PREFIX.get(database, "")
+    cut = range(0, min(len(text), _TITLE_BYTES * ids.size), _TITLE_BYTES)
+    return {
+        f"{prefix}{int(number)}": printable(text[at : at + _TITLE_BYTES].strip())
+        for number, at in zip(ids, cut, strict=False)
+    }
+
+
+def _text(file: _LsdaFile, folder: _Folder, name: str) -> str:
+    values = file.read(folder, name)
+    return "" if values is None or values.itemsize != 1 else values.tobytes().decode("latin-1").replace("\0", " ")
+
+
+def _joined(pieces: Sequence[History]) -> History:
+    """Join one node's data from several files; if a restart repeats a time, the later file takes precedence."""
+    ordered = sorted(pieces, key=lambda piece: float(piece.time[0]))
+    ends = [float(piece.time[0]) for piece in ordered[1:]] + [np.inf]
+    kept = [piece.time < end for piece, end in zip(ordered, ends, strict=True)]
+    parts = {
+        name: np.concatenate([getattr(piece, name)[keep] for piece, keep in zip(ordered, kept, strict=True)])
+        for name in ("time", "acceleration", "velocity")
+    }
+    return History(ordered[0].name, next((p.title for p in ordered if p.title), ""), **parts)

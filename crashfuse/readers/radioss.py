@@ -1,0 +1,441 @@
+"""Reader of Radioss runs: the binary time history ``<run>T01``, or the CSV that ``th_to_csv`` makes of it.
+
+A time history is a sequence of records, big-endian, framed by their length: a header that lists what is written, then
+for each state its time, the global histories, those of parts and subsets, and those of each group of ``/TH``. Layout
+and codes are those of the solver's own writer (``hist1.F``, ``hist2.F``, ``hm_read_thgrou.F``) and converter. Forces
+(of walls, sections, interfaces, rigid bodies) are written as impulses since the start of the run; they are not read.
+
+Three things in the CSV mislead. The labels of the global histories are those of one version of the solver, whatever
+was written: where their number is another, all labels after them stand over the wrong columns, so labels are counted
+from the right. Of the variables of a node it says only ``var 33``, unless the run wrote its titles (``/TH/TITLE``).
+And forces are impulses, unless it had those titles. Labels may hold stray control characters, and the last row may be
+cut.
+"""
+
+import csv
+import io
+import re
+import struct
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path, PurePath
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
+from crashfuse.readers.format import Travel
+from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.members import opened_members, read_all
+from crashfuse.readers.radioss_history import (
+    ACCELEROMETER,
+    GLOBAL,
+    MOST_VALUES,
+    TimeHistory,
+    Watched,
+    join_files,
+    join_parts,
+    record_of,
+    with_names,
+)
+from crashfuse.readers.record import Record
+from crashfuse.signals.pulse import FloatArray
+
+_BINARY_KIND = "a time history of Radioss (T01, IEEE binary)"
+_NODES, _ACCELEROMETERS = 0, 108
+_VARIABLES: Mapping[int, Mapping[int, str]] = {
+    _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
+    _ACCELEROMETERS: {1: "AX", 2: "AY", 3: "AZ", 4: "WX", 5: "WY", 6: "WZ"},
+}  # names of the variables that are read, by the kind of a group and their codes
+_FORCES = {101: "interfaces", 102: "rigid walls", 103: "rigid bodies", 104: "sections", 105: "joints"}
+_MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
+_DEFAULT = "write the time history in Radioss's default form (/TFILE, or /TFILE/4) or convert it to CSV (th_to_csv)"
+_CSV_KIND = "the CSV of a time history of Radioss (th_to_csv)"
+_BEGINS = re.compile(rb'\s*"?time"?\s*,\s*"?INTERNAL ENERGY"?\s*,\s*"?KINETIC ENERGY', re.IGNORECASE)
+_UNNAMED = re.compile(r"(.*\S)\s+var\s+(\d{1,9})")
+_NAMED = re.compile(r"(.*\S)\s+(\S+)")
+_STRAY = re.compile(r"[^ -~\xa1-\xff]+")
+_WIDTHS = (100, 80, 40)  # of titles
+_CURVE_NAME = re.compile(r"[DVA][XYZ]|W[XYZ]")
+_LONGEST_LABELS, _LONGEST_LABEL, _MOST_COLUMNS = 16 << 20, 1000, 20_000
+_IMPORT = "import the time history itself (T01)"
+_KIND = "a time history of Radioss (T01), or the CSV of it"
+_NAME = re.compile(
+    r"(?P<run>.*[^.])T(?P<part>\d\d)(?P<more>[a-i]?)|(?P<new_run>.+)_(?P<new_part>\d{4})(_(?P<new_more>[a-i]))?\.thy",
+    re.IGNORECASE | re.DOTALL,
+)
+_HEAD = 200  # bytes
+
+
+def read_binary(content: bytes, where: str) -> TimeHistory:
+    """Read a binary time history; a DataError if it is none, is in another of Radioss's forms, or is damaged."""
+    if advice := _other_form(content):
+        raise DataError(Problem(where, _BINARY_KIND, advice, _DEFAULT))
+    return _BinaryFile(content, where).time_history()
+
+
+def _other_form(content: bytes) -> str:
+    if content[:4] in (struct.pack("<i", 84), struct.pack("<i", 164)):
+        return "Fortran's own binary (/TFILE/1)"
+    if b" FORMAT" in content[:120] and b"ZZZZZEOR" in content[:300]:
+        return "text (/TFILE/3)"
+    return "a compressed file" if content[:2] == b"\x1f\x8b" else ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    kind: int
+    elements: int
+    names: tuple[tuple[int, str], ...]
+    codes: tuple[int, ...]
+
+
+class _BinaryFile:
+    def __init__(self, content: bytes, where: str) -> None:
+        self._where = where
+        records = self._records(content)
+        first = self._next(records)
+        if len(first) != 84 or not 1000 <= _ints(first[:4])[0] <= 9999:
+            raise self._damaged("another kind of file")
+        self.title = _text(first[4:])
+        self._next(records)  # date
+        counts = self._next(records)
+        self._factors: tuple[float, ...] = ()
+        if len(counts) == 4:  # newer forms: how many records follow here, the length of titles, factors of the units
+            for _ in range(min(self._counts(counts, 1)[0], 10)):
+                extra = self._next(records)
+                self._factors = struct.unpack(">3f", extra) if len(extra) == 12 else self._factors
+            counts = self._next(records)
+        parts, materials, sections, subsets, groups, globals_ = self._counts(counts, 6)
+        self._codes = _ints(self._next(records)) if globals_ else ()
+        sizes = [1, globals_, self._parts(records, parts)]
+        for _ in range(materials + sections):
+            self._next(records)
+        sizes.append(self._subsets(records, subsets))
+        self._groups = [self._group(records) for _ in range(groups)]
+        sizes += [group.elements * len(group.codes) for group in self._groups]
+        self._blocks = [size for size in sizes if size]
+        self._places = [0, *accumulate(size + 2 for size in self._blocks)]  # of each record in a state, in words
+        self._states, self._left_over = self._data(content)
+
+    def time_history(self) -> TimeHistory:
+        time = self._block(0)[:, 0].astype(np.float64)
+        notes = ("The last state is cut short and left out.",) if self._left_over else ()
+        factors = (
+            self._factors if len(self._factors) == 3 and all(0 < factor < 1e6 for factor in self._factors) else None
+        )
+        return TimeHistory(
+            self.title,
+            time,
+            self._model(),
+            self._watched(time),
+            tuple(dict.fromkeys(f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES)),
+            (factors[0], factors[1], factors[2]) if factors else None,
+            notes,
+        )
+
+    def _model(self) -> dict[str, FloatArray]:
+        codes = {name: code for code, name in enumerate(GLOBAL, start=1) if code in self._codes}
+        return {name: self._block(1)[:, self._codes.index(code)].astype(np.float64) for name, code in codes.items()}
+
+    def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
+        found: dict[str, dict[str, FloatArray]] = {}
+        titles: dict[str, str] = {}
+        groups, curves = [group for group in self._groups if group.elements and group.codes], 0
+        for at, group in enumerate(groups, start=len(self._blocks) - len(groups)):
+            names = _VARIABLES.get(group.kind, {})
+            columns = {name: group.codes.index(code) for code, name in names.items() if code in group.codes}
+            curves += len(columns) * group.elements
+            if curves > _MOST_CURVES or curves * len(time) > MOST_VALUES:
+                expected = f"at most {_MOST_CURVES:,} variables of nodes, and {MOST_VALUES:,} values of them"
+                raise DataError(Problem(self._where, expected, "more", "watch fewer nodes (/TH/NODE)"))
+            values = self._block(at).reshape(len(time), group.elements, len(group.codes))
+            for place, (number, title) in enumerate(group.names):
+                name = f"{ACCELEROMETER}{number}" if group.kind == _ACCELEROMETERS else str(number)
+                titles.setdefault(name, title)
+                series = found.setdefault(name, {})
+                for curve, column in columns.items():
+                    series.setdefault(curve, values[:, place, column].astype(np.float64))
+        return tuple(Watched(name, titles[name], time, series) for name, series in found.items())
+
+    def _block(self, number: int) -> npt.NDArray[np.float32]:
+        start = self._places[number] + 1
+        return self._states[:, start : start + self._blocks[number]]
+
+    def _data(self, content: bytes) -> tuple[npt.NDArray[np.float32], bool]:
+        """All whole states with the frames of their records, shape (n_states, words of a state); and is there more."""
+        words = self._places[-1]
+        states, left_over = divmod(len(content) - self._at, 4 * words)
+        if not states:
+            raise self._damaged("no state")
+        raw = np.frombuffer(content, ">i4", count=states * words, offset=self._at).reshape(states, words)
+        for place, size in zip(self._places[:-1], self._blocks, strict=True):
+            if (raw[:, [place, place + size + 1]] != 4 * size).any():
+                raise self._damaged("states that are not alike")
+        return raw.view(">f4"), bool(left_over)
+
+    def _parts(self, records: Iterator[bytes], count: int) -> int:
+        total = 0
+        for _ in range(count):
+            variables = self._counts(self._next(records)[-4:], 1)[0]
+            total += variables
+            if variables:
+                self._next(records)
+        return total
+
+    def _subsets(self, records: Iterator[bytes], count: int) -> int:
+        total = 0
+        for _ in range(count):
+            _, _, children, parts, variables = self._counts(self._next(records), 5)
+            total += variables
+            for listed in (children, parts, variables):
+                if listed:
+                    self._next(records)
+        return total
+
+    def _group(self, records: Iterator[bytes]) -> _Group:
+        head = self._next(records)
+        _, kind, _, elements, variables = self._counts(head, 5)
+        bodies = [self._next(records) for _ in range(elements)]
+        if kind not in _VARIABLES:
+            bodies = []
+        names = tuple((_ints(body[:4])[0], _text(body[4:]) or _text(head[20:])) for body in bodies)
+        return _Group(kind, elements, names, _ints(self._next(records)) if variables else ())
+
+    def _records(self, content: bytes) -> Iterator[bytes]:
+        """Yield the records of the header; ``_at`` is where the next one begins."""
+        self._at = 0
+        for _ in range(_MOST_RECORDS):
+            if self._at + 8 > len(content):
+                return
+            size = struct.unpack_from(">i", content, self._at)[0]
+            end = self._at + 4 + size
+            if size < 0 or end + 4 > len(content) or struct.unpack_from(">i", content, end)[0] != size:
+                return
+            record = content[self._at + 4 : end]
+            self._at = end + 4
+            yield record
+
+    def _next(self, records: Iterator[bytes]) -> bytes:
+        record = next(records, b"")
+        if len(record) < 4:
+            raise self._damaged("one that was cut short, or another kind of file")
+        return record
+
+    def _counts(self, record: bytes, count: int) -> tuple[int, ...]:
+        found = _ints(record[: 4 * count])
+        if len(record) < 4 * count or any(not 0 <= number <= _MOST_COUNT for number in found[-2:]):
+            raise self._damaged("a header that makes no sense")
+        return found
+
+    def _damaged(self, found: str) -> DataError:
+        return DataError(Problem(self._where, _BINARY_KIND, found, "copy it again from the run"))
+
+
+def _text(title: bytes) -> str:
+    return printable(title.decode("latin-1").strip("\0 "))
+
+
+def _ints(record: bytes) -> tuple[int, ...]:
+    return struct.unpack(f">{len(record) // 4}i", record[: len(record) // 4 * 4])
+
+
+def _is_converted(path: PurePath, head: bytes) -> bool:
+    return path.suffix.lower() == ".csv" and _BEGINS.match(head) is not None
+
+
+def read_converted(content: bytes, where: str) -> TimeHistory:
+    """Read a converted time history; a DataError if it is none, or is damaged."""
+    labels, start = _labels(content, where)
+    table, cut = _numbers(content[start:], where)
+    names = {name.casefold() for name in GLOBAL} | {"no name"}
+    first = 1 + next((i for i, label in enumerate(labels[1:]) if label.casefold() not in names), len(labels) - 1)
+    others = labels[first:]
+    count = table.shape[1] - 1 - len(others)  # global histories that were written
+    if count < 0:
+        expected = f"at least {1 + len(others)} columns, as the header has"
+        raise DataError(Problem(where, expected, f"{table.shape[1]}", _IMPORT))
+    time = table[:, 0]
+    if not np.isfinite(time).all() or (np.diff(time) <= 0).any():
+        row = int(np.argmin(np.diff(time) > 0)) if np.isfinite(time).all() else 0
+        found = f"{time[row + 1]:g} after {time[row]:g}" if time.size > row + 1 else "no number"
+        raise DataError(Problem(where, "a time that increases from row to row", found, _IMPORT, "time", row + 3))
+    model = {name: table[:, 1 + i] for i, name in enumerate(GLOBAL[:count])}
+    watched, unread = _watched_of_csv(table, others, 1 + count, where)
+    notes = ["The last row is cut short and left out."] if cut else []
+    if count != first - 1:
+        misplaced = f"{first - 1} labels of global histories stand over {count} columns"
+        notes.insert(0, f"{misplaced}, so labels are counted from the right.")
+    return TimeHistory("", time, model, watched, unread, notes=tuple(notes))
+
+
+def _watched_of_csv(
+    table: FloatArray, labels: Sequence[str], start: int, where: str
+) -> tuple[tuple[Watched, ...], tuple[str, ...]]:
+    objects: dict[str, dict[str, FloatArray]] = {}
+    for place, label in enumerate(labels, start):
+        name, variable = _object_and_variable(label, place, where)
+        objects.setdefault(name, {})[variable] = table[:, place]
+    watched: dict[str, Watched] = {}
+    unread: list[str] = []
+    for label, variables in objects.items():
+        if (split := _split(label)) is None:
+            continue  # a part or subset
+        group, number, title = split
+        named = {name: values for name, values in variables.items() if not name.startswith("var ")}
+        curves = {name: values for name, values in named.items() if _CURVE_NAME.fullmatch(name)} if named else variables
+        if not curves:
+            unread.append(f"{group} {number}".strip())
+            continue
+        name = number if any(curve[0] in "DVv" for curve in curves) else f"{ACCELEROMETER}{number}"
+        others = watched[name].curves if name in watched else {}
+        watched[name] = Watched(name, title or group, table[:, 0], {**curves, **others})
+    return tuple(watched.values()), tuple(unread)
+
+
+def _labels(content: bytes, where: str) -> tuple[list[str], int]:
+    """The labels, without stray characters, and where the numbers begin; a label may hold a line break."""
+    if _BEGINS.match(content[:200]) is None:
+        raise DataError(Problem(where, _CSV_KIND, "another kind of file", _IMPORT))
+    end, quotes, breaks = 0, 0, 0
+    while not end or quotes % 2:  # to the first line break outside quotes
+        begin, end, breaks = end, content.find(b"\n", end, _LONGEST_LABELS) + 1, breaks + 1
+        if not end or breaks > _MOST_COLUMNS:
+            raise DataError(Problem(where, _CSV_KIND, "no numbers", _IMPORT))
+        quotes += content.count(b'"', begin, end)
+    text = _STRAY.sub("", content[:end].decode("latin-1"))
+    try:
+        labels = next(csv.reader(io.StringIO(text)), [])
+    except csv.Error as error:
+        raise DataError(Problem(where, _CSV_KIND, str(error), _IMPORT)) from error
+    while labels and not labels[-1].strip():
+        labels.pop()
+    if max(len(labels), content[end : end + _LONGEST_LABELS].partition(b"\n")[0].count(b",")) > _MOST_COLUMNS:
+        raise DataError(Problem(where, f"at most {_MOST_COLUMNS:,} columns", "more", _IMPORT))
+    return [label[:_LONGEST_LABEL].strip() for label in labels], end
+
+
+def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
+    cut = not content.endswith(b"\n") and b"\n" in content
+    whole = content[: content.rfind(b"\n") + 1] if cut else content
+    first = whole.partition(b"\n")[0]
+    width = first.rstrip(b"\r,").count(b",") + 1
+    if width * whole.count(b"\n") > MOST_VALUES:
+        raise DataError(Problem(where, "the values of a run", "more than any has", "convert fewer of them"))
+    try:
+        frame = pd.read_csv(io.BytesIO(whole), header=None, dtype=np.float64, engine="c", index_col=False)
+        table = frame.to_numpy(np.float64)[:, :width]
+    except (ValueError, OverflowError, pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise DataError(Problem(where, "rows of numbers", printable(str(error)), _IMPORT)) from error
+    if len(table) < 2:
+        raise DataError(Problem(where, "at least two rows of numbers", f"{len(table)}", _IMPORT))
+    short = np.isnan(table).any(axis=1)
+    if short[:-1].any():
+        row = int(short.argmax())
+        found = f"{int((~np.isnan(table[row])).sum())}"
+        raise DataError(Problem(where, f"{width} numbers", found, _IMPORT, row=row + 2))
+    return (table[:-1], True) if short[-1] else (table, cut)
+
+
+def _object_and_variable(label: str, place: int, where: str) -> tuple[str, str]:
+    """The object and the variable that a label names; ``var 33`` of column 33 if it names none."""
+    if found := _UNNAMED.fullmatch(label):
+        if int(found[2]) != place:
+            expected = f"the label of column {found[2]} over that column"
+            raise DataError(Problem(where, expected, f"it over column {place}", _IMPORT, label))
+        return found[1], f"var {place}"
+    found = _NAMED.fullmatch(label)
+    return (found[1], found[2]) if found else (label, f"var {place}")
+
+
+def _split(label: str) -> tuple[str, str, str] | None:
+    """Group, number and title of an object; None of a part or subset, which has no number."""
+    forms = (*(rf"(.{{{width}}}) (\d{{1,10}})(?: (.*))?" for width in _WIDTHS), r"(.*?)\s+(\d{1,10})(?:\s+(.*))?")
+    found = next((match for form in forms if (match := re.fullmatch(form, label))), None)
+    return None if found is None else (found[1].strip(), found[2], (found[3] or "").strip())
+
+
+def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFAULT_LIMITS) -> tuple[Record, ...]:
+    """Read Radioss runs: the accelerations of their nodes and accelerometers along the axis of travel.
+
+    The path is a time history, its CSV, a folder of one run or of many, or a zip. The parts of a run that was
+    restarted (``T01``, ``T02`` …) and its additional files (``T01a`` …) are one record.
+    """
+    with opened_members(path, _belongs, _KIND, limits) as (members, budget):
+        runs = _runs(members, path)
+        if not runs:
+            raise DataError(Problem(path.name, _KIND, "none", "check the path"))
+
+        def record(run_id: str) -> Record:
+            return record_of(_read(runs[run_id], budget), run_id, runs[run_id][0].path.name, travel)
+
+        return read_all(runs, record, path.name)
+
+
+def is_time_history_csv(path: Path) -> bool:
+    """Whether a file is the CSV of a time history, which any name may have."""
+    if path.suffix.lower() != ".csv" or not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        return _is_converted(path, stream.read(_HEAD))
+
+
+def _belongs(path: PurePath) -> bool:
+    return FORMATS["radioss"].has(path) or (isinstance(path, Path) and is_time_history_csv(path))
+
+
+def _parts_of_name(name: str) -> tuple[str, int, str]:
+    found = _NAME.fullmatch(name[:-4] if name.lower().endswith(".csv") else name)
+    if found is None:
+        return PurePath(name).stem, 1, ""
+    run, part = found["run"] or found["new_run"], int(found["part"] or found["new_part"])
+    return run, part, (found["more"] or found["new_more"] or "").lower()
+
+
+def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
+    """Files by run; of a file that was chosen, only its run. A CSV beside its original is left out."""
+    chosen = path.is_file() and path.suffix.lower() != ".zip"
+    original = {member.path for member in members if FORMATS["radioss"].has(member.path)}
+    found: defaultdict[tuple[str, str], list[Member]] = defaultdict(list)
+    for member in members:
+        run, copied = _parts_of_name(member.path.name)[0], member.path not in original
+        if chosen:
+            if (
+                len(member.path.parts) > 1
+                or copied == FORMATS["radioss"].has(path)
+                or run != _parts_of_name(path.name)[0]
+            ):
+                continue
+        elif copied and member.path.with_suffix("") in original:
+            continue
+        found["-".join(member.path.parts[:-1]), run].append(member)
+    alone = len({run for _, run in found}) == len(found)
+    return {run if alone or not folder else f"{folder}-{run}": files for (folder, run), files in found.items()}
+
+
+def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
+    by_file: defaultdict[str, list[tuple[int, Member]]] = defaultdict(list)
+    for file in files:
+        _, part, more = _parts_of_name(file.path.name)
+        by_file[more].append((part, file))
+    histories = []
+    for more in sorted(by_file):
+        parts = sorted(by_file[more], key=lambda part: (part[0], part[1].where))
+        numbers, names = [number for number, _ in parts], [file.path.name for _, file in parts]
+        if numbers != list(range(1, len(parts) + 1)):
+            expected = "every part of the run once, from the first (T01) on"
+            advice = "add those that are missing, or import each run on its own"
+            raise DataError(Problem(names[0], expected, " and ".join(names), advice))
+        histories.append(join_parts([_parsed(file, budget) for _, file in parts], names))
+    return with_names(join_files(histories))
+
+
+def _parsed(file: Member, budget: Budget) -> TimeHistory:
+    content, name = file.content(budget), file.path.name
+    if _is_converted(file.path, content[:_HEAD]):
+        return read_converted(content, name)
+    return read_binary(content, name)

@@ -1,0 +1,303 @@
+"""What a run of any solver tells: histories of nodes, accelerometers among them, travel, units, mass and quality.
+
+No solver records which nodes are accelerometers: titles tell; without titles, nodes that travel as far as most others
+are proposed. LS-DYNA records no units either: crash models are built in mm, s, t; in mm, ms, kg; or in m, s, kg.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.readers.format import AXES, Travel
+from crashfuse.readers.record import RecordedChannel
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS
+from crashfuse.run_quality import QUANTITIES, RunQuality
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import MS
+from crashfuse.wording import number
+
+_ALIASED = 0.05  # of the velocity
+_ALIKE = 0.1  # of the median travel
+_DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
+_PLACES = (
+    (r"(?=.*\b(rear|rr|hinten)\b)(?=.*(cross|x ?mem|x ?mbr|floor|sill|seat|tunnel))", "at the rear, behind the crush"),
+    (r"\b(c\.?o?\.?g|cent(er|re) of gravity|schwerpunkt)\b", "at the centre of gravity"),
+    (r"tunnel", "on the tunnel"),
+    (r"\b(sill|rocker)", "on the sills"),
+    (r"\bb ?pillar", "on the B-pillars"),
+)
+_SLOWEST_MPS = 1.0
+_LEAST_OF_FASTEST = 0.2  # a vehicle is at its fastest when it sets out; what is accelerated first is none
+_OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
+
+LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
+_SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run that ended at once
+FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
+_OF = {
+    "energy_change": "the energy at the start",
+    "hourglass_share": "the largest internal energy",
+    "added_mass_share": "the mass at the start",
+}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class History:
+    """One node or rigid body along the axis of travel, in the units of the run."""
+
+    name: str  # the node's number; body 12 for a rigid body
+    title: str  # from *DATABASE_HISTORY_NODE_ID; empty if it has none
+    time: FloatArray
+    acceleration: FloatArray
+    velocity: FloatArray  # all NaN if the file has none
+
+
+def channel_of(node: History, per_second: float, unit: str | None) -> RecordedChannel:
+    """The acceleration of a node as a channel, or the slope of its velocity (:func:`is_aliased`)."""
+    values = np.gradient(node.velocity, node.time) if is_aliased(node) else node.acceleration
+    label = node.title or ("rigid body" if node.name.startswith("body") else "node")
+    return RecordedChannel(node.name, label, per_second * node.time, values, unit)
+
+
+def is_aliased(node: History) -> bool:
+    """Whether the accelerations, sampled once per output interval, fail to reproduce the velocity."""
+    change = node.velocity - node.velocity[0]
+    if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
+        return False
+    error = np.abs(integral(node.acceleration, node.time) - change).max()
+    return bool(error > _ALIASED * np.abs(node.velocity).max()) and bool((np.diff(node.time) > 0).all())
+
+
+def integral(values: FloatArray, time: FloatArray) -> FloatArray:
+    """The integral over time by the trapezoidal rule, 0 at the start."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(time) * (values[1:] + values[:-1]) / 2)])
+
+
+def titled_nodes(nodes: Sequence[History]) -> tuple[list[History], str] | None:
+    """The nodes whose titles say that they are where accelerometers are, and the reason; None if no title does."""
+    for words, where in _PLACES:
+        named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not is_on_a_dummy(node)]
+        if named:
+            named = _finest(named)
+            return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
+    return None
+
+
+def is_on_a_dummy(node: History) -> bool:
+    """Whether a node is one of a dummy, by its title."""
+    return _DUMMY.search(_words(node.title)) is not None
+
+
+def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
+    """The nodes to average, and the reason."""
+    if titled := titled_nodes(nodes):
+        return titled
+    nodes = _finest(nodes)
+    travels = np.array([np.abs(integral(node.velocity, node.time)).max() for node in nodes])
+    if len(nodes) == 1 or not np.isfinite(travels).any():
+        return list(nodes), f"No titles say which nodes are accelerometers; {_listed(nodes)}: {_average(nodes)}."
+    middle = np.nanmedian(travels)
+    alike = [n for n, travel in zip(nodes, travels, strict=True) if abs(travel - middle) <= _ALIKE * middle]
+    chosen = alike or list(nodes)
+    why = f"No titles say which nodes are accelerometers; {len(chosen)} of {len(nodes)} travel alike"
+    return chosen, f"{why} ({_listed(chosen)}): {_average(chosen)}. Choose others if some lie in the crush."
+
+
+def _finest(nodes: Sequence[History]) -> list[History]:
+    """The nodes that were written most often (``nodouthf``), since only nodes of one clock can be averaged."""
+    most = max(node.time.size for node in nodes)
+    return [node for node in nodes if node.time.size == most]
+
+
+def _listed(nodes: Sequence[History]) -> str:
+    shown = ", ".join(f"{node.name}{f' ({node.title})' if node.title else ''}" for node in nodes[:6])
+    return f"{shown} and {len(nodes) - 6} more" if len(nodes) > 6 else shown
+
+
+def _average(nodes: Sequence[History]) -> str:
+    return "their average is the pulse" if len(nodes) > 1 else "it is the pulse"
+
+
+def _words(title: str) -> str:
+    return re.sub(r"[_-]+|(?<=[a-z])(?=[A-Z])", " ", title)
+
+
+def axis_of_travel(start: FloatArray, travel: Travel | None = None) -> int:
+    """The number of the axis: the one given, else that along which the nodes set out fastest on average.
+
+    ``start`` are velocities along x, y and z when the run begins, shape (3, n_nodes); nodes at rest do not matter.
+    """
+    if travel is not None:
+        return AXES.index(travel[-1])
+    return int(np.abs(_finite(start)).mean(axis=1).argmax())
+
+
+def checked_travel(
+    start: FloatArray,
+    speeds: tuple[float, float],
+    fastest: FloatArray,
+    per_mps: float | None,
+    travel: Travel | None,
+    source: str,
+) -> tuple[str, bool]:
+    """The sentence on the direction of travel, and whether the nodes set out with the speed of the impact.
+
+    A DataError says that nothing sets out as a vehicle does, or in another direction than the user says.
+
+    Parameters
+    ----------
+    speeds : (float, float)
+        Speed of the nodes of the pulse along the axis when the run begins, and the largest of theirs in the run.
+    fastest : ndarray, shape (3,)
+        Largest speed of any node along each axis.
+    per_mps : float, optional
+        Factor from the file's velocities to m/s; None if its unit of length is unknown.
+    """
+    axis, start = axis_of_travel(start, travel), _finite(start)
+    found = f"{'-' if start[axis].sum() < 0 else ''}{AXES[axis]}"
+    initial, largest = speeds
+    is_fast = initial > 0 and initial >= _LEAST_OF_FASTEST * largest
+    moves = is_fast and (per_mps is None or initial * per_mps >= _SLOWEST_MPS)
+    at_start, at_most = _by_axis(np.abs(start).max(axis=1), per_mps), _by_axis(fastest, per_mps)
+    if travel is not None:
+        if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
+            expected, advice = f"nodes that move along {travel}, as given", "check the direction (--travel)"
+            raise DataError(Problem(source, expected, f"at most {at_most}", advice))
+        if moves and found != travel:
+            expected = f"nodes that set out along {travel}, as given"
+            raise DataError(Problem(source, expected, f"along {found}", f"check the direction (--travel {found})"))
+        if _aslant(start, axis):
+            return f"Careful: travel along {travel}, given by the user, but nodes set out at {at_start} at most.", moves
+        return f"Travel along {travel}, given by the user.", moves
+    if not moves:
+        expected = "nodes that travel like a vehicle's, fastest when they set out"
+        advice = "choose the run of a vehicle; if it is struck at rest, give axis and speed (--travel, --speed-kph)"
+        raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
+    if _aslant(start, axis):
+        expected = "a vehicle that travels along one axis"
+        advice = "write the nodes in axes of the vehicle, or give the axis to be read (--travel)"
+        raise DataError(Problem(source, expected, f"nodes that set out at {at_start}", advice))
+    return f"Travel along {found}, as the nodes set out.", moves
+
+
+def _aslant(start: FloatArray, axis: int) -> bool:
+    """Whether half of the nodes set out along another axis, too; of a wheel's, not all do."""
+    middle = np.median(np.abs(start), axis=1)
+    return bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
+
+
+def _finite(start: FloatArray) -> FloatArray:
+    return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _by_axis(speeds: FloatArray, per_mps: float | None) -> str:
+    scaled = (speeds * (per_mps or 1.0)).tolist()
+    speeds_text = ", ".join(f"{axis} {speed:.3g}" for axis, speed in zip(AXES, scaled, strict=True))
+    return f"{speeds_text} {'in the unit of the file' if per_mps is None else 'm/s'}"
+
+
+def units_of(nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
+    """The unit of time in s, the unit of acceleration, and a sentence."""
+    end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
+    if not 0 < end <= _LONGEST_MS:
+        expected = "a crash in seconds or milliseconds"
+        raise DataError(Problem(source, expected, f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI"))
+    step = end / max(nodes[0].time.size - 1, 1)
+    seconds = end <= LONGEST_S and (step <= _SLOWEST_S or fastest >= _SLOWEST_MMPS)
+    lasts = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
+    if not seconds:
+        return MS, "mm/ms²", f"Units mm and ms: {lasts}."
+    if not fastest > 0:  # at rest, or no velocities
+        return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
+    if fastest <= FASTEST_MPS:
+        return 1.0, "m/s²", f"SI units: {lasts}."
+    if fastest < _SLOWEST_MMPS:
+        return 1.0, None, f"Unit of length unknown: {lasts}, too fast for m and too slow for mm."
+    return 1.0, "mm/s²", f"Units mm and s: {lasts}."
+
+
+def initial_speed(nodes: Sequence[History]) -> float:
+    """The median speed at which nodes set out, in the units of the run."""
+    return float(np.median([abs(node.velocity[0]) for node in nodes]))
+
+
+def departure(
+    nodes: Sequence[History],
+    units: tuple[float, str | None, str],
+    motion: tuple[FloatArray, FloatArray],
+    travel: Travel | None,
+    source: str,
+) -> tuple[float | None, str, str]:
+    """The speed in m/s at which nodes set out, why it is unknown, and a sentence on the direction of travel.
+
+    ``units`` are as from :func:`units_of`, ``motion`` are ``start`` and ``fastest`` of :func:`checked_travel`.
+    """
+    per_second, unit, units_sentence = units
+    per_mps = None if unit is None else ACCELERATION_UNITS[unit] * per_second  # of a velocity
+    initial = initial_speed(nodes)
+    largest = max(float(np.nan_to_num(np.abs(node.velocity)).max()) for node in nodes)
+    start, fastest = motion
+    sentence, moves = checked_travel(start, (initial, largest), fastest, per_mps, travel, source)
+    if not moves:
+        return None, f"nodes at rest along {AXES[axis_of_travel(start, travel)]} at the start", sentence
+    if per_mps is None or not np.isfinite(initial):
+        return None, f"a {units_sentence[0].lower()}{units_sentence[1:].rstrip('.')}", sentence
+    return initial * per_mps, "", sentence
+
+
+def vehicle_mass_kg(mass: float) -> float | None:
+    """A mass in kg if it is that of a vehicle in t, kg or g; its size tells which."""
+    return next((kg for unit in (1.0, 1e3, 1e-3) if 300 <= (kg := mass * unit) <= 60_000), None)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Energies:
+    """Global histories of a run in its own units, shape (n,); None where the solver did not write one."""
+
+    total: FloatArray | None = None  # kinetic, internal, contact, hourglass and whatever else is kept or lost
+    work: FloatArray | None = None  # done from outside
+    internal: FloatArray | None = None
+    hourglass: FloatArray | None = None
+    added_mass: FloatArray | None = None  # by mass scaling, over the mass without it
+
+    @property
+    def quality(self) -> RunQuality:
+        """The largest change of energy, share of hourglass energy and share of added mass."""
+        hourglass, internal, share = _largest(self.hourglass), _largest(self.internal), None
+        if hourglass is not None and internal is not None and internal > 0:
+            share = hourglass / internal
+        return RunQuality.of(self._energy_change(), share, _largest(self.added_mass))
+
+    def _energy_change(self) -> float | None:
+        """The deviation of the total energy, less the work, that is largest in size, over the energy at the start."""
+        if self.total is None or self.work is None or not self.total.size or not self.total[0] > 0:
+            return None
+        change = (self.total - self.work) - (self.total[0] - self.work[0])
+        if not np.isfinite(change).all():
+            return None
+        return float(change[np.abs(change).argmax()] / self.total[0])
+
+
+def complete_quality(quality: RunQuality, by: RunQuality) -> RunQuality:
+    """Quality with what is not recorded taken from another source."""
+    pairs = {name: (getattr(quality, name), getattr(by, name)) for name in QUANTITIES}
+    return RunQuality(**{name: other if value is None else value for name, (value, other) in pairs.items()})
+
+
+def quality_sentence(quality: RunQuality, source: str) -> str:
+    """What a source says of a run."""
+    parts = [
+        f"{QUANTITIES[name]} {number(100 * value, '.3g')} % of {of}"
+        if (value := getattr(quality, name)) is not None
+        else f"{QUANTITIES[name]} not recorded"
+        for name, of in _OF.items()
+    ]
+    return f"Run quality ({source}): {', '.join(parts)}."
+
+
+def _largest(values: FloatArray | None) -> float | None:
+    if values is None or not values.size or not np.isfinite(values).all():
+        return None
+    return float(values.max())

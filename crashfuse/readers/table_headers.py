@@ -1,0 +1,296 @@
+"""Interpretation of a single foreign column header: role, unit, filter, direction; the axis of travel by motion."""
+
+import re
+import unicodedata
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from crashfuse.readers.format import AXES
+from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
+from crashfuse.signals.pulse import FloatArray
+
+ColumnRole = Literal[
+    "id", "time", "acceleration", "speed", "mass", "front_weight", "rear_weight", "front_share", "factor", "ignored"
+]
+"""The roles of a column."""
+
+OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's, not the vehicle's", "a limit, no signal"
+"""Reasons why an acceleration is not the pulse."""
+_LIMIT = re.compile(r"(upper|lower|ober\w*|unter\w*)( (bound|limit|band|grenze|schranke))?")
+_WORDS: dict[ColumnRole, str] = {
+    "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"
+    r"simulation|sim|case|record",
+    "time": r"t|time|zeit|temps|tiempo|tempo|time.*|zeit.*",
+    "acceleration": r"a|ax|a ?x|accx?|acc .*|accel.*|.* accel.*|beschl.*|.* beschl.*|decel.*|verzog.*|puls.*|.* pulse?|"
+    r"(.* )?langsbeschl.*",
+    "speed": r"v|v0|v ?0|speed|.* speed|velocity|.* velocity|geschw.*|.*geschwindigkeit|vitesse.*",
+    "front_weight": r".*(front|vorn|vorder).*|.*\b(va|fa)\b.*|wf",
+    "rear_weight": r".*(rear|hint).*|.*\b(ha|ra)\b.*|wr",
+    "mass": r".*(mass|masse|weight|gewicht).*|m",
+}
+_WEIGHT = re.compile(r".*(mass|masse|weight|gewicht|load|last|axle|achs).*|wf|wr")
+_NOT_AS_TESTED = re.compile(
+    r"\b(soll|ziel|rebound|ruckprall|ruckwurf|planned|geplant|target|nominal|delta|dv\b|ees\b|wind|"
+    r"dumm(y|ies)|zulad|cargo|payload|ballast)"
+)
+_INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
+_OTHER_AXIS = re.compile(
+    r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|(.* )?[yz] .*|"
+    r".*\b((quer|hoch)(beschl\w*|richtung)?|transvers\w*|(a|acc|accel)?(lat|vert)(eral\w*|i[ck]al\w*)?(a|acc|accel)?)\b.*"
+)
+_DUMMY = re.compile(
+    r"\b(dumm(y|ies)\w*|atd|hiii\w*|hybrid ?(iii|3)|thor|worldsid|biorid|occupant\w*|insass\w*|head(?! on\b)|kopf\w*|"
+    r"tete|neck|hals\w*|chest|brust\w*|thorax\w*|torso|oberkorper\w*|stern(um|al)|clavicle|schlusselbein\w*|ribs?|"
+    r"rippe\w*|spine|lumbar|(lenden)?wirbel\w*|shoulder|schulter\w*|abdomen|pelvis|pelvic|becken\w*|bassin|iliac|"
+    r"hufte?\w*|femur|oberschenkel\w*|unterschenkel\w*|(upper|lower) leg|knee|knie\w*|tibia|ankle|foot|fuss)\b"
+)
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")  # HeadAccX, DUMMYHead
+_AHEAD = re.compile(
+    r"\b(engines?|\w\wengn\w*|motor(block)?|gearbox|getriebe|calipers?|bremssattel|bumper|stossfanger)\b"
+)
+_OF_THE_VEHICLE = re.compile(
+    r"\b(veh\w*|car|fahrzeug\w*|cg|tunnel\w*|sill|schweller\w*|b (pillar|saule)|rocker|(x|cross) ?member)\b"
+)
+_RAW = r"raw|roh(?:daten|signal)?|unfiltered|ungefiltert"
+_FILTER = re.compile(rf"\b({_RAW}|filtered|filt|gefiltert|cfc ?(\d{{1,4}}))\b")
+_NO_ACCELERATION = re.compile(
+    r"\b(s|[fm][xyz]?|\w*force|\w*kraft|disp\w*|\w*weg|verschieb\w*|stroke|intrusion|crush|deform\w*|strain|dehn\w*|"
+    r"pressure|\w*druck|\w*moment|torque|angle|\w*winkel|yaw|gier\w*|roll|pitch|spannung|volt\w*|current|strom|temp\w*|"
+    r"trigger|switch|schalter|energy|energie|index|sample|kn|nm|mm|cm|bar|[mk]pa|mv|deg|lbf)\b"
+)
+_OTHER_UNIT = re.compile(
+    r"volts?|amperes?|k?n|[cm]?m|k?nm|[mkh]?pa|m?bar|psi|[mk]?v|m?a|(deg|rad|°)(/s)?|µ?m/m|µe|°c|hz|k?j|lbf|inch|in|ft"
+)
+_LETTER = re.compile(r"(?<![^\W\d_])(a|acc|accel)?([ _.-]?)([xyz])(?![^\W\d_])", re.IGNORECASE)
+_CODE = re.compile(r"(?<![^\W_])([0-9?_][0-9A-Z?_]{11}AC)([XYZ123])([0-9A-Z?_])(?![^\W_])", re.IGNORECASE)
+_NUMBERS = "123"  # of the directions in some codes
+_MANY_TIMES = 2.0
+_BEGINNING = 100  # that part of the record tells its zero
+_SMALL = 0.1  # of the peak
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnUse:
+    """The role assigned to one column, and a short reason for display.
+
+    ``unit`` is a name from :data:`crashfuse.readers.vocabulary.UNITS`; None if unknown or not needed.
+    """
+
+    column: str
+    role: ColumnRole
+    unit: str | None = None
+    why: str = ""
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether nothing speaks for any role."""
+        return self.role == "ignored" and not self.why
+
+
+def use_of(column: str, unit_cell: str) -> ColumnUse:
+    """The role of a column according to its header and the cell below it in a row of units.
+
+    A column that is not recognised is ignored, without a reason.
+    """
+    unit = _name_and_unit(column, unit_cell)[1]
+    plain, code = place_of(column), _code_of(column)
+    why = f"its unit is {unit}" if unit else "its name says so"
+    if code is not None and not code.is_acceleration:
+        return ColumnUse(column, "ignored", None, "its code is no acceleration's")
+    quantity = None if unit is None else next(q for q, units in UNITS.items() if unit in units)
+    if quantity == "acceleration" or (unit is None and (code or _is("acceleration", plain))):
+        return _acceleration(ColumnUse(column, "acceleration", unit, why), plain, unit_cell)
+    if quantity == "time" or (unit is None and _is("time", plain)):
+        return ColumnUse(column, "time", unit, why)
+    not_as_tested = _NOT_AS_TESTED.search(_INCLUDING.sub("", plain)) is not None
+    if quantity == "speed" or (unit is None and _is("speed", plain)):
+        return ColumnUse(column, "ignored") if not_as_tested else ColumnUse(column, "speed", unit, why)
+    if quantity in ("mass", "share") or _WEIGHT.fullmatch(plain):
+        if not_as_tested:
+            return ColumnUse(column, "ignored")
+        for role in ("front_weight", "rear_weight", "mass"):
+            if _is(role, plain):
+                if quantity == "share":
+                    return ColumnUse(column, "front_share" if role == "front_weight" else "ignored", unit, why)
+                return ColumnUse(column, role, unit, why)
+        return ColumnUse(column, "mass" if quantity == "mass" else "ignored", unit, why)
+    if unit is None and re.fullmatch(r".*(front|vorn).*(share|anteil).*|.*(share|anteil).*(front|vorn).*", plain):
+        return ColumnUse(column, "front_share", None, why)
+    if unit is None and _is("id", plain):
+        return ColumnUse(column, "id", None, why)
+    return ColumnUse(column, "ignored")
+
+
+def _acceleration(use: ColumnUse, plain: str, unit_cell: str) -> ColumnUse:
+    other = _other_unit(use.column, unit_cell)
+    if why_not := why_not_the_vehicle(use.column):
+        return ColumnUse(use.column, "ignored", use.unit, why_not)
+    if _LIMIT.fullmatch(plain) or names_a_parameter(plain):
+        return ColumnUse(use.column, "ignored", use.unit, A_LIMIT)
+    if use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
+        return ColumnUse(use.column, "ignored", None, f"its unit is {other}")
+    return use
+
+
+def why_no_acceleration(column: str, unit_cell: str) -> str:
+    """The reason why an unrecognised column cannot be an acceleration; empty if it may be one."""
+    plain, (_, unit) = place_of(column), _name_and_unit(column, unit_cell)
+    if names_a_dummy(column):
+        return OF_A_DUMMY
+    if other := unit or _other_unit(column, unit_cell):
+        return f"its unit is {other}"
+    return "its name is not an acceleration's" if _NO_ACCELERATION.search(plain) else ""
+
+
+def why_not_the_vehicle(name: str) -> str:
+    """The reason why the acceleration of this name, or below this title, is not the vehicle's along X; else empty."""
+    code = _code_of(name)
+    if _OTHER_AXIS.fullmatch(place_of(name)) or (code and not code.is_along_x):
+        return OTHER_DIRECTION
+    return OF_A_DUMMY if names_a_dummy(name) or (code and code.is_of_a_dummy) else ""
+
+
+def names_a_dummy(column: str) -> bool:
+    """Whether a header names a dummy or a part of it, also as one of several words written as one."""
+    return any(_DUMMY.search(place_of(spelling)) for spelling in (column, _HUMP.sub(" ", column)))
+
+
+def _other_unit(column: str, unit_cell: str) -> str:
+    if cell := unit_cell.strip("[](){}- "):
+        return cell if unit_named(cell) is None else ""
+    for opening, inside in re.findall(r"([\[({])\s*([^\])}]*[^\])}\s])", column):
+        if unit_named(inside) is None and (opening == "[" or _OTHER_UNIT.fullmatch(inside.lower())):
+            return str(inside)
+    return ""
+
+
+def _name_and_unit(column: str, unit_cell: str) -> tuple[str, str | None]:
+    """Split a header into name and unit: ``a_x (g)``, ``Zeit [ms]``, ``AX_m/s^2``, ``t/ms``, ``time in s``."""
+    if (unit := unit_named(unit_cell)) is not None:
+        return column, unit
+    for match in re.finditer(r"[\[({]([^\])}]*(?:\([^)]*\)[^\])}]*)?)[\])}]", column):
+        if (unit := unit_named(match.group(1))) is not None:
+            return " ".join((column[: match.start()] + column[match.end() :]).split()).strip(" _-,"), unit
+    for match in re.finditer(r"[\s_/,;:-]+(?:in[\s_]+)?", column):
+        if match.start() and (unit := unit_named(column[match.end() :])) is not None:
+            return column[: match.start()].strip(" _-,/"), unit
+    return column, unit_named(column) if len(column) > 1 else None
+
+
+def _plain(name: str) -> str:
+    flat = unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode().lower()
+    return " ".join(re.sub(r"[^a-z0-9]+", " ", flat).split())
+
+
+def _is(role: ColumnRole, plain: str) -> bool:
+    return re.fullmatch(_WORDS[role], plain) is not None
+
+
+def _code_of(column: str) -> ChannelCode | None:
+    return ChannelCode.parsed(re.split(r"[^\w?]", column.strip())[0]) or ChannelCode.parsed(bare_name(column))
+
+
+def place_of(column: str) -> str:
+    """The sensor location: a header's plain words without unit and filter, equal for raw and filtered signals."""
+    if (code := _code_of(column)) is not None:
+        return code.sensor.lower()
+    return " ".join(_FILTER.sub("", _plain(bare_name(column))).split())
+
+
+def is_ahead(column: str) -> bool:
+    """Whether a header names a part ahead of the passenger cell, which stops before the vehicle does."""
+    return _AHEAD.search(place_of(column)) is not None
+
+
+def filter_order(column: str) -> float:
+    """Sort key, least filtered first: raw, not stated, higher class before lower, filtered without a class."""
+    if (code := _code_of(column)) is not None:
+        return code.order[-1]
+    plain, cutoff = _plain(column), cutoff_of(column)
+    if cutoff is not None:
+        return 2 + 1 / max(cutoff, 1.0)
+    if re.search(rf"\b({_RAW})\b", plain):
+        return 0.0
+    return 4.0 if _FILTER.search(plain) else 1.0
+
+
+def likelihood(column: str) -> tuple[int, bool, int, bool, float]:
+    """Sort key of accelerations, the likeliest pulse first: by its code's place, by words, the least filtered first."""
+    code = _code_of(column)
+    by_code = (UNPLACED, False, 0) if code is None else code.order
+    return *by_code, _OF_THE_VEHICLE.search(_plain(column)) is None, filter_order(column)
+
+
+def cutoff_of(column: str) -> float | None:
+    """The −3 dB frequency of the CFC in a header, if it names one (SAE J211-1: 1.667 times the class)."""
+    if (code := _code_of(column)) is not None:
+        return code.cutoff_hz
+    match = re.search(r"\bcfc ?(\d{1,4})\b", _plain(column))
+    return float(match.group(1)) / 0.6 if match else None
+
+
+def names_a_test(title: str) -> bool:
+    """Whether a title above columns is the name of a test or a run: Test 1, Versuch 7, V2."""
+    form = r"(test|run|versuch|lauf|crash|sim(ulation)?|v|t) ?((nr|no|number) )?\w*\d\w*"
+    return re.fullmatch(form, _plain(title)) is not None
+
+
+def bare_name(column: str) -> str:
+    """Return a header without its unit."""
+    return _name_and_unit(column, "")[0] or column
+
+
+def exchange_axes(header: str, axis: str) -> str:
+    """A header with the names of an axis and of x exchanged: ``ay`` along y is what ``ax`` is along x."""
+    if axis == "x":
+        return header
+    other = {axis: "x", "x": axis}
+
+    def letter(match: re.Match[str]) -> str:
+        found = match.group(3)
+        new = other.get(found.lower(), found)
+        return f"{match.group(1) or ''}{match.group(2)}{new.upper() if found.isupper() else new}"
+
+    def code(match: re.Match[str]) -> str:
+        found = match.group(2)
+        named = AXES[_NUMBERS.index(found)] if found in _NUMBERS else found.lower()
+        return f"{match.group(1)}{other.get(named, named).upper()}{match.group(3)}"
+
+    return _CODE.sub(code, header) if _CODE.search(header) else _LETTER.sub(letter, header)
+
+
+def axis_by_motion(
+    accelerations: Mapping[str, tuple[str, ...]], values: Callable[[str], FloatArray]
+) -> tuple[str, str]:
+    """The axis of travel, by the changes of velocity, and a sentence if it is not plainly x.
+
+    ``accelerations`` are columns by the axis that their headers name, ``values`` gives the numbers of a column.
+    """
+    if set(accelerations) <= {"x"}:
+        return "x", ""
+    gains = {
+        axis: float(np.median([_gain(values(column)) for column in columns])) for axis, columns in accelerations.items()
+    }
+    best = max(gains, key=gains.__getitem__)
+    if "x" not in gains:
+        return best, f"Careful: travel along {best}; no column is along x. Give --travel if that is wrong."
+    if best == "x" or not gains[best] > _MANY_TIMES * gains["x"]:
+        return "x", ""
+    times = f"{gains[best] / gains['x']:.3g} times that along x" if gains["x"] > 0 else "while it is none along x"
+    return best, f"Careful: travel along {best}, by its change of velocity, {times}. Give --travel if that is wrong."
+
+
+def _gain(values: FloatArray) -> float:
+    """The largest change of velocity in either direction, of samples at even times.
+
+    Gravity or an offset that is there from the beginning is no motion, and neither is what is small beside the peak.
+    """
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return 0.0
+    finite = finite - finite[: max(finite.size // _BEGINNING, 1)].mean()
+    size = np.abs(finite)
+    return float(np.abs(np.cumsum(np.where(size > _SMALL * size.max(), finite, 0.0))).max())

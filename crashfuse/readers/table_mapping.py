@@ -1,0 +1,439 @@
+"""Column roles of a foreign table, proposed and overridden by the user; records and conditions from a mapped table.
+
+:func:`propose` and :meth:`Mapping.overruled` are pure, so that a page can show the mapping as a separate step.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
+from crashfuse.files.csv_text import MOST_ROWS
+from crashfuse.readers.format import Travel
+from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.table_headers import (
+    ColumnRole,
+    ColumnUse,
+    axis_by_motion,
+    bare_name,
+    cutoff_of,
+    exchange_axes,
+    filter_order,
+    is_ahead,
+    names_a_dummy,
+    place_of,
+    use_of,
+    why_no_acceleration,
+    why_not_the_vehicle,
+)
+from crashfuse.readers.table_sheet import SAMPLE, Sheet, numbers_rows
+from crashfuse.readers.vocabulary import UNITS, is_simulated, unit_named
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.wording import read_out
+
+QUANTITIES = {name: name for name in ("time", "acceleration", "speed", "mass")}
+QUANTITIES |= {"front_weight": "mass", "rear_weight": "mass", "front_share": "share"}
+"""The quantity of each column role that has a unit."""
+_OF_CONDITIONS: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
+_FEWEST_ROWS = 20  # rows needed to take a time beside conditions for that of pulses
+
+_Rows = npt.NDArray[np.signedinteger[Any]]
+_LONGEST_S = 3.0  # beyond it a time without a unit is in ms
+_LISTED = 12  # columns in a sentence
+_FEWEST_NUMBERS = 10  # numbers of each kind needed to tell thousands separators from decimal signs
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """The roles of all columns of a sheet, in order, and what has to be told of the direction of travel."""
+
+    uses: tuple[ColumnUse, ...]
+    travel: str = ""
+
+    def of(self, role: ColumnRole) -> tuple[ColumnUse, ...]:
+        """The columns with this role."""
+        return tuple(use for use in self.uses if use.role == role)
+
+    @property
+    def kind(self) -> Literal["pulses", "conditions", "neither"]:
+        """The content of the sheet: pulses if it has a time, else conditions if it has a speed or a weight."""
+        if self.of("time") and self.of("acceleration"):
+            return "pulses"
+        return "conditions" if any(self.of(role) for role in _OF_CONDITIONS) else "neither"
+
+    def overruled(self, column: str, role: ColumnRole, unit: str | None = None) -> "Mapping":
+        """Return the mapping with one column assigned by the user; its unit is kept if it still fits.
+
+        A UsageError says that there is no such column, role, or unit.
+        """
+        if column not in [use.column for use in self.uses]:
+            have = ", ".join(printable(use.column, 40) for use in self.uses[:20])
+            raise UsageError(f"There is no column {column!r}; there are {have}.")
+        if role not in get_args(ColumnRole):
+            raise UsageError(f"A column can be {', '.join(get_args(ColumnRole))}, not {role!r}.")
+        quantity = QUANTITIES.get(role)
+        named = None if unit is None or quantity is None else unit_named(unit, quantity)
+        if unit is not None and named is None:
+            units = "no unit" if quantity is None else ", ".join(UNITS[quantity])
+            raise UsageError(f"A column that is {role} has {units}, not {unit!r}.")
+
+        def changed(use: ColumnUse) -> ColumnUse:
+            if use.column != column:
+                return use
+            kept = use.unit if quantity is not None and use.unit in UNITS[quantity] else None
+            return ColumnUse(column, role, named or kept, "chosen by the user")
+
+        return replace(self, uses=tuple(map(changed, self.uses)))
+
+
+def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
+    """Propose the role of each column from its header, its unit, and the other columns of the sheet.
+
+    An unrecognised column is ignored in a table with a time, and a factor in a table of conditions. If several columns
+    could be one quantity, all of them are proposed, and rejected on reading. The direction of travel, if it is not
+    given, is along x unless the change of velocity along another axis says otherwise.
+    """
+    if travel is not None:
+        return replace(_along(sheet, travel[-1]), travel=f"Travel along {travel}, given by the user.")
+    plain = _along(sheet, "x")
+    if plain.kind == "conditions":
+        return plain
+    of_x = {use.column for use in plain.of("acceleration")}
+    by_axis = {"x": plain} | {
+        axis: _along(sheet, axis)
+        for axis in "yz"
+        if any(exchange_axes(name, axis) != name for name in (*sheet.columns, *sheet.titles))
+    }
+    columns = {
+        axis: tuple(use.column for use in found.of("acceleration") if axis == "x" or use.column not in of_x)
+        for axis, found in by_axis.items()
+        if found.kind == "pulses"
+    }
+    axis, travels = axis_by_motion({axis: names for axis, names in columns.items() if names}, sheet.parsed)
+    return replace(by_axis[axis], travel=travels)
+
+
+def _along(sheet: Sheet, axis: str) -> Mapping:
+    sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
+    uses = [
+        replace(use_of(exchange_axes(column, axis), unit), column=column)
+        for column, unit in zip(sheet.columns, sheet.units, strict=True)
+    ]
+    if not any(use.role in _OF_CONDITIONS for use in uses):
+        uses = [_unless_it_counts(sample, use) for use in uses]
+    times = _clocks(sample, uses)
+    if not times:
+        return Mapping(tuple(_of_conditions(uses)))
+    uses = [
+        use if use.column in times else _beside_clock(sheet, sample, use, unit, axis)
+        for use, unit in zip(uses, sheet.units, strict=True)
+    ]
+    if not any(use.unit in UNITS["acceleration"] or use.role == "acceleration" for use in uses):
+        unknown = {use.column for use in uses if use.is_unknown and use.column not in times}
+        why = "beside the time"
+        uses = [ColumnUse(u.column, "acceleration", None, why) if u.column in unknown else u for u in uses]
+    return Mapping(tuple(_of_pulses(uses, times)))
+
+
+def _unless_it_counts(sample: Sheet, use: ColumnUse) -> ColumnUse:
+    is_count = (use.is_unknown or use.role == "id") and numbers_rows(sample.column(use.column))
+    return ColumnUse(use.column, "ignored", None, "it numbers the rows") if is_count else use
+
+
+def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, axis: str) -> ColumnUse:
+    """The use of a column beside the time, if it has numbers; the title above tells what its name does not."""
+    if not use.is_unknown and use.role != "acceleration":
+        return use
+    begun = next((part for part in (sample, sheet) if part.filled(use.column)), None)
+    if begun is None:
+        return ColumnUse(use.column, "ignored", None, "it is empty")
+    title = sheet.title(use.column)
+    titled = use_of(exchange_axes(f"{use.column} {title}", axis), unit_cell) if title else use
+    if use.is_unknown:
+        if titled.role == "acceleration":
+            return replace(titled, column=use.column, why=f"its title is {printable(title, 60)}")
+        if titled.why or titled.role != "ignored":
+            why = titled.why if titled.role == "ignored" else "no acceleration"
+            return ColumnUse(use.column, "ignored", None, f"{why}: {printable(title, 60)}")
+        why_not = why_no_acceleration(use.column, unit_cell) or ("" if _numeric(begun, use.column) else "no numbers")
+        if not why_not and sheet.is_titled:
+            why_not = why_not_the_vehicle(exchange_axes(title, axis)) or why_no_acceleration(title, unit_cell)
+            why_not += f": {printable(title, 60)}" if why_not else ""
+        if why_not:
+            return ColumnUse(use.column, "ignored", None, why_not)
+        return replace(use, why="it has no name") if sheet.has_row_names(use.column) else use
+    above = (title if sheet.is_titled else "", sheet.name.partition(": ")[2])
+    reasons = ((why_not_the_vehicle(exchange_axes(name, axis)), name) for name in above)
+    why_not, name = next(((why, name) for why, name in reasons if why), ("", ""))
+    return replace(use, role="ignored", why=f"{why_not}: {printable(name, 60)}") if why_not else use
+
+
+def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
+    named = [use for use in uses if use.role == "time"]
+    conditions = any(use.role in _OF_CONDITIONS for use in uses)
+    numeric = [use.column for use in named if _numeric(sheet, use.column)]
+    running = [column for column in numeric if _runs(sheet.parsed(column))]
+    times = [c for c in running if len(sheet.cells) >= _FEWEST_ROWS] if conditions else running or numeric
+    described = {"speed"} < {use.role for use in uses if use.role in _OF_CONDITIONS}
+    if not times and not described:
+        unknown = (use.column for use in uses if use.is_unknown)
+        times = [column for column in unknown if _runs_evenly(sheet.parsed(column))][:1]
+    return times
+
+
+def _numeric(sheet: Sheet, column: str) -> bool:
+    filled = sheet.filled(column)
+    return filled > 0 and 2 * np.isfinite(sheet.parsed(column)).sum() >= filled
+
+
+def _runs(values: FloatArray) -> bool:
+    """Whether the numbers increase like time, except where the next of several records starts."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(steps.size and np.any(steps > 0) and np.mean(steps >= 0) > 0.9)
+
+
+def _runs_evenly(values: FloatArray) -> bool:
+    steps = np.diff(values)
+    return bool(
+        values.size > 50 and np.isfinite(steps).all() and steps.min() > 0 and np.ptp(steps) < 0.1 * steps.mean()
+    )
+
+
+def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUse]:
+    least_filtered: dict[tuple[str, str], ColumnUse] = {}
+    clock_of = _clock_of([use.column for use in uses], times)
+    by_filter = sorted((use for use in uses if use.role == "acceleration"), key=lambda use: filter_order(use.column))
+    for use in by_filter:
+        least_filtered.setdefault((clock_of[use.column], place_of(use.column)), use)
+    used = {clock_of[use.column] for use in least_filtered.values()} or {times[0]}
+    used = set(times) if "" in used else used  # the user must say which time applies
+    settled = []
+    for use in uses:
+        role, why = use.role, use.why
+        if use.column in used:
+            role, why = "time", why or "it increases evenly"
+        elif use.role == "time":
+            role, why = "ignored", f"{', '.join(sorted(used))} is the time"
+        elif use.role == "acceleration":
+            best = least_filtered[clock_of[use.column], place_of(use.column)]
+            role, why = ("acceleration", why) if best is use else ("ignored", f"{best.column} is less filtered")
+        elif use.role not in ("id", "ignored"):
+            role, why = "ignored", "not part of a pulse"
+        settled.append(ColumnUse(use.column, role, use.unit, why))
+    return settled
+
+
+def _clock_of(columns: Sequence[str], times: Sequence[str]) -> dict[str, str]:
+    """The time column of each column: the nearest to its left; none for columns before the first of several."""
+    clocks, clock = {}, times[0] if len(times) == 1 else ""
+    for column in columns:
+        clock = column if column in times else clock
+        clocks[column] = clock
+    return clocks
+
+
+def _of_conditions(uses: Sequence[ColumnUse]) -> list[ColumnUse]:
+    settled: list[ColumnUse] = []
+    for use in uses:
+        if use.role in ("time", "acceleration") or use.is_unknown:
+            use = ColumnUse(use.column, "factor", None, "kept with the condition")
+        elif use.role == "id" and any(other.role == "id" for other in settled):
+            use = ColumnUse(use.column, "factor", None, "another column is the id")
+        settled.append(use)
+    if settled and settled[0].role == "factor" and not any(use.role == "id" for use in settled):
+        settled[0] = ColumnUse(settled[0].column, "id", None, "the first column")
+    return settled
+
+
+def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: bool = False) -> tuple[Record, ...]:
+    """Read the records of a sheet of pulses: one per id if there is an id column.
+
+    ``record_id`` is the id for a sheet with a single pulse; ``together``, several columns are channels of one record,
+    by default each is a record. A DataError says that there is not one time with at least one acceleration, that a cell
+    is not a number, or that the rows are of several records without ids.
+    """
+    times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
+    wanted: dict[ColumnRole, bool] = {"time": len(times) == 1, "acceleration": bool(accelerations), "id": len(ids) <= 1}
+    if not all(wanted.values()):
+        raise DataError([_one_column(sheet, role, mapping.of(role)) for role, fine in wanted.items() if not fine])
+    time, time_steps = _seconds(sheet, times[0])
+    values = {use.column: _decimal(sheet, use.column) for use in accelerations}
+
+    def channel(use: ColumnUse, rows: _Rows) -> RecordedChannel:
+        column, unit = use.column, use.unit if use.unit in UNITS["acceleration"] else None
+        kept = rows[np.isfinite(values[column][rows])]
+        _check_duplicates(sheet, times[0], time, kept)
+        origin, accel = _origin(sheet, column), values[column][kept]
+        return RecordedChannel(column, bare_name(column), time[kept], accel, unit, cutoff_of(column), origin=origin)
+
+    def record(name: str, uses: tuple[ColumnUse, ...], rows: _Rows) -> Record:
+        channels = {use.column: channel(use, rows) for use in uses}
+        averaged, why = proposal(channels, _behind)
+        by_name = names_a_dummy(sheet.name.partition(": ")[2] or sheet.name)
+        doubt = f"Careful: by the name of {sheet.name} it is a dummy's." if by_name else ""
+        notes = filter(None, (_left_out(mapping), mapping.travel, doubt, *why))
+        steps = (*sheet.steps, *_role_sentences((*times, *ids, *uses)), *notes, *time_steps)
+        return Record(name, sheet.name, PartialCondition(), tuple(channels.values()), averaged, steps)
+
+    rows = np.flatnonzero(np.isfinite(time))
+    if ids:
+        return tuple(record(name, accelerations, of) for name, of in _groups(sheet.text(ids[0].column), rows))
+    _check_order(sheet, times[0], time, rows)
+    if together or len(accelerations) == 1:
+        return (record(record_id, accelerations, rows),)
+    return tuple(record(bare_name(use.column), (use,), rows) for use in accelerations)
+
+
+def _behind(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
+    ahead = [column for column in columns if is_ahead(column)]
+    behind = tuple(column for column in columns if column not in ahead)
+    left = f"Ahead of the passenger cell, not averaged unless chosen: {', '.join(map(printable, ahead))}."
+    return behind or tuple(ahead), left if ahead and behind else ""
+
+
+def _left_out(mapping: Mapping) -> str:
+    others = [f"{printable(use.column, 60)} ({use.why})" for use in mapping.of("ignored") if use.why]
+    more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
+    return f"Left out: {', '.join(others[:_LISTED])}{more}." if others else ""
+
+
+def _origin(sheet: Sheet, column: str) -> str:
+    """What says that it was not measured: the lines above, the columns that our predictions have, its name or title."""
+    if "approach" in sheet.columns or {"lower_g", "upper_g"} <= set(sheet.columns):
+        return "prediction"
+    names = set(map(bare_name, sheet.columns))
+    expected = re.sub(", (lower|upper)$", "", bare_name(column))
+    if {expected, f"{expected}, lower", f"{expected}, upper"} <= names:  # as the tables of figures have them
+        return "prediction"
+    texts = (bare_name(column), sheet.title(column), sheet.titles[0]) if sheet.is_titled else (bare_name(column),)
+    return next(filter(is_simulated, texts), "") or sheet.origin
+
+
+def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialCondition]:
+    """Read the conditions of a sheet by id; ids must be present and unique."""
+    ids = mapping.of("id")
+    if len(ids) != 1:
+        raise DataError(_one_column(sheet, "id", ids))
+    if len(sheet.cells) > MOST_ROWS:
+        expected, found = f"conditions in at most {MOST_ROWS:,} rows", f"{len(sheet.cells):,}"
+        raise DataError(Problem(sheet.name, expected, found, "leave out what is not needed"))
+    names = sheet.text(ids[0].column)
+    name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
+    if times != 1:
+        found = f"{printable(name, 40)!r} {times} times" if times else "none"
+        raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
+    roles: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
+    values: dict[ColumnRole, FloatArray | None] = {}
+    problems: list[Problem] = []
+    for role in (*roles, "front_share"):
+        with collecting(problems):
+            values[role] = _quantity(sheet, mapping, role)
+    if problems:
+        raise DataError(problems)
+    share = values.pop("front_share")
+    factors = [(use.column, sheet.text(use.column)) for use in mapping.of("factor")]
+    conditions = {}
+    for row, name in enumerate(names):
+        if not name:
+            continue
+        speed, mass, front, rear = (None if v is None or np.isnan(v[row]) else float(v[row]) for v in values.values())
+        if share is not None and np.isfinite(share[row]) and front is None and rear is None:
+            front, rear = AxleWeights(mass, front_share=float(share[row])).axles()
+        others = tuple((column, cells[row]) for column, cells in factors)
+        conditions[name] = PartialCondition(speed, mass, front, rear, others)
+    return conditions
+
+
+def mapping_steps(mapping: Mapping) -> tuple[str, ...]:
+    """Sentences on the roles of the columns in a sheet of conditions."""
+    return tuple(_role_sentences(use for use in mapping.uses if use.role in ("id", *QUANTITIES)))
+
+
+def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
+    have = ", ".join(printable(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
+    return Problem(sheet.name, f"one column that is the {role}", have, "map the columns (--column COLUMN=ROLE:UNIT)")
+
+
+def _decimal(sheet: Sheet, column: str) -> FloatArray:
+    """The numbers of a column; reject thousands separators (``-441.234`` among ``119``, never ``-44.1``: −441 234)."""
+    numbers = sheet.numbers(column)
+    finite = numbers[np.isfinite(numbers)]
+    broken = finite[finite != np.round(finite)]
+    is_mixed = _FEWEST_NUMBERS <= broken.size <= finite.size - _FEWEST_NUMBERS
+    if is_mixed and np.abs(finite).max() < 1000 and np.abs(broken).min() >= 1:
+        cells = [cell for cell in sheet.text(column) if cell]
+        grouped = re.compile(rf"[-+]?\d{{1,3}}({re.escape(sheet.decimal)}\d{{3}})?")
+        if all(map(grouped.fullmatch, cells)):
+            found = f"numbers such as {next(cell for cell in cells if sheet.decimal in cell)} among whole ones"
+            advice = "these are thousands separators; export without them"
+            raise DataError(Problem(sheet.name, "a decimal sign that is one", found, advice, printable(column)))
+    return numbers
+
+
+def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
+    """Raise a DataError if time decreases: without ids, the rows may be several records one below the other."""
+    back = np.flatnonzero(np.diff(time[rows]) < 0)
+    if back.size:
+        before, after = (sheet.text(use.column)[row] for row in rows[back[0] : back[0] + 2].tolist())
+        expected, found = "time that increases from row to row", f"{printable(after, 20)} after {printable(before, 20)}"
+        advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"
+        row = int(rows[back[0] + 1]) + sheet.first_row
+        raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), row))
+
+
+def _check_duplicates(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
+    twice = np.flatnonzero(np.diff(time[rows]) == 0)
+    if twice.size:
+        first, second = rows[twice[0] : twice[0] + 2].tolist()
+        found = f"duplicate times: {printable(sheet.text(use.column)[first], 20)} in row {first + sheet.first_row} too"
+        found += f", and {twice.size - 1} more" if twice.size > 1 else ""
+        expected, advice = "each time once", "delete the duplicates, or export time with more digits"
+        raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), second + sheet.first_row))
+
+
+def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:
+    time = sheet.numbers(use.column)
+    if use.unit is not None:
+        return time * UNITS["time"][use.unit], ()
+    span = float(np.nanmax(time) - np.nanmin(time)) if np.isfinite(time).any() else 0.0
+    unit = "s" if span <= _LONGEST_S else "ms"
+    return time * UNITS["time"][unit], (f"Time in {unit}: no unit is named, and the record is {span:.6g} long.",)
+
+
+def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | None:
+    uses = mapping.of(role)
+    if not uses:
+        return None
+    if len(uses) > 1:
+        found = " and ".join(printable(use.column, 40) for use in uses)
+        advice = "say which one it is by mapping the others (--column COLUMN=factor)"
+        raise DataError(Problem(sheet.name, f"one column that is the {role}", found, advice))
+    use, quantity = uses[0], QUANTITIES[role]
+    values = sheet.numbers(use.column)
+    if quantity == "share" and use.unit != "1":  # Excel keeps 58 % as 0.58
+        return np.where(values > 1, 0.01 * values, values)
+    if use.unit is not None:
+        return values * UNITS[quantity][use.unit]
+    expected = f"a unit in the header ({', '.join(UNITS[quantity])})"
+    raise DataError(Problem(sheet.name, expected, "none", "give its unit (--column COLUMN=ROLE:UNIT)", use.column))
+
+
+def _groups(names: list[str], rows: _Rows) -> Iterator[tuple[str, _Rows]]:
+    groups: dict[str, list[int]] = {}
+    for row in rows.tolist():
+        groups.setdefault(names[row], []).append(row)
+    yield from ((name, np.array(indices)) for name, indices in groups.items() if name)
+
+
+def _role_sentences(uses: Iterable[ColumnUse]) -> Iterator[str]:
+    for (role, unit, why), alike in groupby(uses, lambda use: (use.role, use.unit, use.why)):
+        names = [printable(use.column, 60) for use in alike]
+        columns = f"{'Each of the columns' if len(names) > 1 else 'Column'} {read_out(names)}"
+        in_unit = f" in {unit}" if unit else ""
+        yield f"{columns} is the {role.replace('_', ' ')}{in_unit}: {why}."

@@ -1,0 +1,434 @@
+"""A table with header and units, how these are located in a grid of cells, and the tables in workbooks.
+
+The data start where the numbers start. The row above them is the header, or a row of units with the header above it.
+
+A workbook (Excel 2007 and later) is an untrusted zip of XML. Before it is parsed, its true size is counted, and so are
+its elements, each of which takes many times its bytes; while it is parsed, rows and cells count by their positions,
+empty ones too.
+"""
+
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from pathlib import Path
+from xml.parsers import expat
+from zipfile import BadZipFile, is_zipfile
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Budget, Limits, Member, zip_members
+from crashfuse.files.csv_output import original
+from crashfuse.readers.table_headers import use_of
+from crashfuse.readers.vocabulary import statement_of_simulation, unit_named
+from crashfuse.signals.pulse import FloatArray
+
+SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)
+"""Size limits of a table."""
+
+SAMPLE = 400
+"""Rows examined to detect the layout of a table."""
+
+_MOST_COLUMNS, _LONGEST_HEADER, _LONGEST_PREAMBLE = 2000, 200, 200
+_RUN = 5  # rows of data
+_MOST = 0.9
+_GROUPED = {
+    ".": r"[-+]?\d{1,3}(?:(?:,\d{3})+\.\d+|(?:,\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:\.\d+)?)",
+    ",": r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:\.\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:,\d+)?)",
+}
+"""Numbers with thousands separators that can be nothing else, by the decimal sign."""
+_NUMBER = {
+    sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)}\d+)([eE][-+]?\d+)?|{grouped}")
+    for sign, grouped in _GROUPED.items()
+}
+_UNNAMED = re.compile(r"column \d+")
+_MOST_CELLS, _MOST_CELLS_IN_ALL, _MOST_SHEETS = 500_000, 2_000_000, 500  # of a workbook
+_MOST_MARKS = {"xl/worksheets/": 4_000_000, "": 500_000}  # angle brackets, or equality signs, in a part
+_LONGEST_TAG = 50_000  # bytes; a parser that waits for its end begins anew with each block
+_ENDLESS = re.compile(rb"<[^<>]{%d}" % _LONGEST_TAG)
+_AGAIN = "save it again as .xlsx or CSV"
+_NO_VALUE = re.compile(rb"<f\b[^<]*(?:/>|</f>)\s*(?:</c>|<v\s*/>|<v></v>)")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sheet:
+    """A table as found in a file; its cells are still text."""
+
+    name: str  # of the file, and of the sheet if a workbook has several
+    columns: tuple[str, ...]  # headers, made unique
+    units: tuple[str, ...]  # the cells of a row of units below the headers, empty if there is none
+    cells: pd.DataFrame
+    decimal: str
+    first_row: int  # of the data, counted from 1
+    steps: tuple[str, ...] = ()
+    titles: tuple[str, ...] = ()  # the cells above the headers, empty if there is none
+    part_of: str = ""  # the table that it was split from, unless titles name each part as a test of its own
+    origin: str = ""  # the line above it that says that a program computed it
+
+    def of_columns(self, numbers: Sequence[int]) -> "Sheet":
+        """The sheet with some of its columns, by their numbers."""
+        rows = (self.columns, self.units, self.titles)
+        columns, units, titles = (tuple(row[number] for number in numbers) for row in rows)
+        return replace(self, columns=columns, units=units, titles=titles, cells=self.cells.iloc[:, list(numbers)])
+
+    @property
+    def layout(self) -> str:
+        """A sentence on where the data begin, and on the columns."""
+        row_of_units = ", a row of units" if any(self.units) else ""
+        names = ", ".join(printable(name, 40) for name in self.columns[:12]) + (" …" if len(self.columns) > 12 else "")
+        return f"Data from row {self.first_row}{row_of_units}, columns: {names}."
+
+    def column(self, name: str) -> pd.Series:
+        """The cells of a column."""
+        return self.cells.iloc[:, self.columns.index(name)]
+
+    def title(self, column: str) -> str:
+        """The title above a column, or above the nearest one to its left that has one."""
+        return next(filter(None, reversed(self.titles[: self.columns.index(column) + 1])), "")
+
+    @property
+    def is_titled(self) -> bool:
+        """Whether the titles are those of columns, not one heading of the whole table."""
+        return any(self.titles[1:])
+
+    def has_row_names(self, column: str) -> bool:
+        """Whether a column is the first, and has no header although others have one."""
+        return column == self.columns[0] and is_unnamed(column) and not all(map(is_unnamed, self.columns))
+
+    def filled(self, column: str) -> int:
+        """The number of cells of a column with content."""
+        return int((self.column(column) != "").sum())
+
+    def text(self, column: str) -> list[str]:
+        """The cells of a column, stripped of surrounding spaces."""
+        return [original(str(cell).strip()) for cell in self.column(column)]
+
+    def parsed(self, column: str) -> FloatArray:
+        """A column as float64, NaN where a cell is not a number."""
+        cells = self.column(column)
+        plain = cells.str.replace(self.decimal, ".", regex=False) if self.decimal != "." else cells
+        numbers: FloatArray = pd.to_numeric(plain, errors="coerce").to_numpy(np.float64, copy=True)
+        return numbers
+
+    def numbers(self, column: str) -> FloatArray:
+        """A column as float64, NaN where a cell is empty; a DataError names a cell that is not a number."""
+        numbers = self.parsed(column)
+        if np.isfinite(numbers).all():
+            return numbers
+        cells = self.column(column).str.strip()
+        wrong = np.flatnonzero(~np.isfinite(numbers) & ~cells.str.lower().isin(["", "nan"]).to_numpy())
+        if wrong.size:
+            row = int(wrong[0])
+            cell = cells.iloc[row]
+            found, advice = repr(printable(cell, 40)), "correct the cell, or map the column otherwise"
+            if re.fullmatch(_GROUPED[self.decimal], cell):
+                found, advice = f"{found}, with thousands separators", "export without them"
+            raise DataError(Problem(self.name, "a number", found, advice, printable(column), row + self.first_row))
+        return numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """The row of a grid where the data start (from 0), and the headers, units and titles above it."""
+
+    begin: int
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    titles: tuple[str, ...]
+
+
+def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
+    """Locate the first data row of a grid and the headers, units and titles above it."""
+    begin = _first_data_row(grid, decimal)
+    if begin is None:
+        expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
+        raise DataError(Problem(name, expected, found, "export it again with one header"))
+    above = [_trimmed(row) for row in grid[:begin] if any(cell.strip() for cell in row)]
+    width, filled = len(grid[begin]), max(len(_trimmed(row)[: len(grid[begin])]) for row in grid[begin:])
+    if (widest := max(width, len(above[-1]) if above else 0)) > _MOST_COLUMNS:
+        raise DataError(Problem(name, f"at most {_MOST_COLUMNS} columns", f"{widest}", "export fewer columns"))
+    units = above.pop() if len(above) > 1 and _is_units(above[-1], width) else []
+    is_header = above and (len(above[-1]) >= max(filled - 1, 2) or use_of(above[-1][0], "").role == "time")
+    names = above.pop() if is_header else []
+    if len(names) == filled - 1:
+        names = _aligned(names, grid[begin:], decimal, name)
+    width = max(width, len(names))
+    titles = above[-1] if above else []
+    names, units, titles = ([*row, *[""] * width][:width] for row in (names, units, titles))
+    return Header(begin, unique(names), tuple(map(str.strip, units)), tuple(map(str.strip, titles)))
+
+
+def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form: str) -> Sheet:
+    """A sheet with this header; the sentences in ``form`` become its first steps.
+
+    Left out are columns without header and content, as a delimiter at the end of each row makes them, and a first one
+    that numbers the rows.
+    """
+    unnamed = [not title and is_unnamed(column) for column, title in zip(header.columns, header.titles, strict=True)]
+    numbered = unnamed[0] and not all(unnamed) and numbers_rows(cells.iloc[:SAMPLE, 0])
+
+    def is_idle(number: int) -> bool:
+        return unnamed[number] and ((number == 0 and numbered) or not (cells.iloc[:, number] != "").any())
+
+    kept = [number for number in range(len(unnamed)) if not is_idle(number)]
+    sheet = Sheet(name, header.columns, header.units, cells, decimal, header.begin + 1, titles=header.titles)
+    sheet = sheet.of_columns(kept)
+    left_out = ["Left out: the first column, which numbers the rows."] if numbered else []
+    return replace(sheet, steps=(*form, sheet.layout, *left_out))
+
+
+def numbers_rows(cells: pd.Series) -> bool:
+    """Whether a column counts its rows: whole numbers, one more in each row."""
+    if len(cells) < _RUN or not cells.iloc[0].strip().isdecimal():
+        return False
+    is_whole = cells.str.fullmatch(r"\s*\d{1,9}\s*").all()
+    return bool(is_whole and (np.diff(cells.str.strip().astype(np.int64)) == 1).all())
+
+
+def is_unnamed(column: str) -> bool:
+    """Whether a column has the name that is given to one without a header."""
+    return _UNNAMED.fullmatch(column) is not None
+
+
+def _aligned(names: list[str], data: Sequence[Sequence[str]], decimal: str, name: str) -> list[str]:
+    """Names of columns that are one fewer than the columns, as R writes them above row names; "" for the one without.
+
+    They are those of the last columns if the first is one of row names or the clock; of the first ones if the last has
+    no numbers, or if there is but one. Otherwise nobody can tell.
+    """
+    if len(names) == 1:
+        return [*names, ""]
+    rows = [[*row, *[""] * (len(names) + 1)] for row in data if any(row)]
+    columns = [pd.Series([row[number] for row in rows], dtype=str) for number in range(len(names) + 1)]
+
+    def increases(number: int) -> bool:
+        values = pd.to_numeric(columns[number].str.replace(decimal, ".", regex=False), errors="coerce")
+        return bool((np.diff(values.dropna()) > 0).all()) and bool(values.notna().mean() > _MOST)
+
+    if sum(is_number(cell, decimal) for cell in columns[-1]) < _MOST * len(rows):
+        return [*names, ""]
+    clocks = [number for number, text in enumerate(names) if use_of(text, "").role == "time"]
+    has_row_names = numbers_rows(columns[0]) or not any(is_number(cell, decimal) for cell in columns[0])
+    if all(increases(number + 1) for number in clocks) and (clocks or has_row_names or increases(0)):
+        return ["", *names]
+    found = f"{len(names)} names above {len(names) + 1} columns of numbers"
+    raise DataError(Problem(name, "a name for each column", found, "name all columns, or leave out what has no name"))
+
+
+def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
+    """The first row of the largest and widest block of rows with at least half of their cells numbers, else with any.
+
+    Blocks before it are a preamble with numbers, unless only a remark or a gap in the data separates them from it.
+    """
+    for least in (0.5, 1e-9):
+        if blocks := _blocks(grid, decimal, least):
+            most = max(blocks, key=lambda block: block.numbers * len(block.numeric))
+            begin = next(block.begin for block in blocks if block is most or block.goes_on_in(most, grid))
+            return begin + (use_of(grid[begin][0], "").role == "time")  # a header whose other names are numbers
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Consecutive rows with numbers; ``numeric`` marks the columns where most cells are numbers."""
+
+    begin: int
+    end: int
+    numbers: int
+    numeric: tuple[bool, ...]
+
+    def goes_on_in(self, other: "_Block", grid: Sequence[Sequence[str]]) -> bool:
+        width = len(other.numeric)
+        between = [sum(map(bool, row)) for row in grid[self.end : other.begin]]
+        return self.numeric == other.numeric or (len(self.numeric) == width and max(between) < width - 1)
+
+
+def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
+    """The blocks of at least five rows, or fewer at the end of the grid; rows with gaps in them are part of a block."""
+    found: list[_Block] = []
+    rows: list[list[bool | None]] = []
+    begin: int | None = None
+    for number, row in enumerate([*grid, ["end"]]):
+        cells = [is_number(cell, decimal) if cell.strip() else None for cell in row]
+        filled = [cell for cell in cells if cell is not None]
+        if len(filled) > 1 and sum(filled) >= least * len(filled):
+            begin = number if begin is None else begin
+            rows.append(cells)
+        elif len(row) > 1 and filled == [True]:  # of two columns, one has a gap here
+            begin = number if begin is None else begin
+        elif filled:
+            if begin is not None and (len(rows) >= _RUN or (rows and number == len(grid))):
+                counts = [sum(cell is True for cell in column) for column in zip_longest(*rows)]
+                found.append(_Block(begin, number, sum(counts), tuple(2 * count > len(rows) for count in counts)))
+            rows, begin = [], None
+    return [block for block in found if block.begin < _LONGEST_PREAMBLE]
+
+
+def _is_units(row: Sequence[str], width: int) -> bool:
+    cells = [cell.strip() for cell in row]
+    named = sum(unit_named(cell) is not None for cell in cells)
+    blank = sum(cell.strip("[]()- ") == "" for cell in cells)
+    return len(cells) <= width and named > 0 and 2 * (named + blank) >= len(cells) and named + blank >= len(cells) - 1
+
+
+def _trimmed(row: Sequence[str]) -> list[str]:
+    end = max((number for number, cell in enumerate(row, start=1) if cell.strip()), default=0)
+    return list(row[:end])
+
+
+def unique(header: Sequence[str]) -> tuple[str, ...]:
+    """Headers that tell their columns apart; those without one are numbered."""
+    names: list[str] = []
+    seen: set[str] = set()
+    for number, cell in enumerate(header, start=1):
+        name = original(" ".join(cell.split()))[:_LONGEST_HEADER] or f"column {number}"
+        while name in seen:
+            name += f" ({number})"
+        seen.add(name)
+        names.append(name)
+    return tuple(names)
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number with this decimal sign."""
+    return _NUMBER[decimal].fullmatch(cell.strip()) is not None
+
+
+def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
+    """Read every sheet that holds a table."""
+    if not is_zipfile(path):
+        raise DataError(Problem(path.name, "a sound workbook", "a damaged one (no zip)", _AGAIN))
+    with path.open("rb") as stream:
+        budget = Budget(limits, path.stat().st_size)
+        uncalculated = [_examined(member, budget) for member in zip_members(stream, path.name, limits)]
+    with warnings.catch_warnings(action="ignore"):  # what openpyxl leaves out is no table
+        return _sheets(path, calculated=not any(uncalculated))
+
+
+def _sheets(path: Path, *, calculated: bool) -> tuple[Sheet, ...]:
+    try:
+        from openpyxl import load_workbook
+    except ImportError:
+        advice = "install crashfuse[excel], or save the sheet as CSV"
+        raise DataError(Problem(path.name, "openpyxl to read workbooks with", "none installed", advice)) from None
+    problems: list[Problem] = []
+    found, cells = list[Sheet](), 0
+    try:
+        with closing(load_workbook(path, read_only=True, data_only=True)) as book:
+            if len(book.worksheets) > _MOST_SHEETS:
+                expected, advice = f"at most {_MOST_SHEETS} sheets", "leave out the others"
+                raise DataError(Problem(path.name, expected, f"{len(book.worksheets)}", advice))
+            shown_sheets = [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"]
+            hidden = [printable(sheet.title, 40) for sheet in book.worksheets if sheet not in shown_sheets]
+            for sheet in shown_sheets:
+                name = path.name if len(book.worksheets) == 1 else f"{path.name}: {printable(sheet.title)}"
+                sheet.reset_dimensions()  # what the file declares may be far more than it holds
+                rows = _grid(sheet.iter_rows(values_only=True), name, min(_MOST_CELLS, _MOST_CELLS_IN_ALL - cells))
+                cells += sum(map(len, rows))
+                if any(any(row) for row in rows):
+                    try:
+                        found.append(_grid_sheet(rows, name, hidden))
+                    except DataError as error:
+                        problems.extend(_explained(problem, rows, calculated=calculated) for problem in error.problems)
+    except (BadZipFile, KeyError, ValueError, TypeError, AttributeError, IndexError, SyntaxError, OSError) as error:
+        reason = printable(" ".join(str(error).split()), 150) or type(error).__name__
+        raise DataError(Problem(path.name, "a sound workbook", reason, _AGAIN)) from None
+    if not found:
+        none = f"hidden ones alone ({', '.join(hidden)})" if hidden and not problems else "none"
+        raise DataError(problems or Problem(path.name, "a sheet with a table", none, "export the data again"))
+    return tuple(found)
+
+
+def _examined(member: Member, budget: Budget) -> bool:
+    """Whether a part has formulas without values; a DataError if it is too large to be parsed, or defines entities."""
+    name = str(member.path)
+    most = next(most for start, most in _MOST_MARKS.items() if name.startswith(start))
+    is_xml = name.endswith((".xml", ".rels"))
+    prolog = _Prolog(member.where)
+    marks, uncalculated, end = {b"<": 0, b"=": 0}, False, b""
+    for chunk in member.chunks(budget):
+        if not is_xml:
+            continue
+        prolog.feed(chunk)
+        marks = {mark: count + chunk.count(mark) for mark, count in marks.items()}
+        if max(marks.values()) > most:
+            expected, advice = f"at most {most // 2} elements and {most} attributes", "save the sheets as CSV"
+            raise DataError(Problem(member.where, expected, "more", advice))
+        joined = end + chunk
+        if _ENDLESS.search(joined):
+            raise DataError(Problem(member.where, "the XML of a workbook", "an element without an end", _AGAIN))
+        uncalculated = uncalculated or _NO_VALUE.search(joined) is not None
+        end = joined[-_LONGEST_TAG:]
+    return uncalculated
+
+
+class _Prolog:
+    """The part of an XML file before its first element, where entities are defined: none of a workbook is."""
+
+    def __init__(self, where: str) -> None:
+        self._parser: expat.XMLParserType | None = expat.ParserCreate()
+        self._parser.StartDoctypeDeclHandler = self._refuse
+        self._parser.StartElementHandler = self._end
+        self._where = where
+
+    def feed(self, chunk: bytes) -> None:
+        if self._parser is not None:
+            try:
+                self._parser.Parse(chunk)
+            except expat.ExpatError:
+                self._parser = None  # the workbook's parser says what is wrong
+
+    def _refuse(self, *_: object) -> None:
+        found = "a document type, which may define anything"
+        raise DataError(Problem(self._where, "the XML of a workbook", found, _AGAIN))
+
+    def _end(self, *_: object) -> None:
+        self._parser = None
+
+
+def _grid(rows: Iterator[tuple[object, ...]], name: str, most: int) -> list[list[str]]:
+    grid: list[list[str]] = []
+    cells = width = 0
+    for row in rows:
+        shown = [_shown_cell(cell) for cell in row]
+        while shown and not shown[-1]:
+            shown.pop()
+        grid.append(shown)
+        width = max(width, len(shown))
+        cells += max(len(row), 1)
+        if cells > most or width * len(grid) > most:
+            raise DataError(Problem(name, f"at most {most} cells", "more", "save the sheet as CSV"))
+    return [row + [""] * (width - len(row)) for row in grid]
+
+
+def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Sheet:
+    decimal = "."  # numbers in a workbook have no decimal sign of their own
+    header = header_of(rows[:SAMPLE], decimal, name)
+    width = len(header.columns)
+    body = [(row + [""] * width)[:width] for row in rows[header.begin :]]
+    while body and not any(body[-1]):
+        body.pop()
+    cells = pd.DataFrame(body, columns=range(width), dtype=str)
+    left = [f"Left out as hidden: {', '.join(hidden)}."] if hidden else []
+    origin = statement_of_simulation(" ".join(row) for row in rows[: header.begin])
+    return replace(sheet_of(name, header, cells, decimal, *left), origin=origin)
+
+
+def _explained(problem: Problem, rows: list[list[str]], *, calculated: bool) -> Problem:
+    if text := next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), ""):
+        advice = "turn them into numbers (in Excel: Data, Text to Columns), or save the sheet as CSV"
+        return replace(problem, found=f"numbers kept as text, such as {text!r}", advice=advice)
+    if not calculated:
+        advice = "open the workbook in Excel and save it, or save the sheet as CSV"
+        return replace(problem, found="formulas whose values are not in the file", advice=advice)
+    return problem
+
+
+def _shown_cell(cell: object) -> str:
+    if cell is None:
+        return ""
+    return repr(cell) if isinstance(cell, float) else str(cell).strip()

@@ -1,0 +1,421 @@
+"""The tables of a text file or workbook: CSV, TSV, LabVIEW or Excel, with any delimiter, decimal sign and header.
+
+The file only has to hold a table: the delimiter and the decimal sign are those for which the most cells are numbers.
+Tables that stand side by side in one are split, so that each acceleration keeps its own time.
+
+A LabVIEW measurement file (.lvm) is a header, then segments, each with a header, names of channels, and samples. The
+rows of a segment's header say, in the column of each channel, its unit (``Y_Unit_Label``), its step (``Delta_X``) and
+when it begins (``X0`` after ``Date`` and ``Time``). Times may also stand left of the samples: of all channels
+(``X_Columns One``) or of each (``Multi``). Source: NI, Specification for the LabVIEW Measurement File (.lvm).
+"""
+
+import csv
+import io
+import re
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from datetime import datetime
+from itertools import chain, islice, pairwise
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Limits
+from crashfuse.readers.members import as_text
+from crashfuse.readers.table_headers import bare_name, names_a_test
+from crashfuse.readers.table_mapping import propose
+from crashfuse.readers.table_sheet import (
+    SAMPLE,
+    SHEET_LIMITS,
+    Header,
+    Sheet,
+    header_of,
+    is_number,
+    numbers_rows,
+    read_workbook,
+    sheet_of,
+    unique,
+)
+from crashfuse.readers.vocabulary import statement_of_simulation
+from crashfuse.signals.pulse import FloatArray
+
+_TIME = "X_Value"
+_GAP = re.compile(r"[\t,;]")
+_DELIMITERS = {"Comma": ",", "Semicolon": ";"}  # else tab
+_MOST_COLUMNS, _MOST_COLUMNS_IN_ALL = 2000, 20_000  # of a LabVIEW file
+_SAME_S = 1e-6  # times that differ by less are one
+_APART = "save each segment as a file of its own"
+_LONGEST_GAP = 1.5  # steps between segments that continue each other
+_MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
+_LARGEST_SAMPLE = 4 << 20  # characters
+_AGAIN = "export it again as CSV"
+_GROUPED_CELLS = re.compile(r"(?<![\w.])[-+]?[1-9]\d{0,2},\d{3}(?!\d)(\.\d+)?")
+_DECIMALS = re.compile(r"-0,\d+|[-+]?\d+,(0\d+|\d+[eE][-+]?\d+)")
+_BETWEEN_NAMES = (r"\s{2,}|\t", r"(?<=[)\]])\s+", r"\s+(?![\[(])", r"\s+")  # the likeliest first
+_DIALECTS = (
+    (",", "."),
+    (";", ","),
+    (";", "."),
+    ("\t", ","),
+    ("\t", "."),
+    ("|", "."),
+    (" ", "."),
+    (" ", ","),
+    (",", ","),  # decimal commas in quoted cells
+)
+
+
+def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
+    """Split a sheet in which several accelerations have their own times: one sheet per time.
+
+    Each has the columns from its time to the next; columns left of the first time are in all of them. A sheet with one
+    time, or with an acceleration left of all times, is returned unchanged.
+    """
+    mapping = propose(sheet)
+    roles = [use.role for use in mapping.uses]
+    times = [number for number, role in enumerate(roles) if role == "time"]
+    if mapping.kind != "pulses" or len(times) < 2 or roles.index("acceleration") < times[0]:
+        return (sheet,)
+    blocks = [(*range(times[0]), *range(*ends)) for ends in pairwise([*times, len(roles)])]
+    titles = [next(filter(None, (sheet.titles[number] for number in block)), "") for block in blocks]
+    tests = len(set(titles)) == len(titles) and all(map(names_a_test, titles))
+    first = [next(number for number in block if roles[number] == "acceleration") for block in blocks]
+    names = titles if tests else [bare_name(sheet.columns[number]) for number in first]
+
+    def part(block: Sequence[int], name: str) -> Sheet:
+        columns = sheet.of_columns(block)
+        shown = ", ".join(printable(column, 40) for column in columns.columns)
+        note = f"One of several times side by side, with the columns right of it: {shown}."
+        part_of, steps = "" if tests else sheet.name, (*sheet.steps, note)
+        return replace(columns, name=f"{sheet.name}: {printable(name, 60)}", part_of=part_of, steps=steps)
+
+    return tuple(map(part, blocks, names))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Segment:
+    tags: Mapping[str, Sequence[str]]
+    names: Sequence[str]
+    first_row: int
+    lines: list[str]
+
+
+def _is_labview(line: str) -> bool:
+    return line.startswith("LabVIEW Measurement")
+
+
+def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
+    """Read the samples of all segments as one table; channels that begin at other times have their own to their left.
+
+    A DataError says that there are no samples, that their times are unknown, or that segments do not continue each
+    other.
+    """
+    pairs = (_GAP.split(line, maxsplit=1) for line in lines[:100] if _GAP.search(line))
+    entries = {name: value.strip() for name, value in pairs}
+    delimiter = _DELIMITERS.get(entries.get("Separator", ""), "\t")
+    segments = _segments(lines, delimiter)
+    if not segments:
+        advice = "save the measurement again, with its headers"
+        raise DataError(Problem(name, f"samples below a row of names that begins with {_TIME}", "none", advice))
+    decimal = "," if "," in entries.get("Decimal_Separator", entries.get("Time", "")) else "."
+    _check_alike(segments, name)
+    lines = list(chain.from_iterable(segment.lines for segment in segments))
+    cells = _cells(lines, delimiter, len(segments[0].names), name, segments[0].first_row)
+    columns: list[tuple[str, str, pd.Series]] = []
+    clock_s: FloatArray | None = None
+    for channel, time_s in _channels(segments, cells, decimal, name):
+        if clock_s is None or not np.allclose(clock_s, time_s, rtol=0, atol=_SAME_S, equal_nan=True):
+            clock_s = time_s
+            _check_continues(clock_s, segments, name)
+            columns.append((_TIME, "s", _text(clock_s)))
+        columns.append(channel)
+    names, units, series = zip(*columns, strict=True)
+    header = Header(segments[0].first_row - 1, unique(names), units, ("",) * len(names))
+    joined = [f"{len(segments)} segments that continue each other are joined."] if len(segments) > 1 else []
+    cells = pd.concat(series, axis="columns", ignore_index=True)
+    return sheet_of(name, header, cells, decimal, "A LabVIEW measurement.", *joined)
+
+
+def _segments(lines: Sequence[str], delimiter: str) -> list[_Segment]:
+    segments: list[_Segment] = []
+    tags: dict[str, Sequence[str]] = {}
+    segment: _Segment | None = None
+    special = False
+    for row, line in enumerate(lines, start=1):
+        cells = [cell.strip() for cell in line.split(delimiter)]
+        if cells[0].startswith("***"):
+            special = cells[0] == "***Start_Special***"
+        elif special or not any(cells):
+            continue
+        elif cells[0] == "Channels":
+            tags, segment = {}, None
+        elif cells[0] == _TIME:
+            segment = _Segment(tags, cells, row + 1, [])
+            segments.append(segment)
+        elif segment is None:
+            tags[cells[0]] = cells
+        else:
+            segment.lines.append(line)
+    return [segment for segment in segments if segment.lines]
+
+
+def _channels(
+    segments: Sequence[_Segment], cells: pd.DataFrame, decimal: str, name: str
+) -> Iterator[tuple[tuple[str, str, pd.Series], FloatArray]]:
+    """Yield name, unit and samples of each channel, and its times by the clock of the first."""
+    names = segments[0].names
+    times = [number for number, text in enumerate(names) if text == _TIME]
+    channels = [number for number, text in enumerate(names) if text != _TIME]
+    if names[-1].casefold() == "comment":
+        channels.remove(len(names) - 1)
+    ends = np.cumsum([len(segment.lines) for segment in segments])[:-1]
+    for number in channels:
+        clock = cells.iloc[:, max(time for time in times if time < number)].str.replace(decimal, ".", regex=False)
+        stated = np.split(pd.to_numeric(clock, errors="coerce").to_numpy(np.float64), ends)
+        pairs = zip(segments, stated, strict=True)
+        is_shared = len(times) == 1
+        time_s = np.concatenate([_times(*pair, number, channels[0], decimal, is_shared=is_shared) for pair in pairs])
+        if not np.isfinite(time_s).any():
+            expected = f"times, or X0 and Delta_X, of {printable(names[number], 60)}"
+            raise DataError(Problem(name, expected, "none", "save them with the samples"))
+        unit = _cell(segments[0], "Y_Unit_Label", number)
+        yield (names[number], unit, cells.iloc[:, number].reset_index(drop=True)), time_s
+
+
+def _times(
+    segment: _Segment, stated_s: FloatArray, number: int, first: int, decimal: str, *, is_shared: bool
+) -> FloatArray:
+    """The times of a channel: those stated left of it, if they are its own or of a channel that has the same clock."""
+    start_s, step_s = (_number(segment, tag, number, decimal) for tag in ("X0", "Delta_X"))
+    clock_s = [_number(segment, tag, first, decimal) for tag in ("X0", "Delta_X")]
+    applies = not is_shared or np.allclose((start_s, step_s), clock_s, rtol=_SAME_S, atol=0, equal_nan=True)
+    stamps = _stamp(segment, number), _stamp(segment, first)
+    late_s = (stamps[0] - stamps[1]).total_seconds() if stamps[0] and stamps[1] else 0.0
+    if applies and np.isfinite(stated_s).any():
+        return stated_s + late_s
+    return start_s + late_s + step_s * np.arange(stated_s.size)
+
+
+def _check_alike(segments: Sequence[_Segment], name: str) -> None:
+    columns, n = len(segments[0].names), len(segments)
+    if columns > _MOST_COLUMNS or columns * n > _MOST_COLUMNS_IN_ALL:
+        expected = f"at most {_MOST_COLUMNS} columns, and {_MOST_COLUMNS_IN_ALL} in all segments"
+        raise DataError(Problem(name, expected, f"{columns} in {n} segments", "save fewer channels"))
+    if columns * sum(len(segment.lines) for segment in segments) > _MOST_CELLS:
+        raise DataError(Problem(name, f"at most {_MOST_CELLS} cells", "more", "save fewer channels"))
+    for segment in segments:
+        if segment.names != segments[0].names:
+            expected, found = "the same channels in all segments", "others"
+            raise DataError(Problem(name, expected, found, _APART, row=segment.first_row - 1))
+
+
+def _check_continues(time_s: FloatArray, segments: Sequence[_Segment], name: str) -> None:
+    begin = 0
+    for one, other in pairwise(segments):
+        begin += len(one.lines)
+        gap_s, step_s = time_s[begin] - time_s[begin - 1], np.diff(time_s[max(begin - 2, 0) : begin])
+        if not 0 < gap_s <= _LONGEST_GAP * (step_s[0] if step_s.size else np.inf):
+            found = f"one that begins at {time_s[begin]:.6g} s, after one that ends at {time_s[begin - 1]:.6g} s"
+            raise DataError(Problem(name, "segments that continue each other", found, _APART, row=other.first_row))
+
+
+def _stamp(segment: _Segment, number: int) -> datetime | None:
+    day, clock = (_cell(segment, tag, number) for tag in ("Date", "Time"))
+    try:
+        return datetime.fromisoformat(f"{day.replace('/', '-')}T{clock}")
+    except ValueError:
+        return None
+
+
+def _number(segment: _Segment, tag: str, number: int, decimal: str) -> float:
+    try:
+        return float(_cell(segment, tag, number).replace(decimal, "."))
+    except ValueError:
+        return np.nan
+
+
+def _cell(segment: _Segment, tag: str, number: int) -> str:
+    cells = segment.tags.get(tag, ())
+    return cells[number] if number < len(cells) else ""
+
+
+def _text(values: FloatArray) -> pd.Series:
+    return pd.Series(["" if np.isnan(value) else repr(value) for value in values.tolist()], dtype=str)
+
+
+def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
+    """Read the tables of a text file or workbook: one per file or sheet, or one per time column in it."""
+    if not path.is_file():
+        raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
+    if path.stat().st_size > limits.member_bytes:
+        expected, found = f"at most {limits.member_bytes >> 20} MiB a table", f"{path.stat().st_size >> 20} MiB"
+        raise DataError(Problem(path.name, expected, found, "export a shorter record"))
+    if path.suffix.lower() in (".xlsx", ".xlsm"):
+        return tuple(part for sheet in read_workbook(path, limits) for part in _split_by_clock(sheet))
+    if path.suffix.lower() == ".xls":
+        raise DataError(Problem(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx"))
+    return _split_by_clock(_text_sheet(path, limits))
+
+
+def _text_sheet(path: Path, limits: Limits) -> Sheet:
+    content = path.read_bytes()
+    if content.count(b"\n") + content.count(b"\r") > 2 * limits.rows:
+        raise DataError(Problem(path.name, f"at most {limits.rows} rows", "more", "export a shorter record"))
+    text = _decoded(content, path.name)
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    del content, text
+    if max(map(len, lines)) > _LONGEST_LINE:
+        raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
+    sample = lines[: max(1, min(SAMPLE, _LARGEST_SAMPLE // (1 + max(map(len, lines[:SAMPLE])))))]
+    if _is_labview(lines[0]):
+        return _labview_sheet(lines, path.name)
+    if lines[0].strip() == "Curveplot":
+        expected, advice = "a table with a row of names", "save the curves as CSV"
+        raise DataError(Problem(path.name, expected, "a curve file of LS-PrePost", advice))
+    delimiter, decimal = _dialect([line for line in sample if line.strip()], path.name)
+    grid = [_split(line, delimiter) for line in sample]
+    if delimiter == " ":
+        grid = _with_whole_names(sample, grid, decimal)
+    if delimiter == "," and decimal == ".":
+        _refuse_commas_in_numbers(grid, path.name)
+    names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
+    form = f"Columns separated by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
+    header = header_of(grid, decimal, path.name)
+    rest = lines[header.begin :]
+    while rest and not rest[-1].strip(f" {delimiter}"):
+        rest.pop()
+    if len(rest) * len(header.columns) > _MOST_CELLS:
+        raise DataError(Problem(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns"))
+    cells = _cells(rest, delimiter, len(header.columns), path.name, header.begin + 1)
+    sheet = sheet_of(path.name, header, cells, decimal, form)
+    return replace(sheet, origin=statement_of_simulation(lines[: header.begin]))
+
+
+def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_row: int) -> pd.DataFrame:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # cells beyond the width would be dropped
+            return pd.read_csv(
+                io.StringIO("\n".join(lines)),
+                sep=r"\s+" if delimiter == " " else delimiter,
+                header=None,
+                names=range(width),
+                index_col=False,
+                dtype=str,
+                keep_default_na=False,
+                na_filter=False,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                on_bad_lines="error",
+            )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning, ValueError) as error:
+        rows = ((at, _split(line, delimiter)) for at, line in enumerate(lines, start=first_row))
+        longer = list(islice((row for row in rows if len(row[1]) > width), SAMPLE))
+        if delimiter == "," and longer and (broken := _commas_in_numbers(longer, name, is_ragged=True)) is not None:
+            raise DataError(broken) from None
+        found = " ".join(str(error).split())[:160]
+        advice = f"export it again (the data begin in row {first_row})"
+        raise DataError(Problem(name, f"{width} cells in each row", found, advice)) from None
+
+
+def _refuse_commas_in_numbers(grid: Sequence[Sequence[str]], name: str) -> None:
+    rows = [(at, row) for at, row in enumerate(grid) if len(row) > 1 and all(is_number(c, ".") for c in row if c)]
+    first = rows[0][0] if rows else 0
+    names = max((sum(map(bool, row)) for row in grid[max(first - 2, 0) : first]), default=0)
+    longer = [(at + 1, row) for at, row in rows if not names or len(row) > names]
+    is_ragged = bool(names) and len(longer) < len(rows)
+    if longer and (broken := _commas_in_numbers(longer, name, is_ragged=is_ragged)) is not None:
+        raise DataError(broken)
+
+
+def _commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: str, *, is_ragged: bool) -> Problem | None:
+    """What commas in numbers do to rows, given with their numbers, that have more cells than there are names.
+
+    Decimal commas: -0,063 is no -0 and 063, and no cell has a point. Thousands separators: -1,234.5 is no -1 and 234.5,
+    and the table is ragged, as other rows have as many cells as there are names.
+    """
+    broken = [(at, match[0]) for at, row in rows if (match := _GROUPED_CELLS.search(",".join(row)))]
+    what, instead = "thousands separators", "without them"
+    if not is_ragged or len(broken) < len(rows):
+        pairs = ((at, ",".join(pair)) for at, row in rows for pair in pairwise(row))
+        broken = [(at, pair) for at, pair in pairs if _DECIMALS.fullmatch(pair)]
+        what, instead = "decimal commas", "with decimal points"
+        if not broken or any("." in cell for _, row in rows for cell in row):
+            return None
+    at, number = broken[0]
+    found = f"{what}, as in {number}, in a table separated by commas"
+    advice = f"export it {instead}, or with semicolons or tabs between the columns"
+    return Problem(name, "a comma either between columns or in numbers", found, advice, row=at)
+
+
+def _decoded(content: bytes, name: str) -> str:
+    text = "\x00"
+    with suppress(UnicodeDecodeError):
+        text = content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else as_text(content)
+    if "\x00" in text:
+        raise DataError(Problem(name, "a table as text", "bytes that are no text", "export it again as CSV in UTF-8"))
+    return text
+
+
+def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
+    """The delimiter and decimal sign for which the most cells, and the largest share of them, are numbers."""
+    best, best_score, best_width = None, 0.0, 0
+    for delimiter, decimal in _DIALECTS:
+        rows = [_split(line, delimiter) for line in lines]
+        width = Counter(len(row) for row in rows if len(row) > 1).most_common(1)
+        if not width:
+            continue
+        numbers = [sum(is_number(cell, decimal) for cell in row) for row in rows if len(row) == width[0][0]]
+        score = sum(count**2 for count in numbers) / width[0][0]
+        if delimiter == " " and best is not None and best[0] == "\t" and width[0][0] == best_width:
+            continue  # they are the same columns, and names may hold blanks
+        if score > best_score:
+            best_width = width[0][0]
+            best, best_score = (delimiter, decimal), score
+    if best is None:
+        raise DataError(Problem(name, "a table of at least two columns with numbers", "none", _AGAIN))
+    return best
+
+
+def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: str) -> list[list[str]]:
+    """The grid of a table whose columns are separated by blanks, as names of columns may hold blanks, too.
+
+    A line of text is split as gives one name a column; if no way does, the columns have no names.
+    """
+    data = [2 * sum(is_number(cell, decimal) for cell in row) >= len(row) for row in grid]
+    widths = Counter(len(row) for row, numeric in zip(grid, data, strict=True) if numeric and len(row) > 1)
+    width = widths.most_common(1)[0][0] if widths else 0
+    unnamed = [f"column {number}" for number in range(1, width + 1)]
+    first = [row[0] for row, numeric in zip(grid, data, strict=True) if numeric]
+    has_row_names = numbers_rows(pd.Series(first, dtype=str))
+
+    def names(line: str) -> list[str]:
+        text = line.strip().lstrip("#%!*").strip()
+        words = _split(text, " ")
+        if len(words) == width or (len(words) == width - 1 and ('"' in text or has_row_names)):
+            return words
+        splits = (re.split(between, text) for between in _BETWEEN_NAMES)
+        return next((cells for cells in splits if len(cells) == width), unnamed)
+
+    return [
+        row if numeric or not line.strip() else names(line)
+        for line, row, numeric in zip(lines, grid, data, strict=True)
+    ]
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    if delimiter == " " and '"' in line:
+        return [cell.strip('"') for cell in re.findall(r'(?:"[^"]*"|[^\s"])+', line)]
+    if delimiter == " ":
+        return re.split(r"\s+(?![\[(])", line.strip())
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    except csv.Error:
+        return [line]

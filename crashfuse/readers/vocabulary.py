@@ -1,0 +1,287 @@
+"""Vocabulary of foreign files: spellings of units, channel codes of ISO-MME, words on a channel's source and quality.
+
+A channel code::
+
+    10SEATLERE00ACXP
+    1                 test object (1: vehicle 1)
+     0                position (0: none, on the vehicle itself; 1: the driver's …)
+      SEAT            main location
+          LERE00      three fine locations (left, rear, undefined)
+                AC    physical dimension (acceleration)
+                  X   direction, signed as in SAE J211; NHTSA writes 1 for X, too
+                   P  filter class (D: CFC 60, C: CFC 180 …; S: special; P: prefiltered only)
+
+Characters that say nothing are 0 or ?; the IIHS fills them with _, as in ``11VEHC0000__ACX_``.
+
+Sources: ISO/TS 13499, related electronic document B (channel codes), 1.6.2, as quoted by the public packages pyisomme
+and sdata; the codes of NHTSA's and the IIHS's downloads. ISO/TS 13499 has ``Data source`` (transducer, camera,
+calculation, simulation, parameter) and ``Data status`` (ok, channel failed, meaningless data, no data, questionable
+data, scaling factor changed, system noise); laboratories spell them in their own ways, NHTSA has codes for them.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+from crashfuse.errors import UsageError, printable
+from crashfuse.units import KPH, LB, MPH, MS, G
+from crashfuse.wording import KPH_KG, MPH_LB, Quantity
+
+ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
+"""Factors to m/s² of the units that occur in records; the last two are LS-DYNA's."""
+
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "time": {"s": 1.0, "ms": MS, "µs": 1e-6},
+    "acceleration": ACCELERATION_UNITS,
+    "speed": {"km/h": KPH, "mph": MPH, "m/s": 1.0},
+    "mass": {"kg": 1.0, "lb": LB, "t": 1000.0},
+    "share": {"%": 0.01, "1": 1.0},
+}
+"""Factors to SI by quantity and by our own unit name."""
+
+_SPELLINGS = {
+    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
+    "ms": ("ms", "msec", "millisecond", "milliseconds", "millisekunden"),
+    "µs": ("µs", "us", "μs", "usec"),
+    "g": ("g", "g's", "gs", "gn", "g0", "gee"),
+    "m/s²": ("m/s2", "m/ss", "m/s/s", "mps2", "ms-2", "m/sec2"),
+    "mm/s²": ("mm/s2", "mm/ss", "mm/s/s", "mmps2", "mm/sec2"),
+    "mm/ms²": ("mm/ms2", "mm/ms/ms", "mmpms2"),
+    "km/h": ("km/h", "kph", "kmh", "kmph", "km/hr"),
+    "mph": ("mph", "mi/h", "mileperhour", "milesperhour"),
+    "m/s": ("m/s", "mps", "m/sec"),
+    "kg": ("kg", "kgs", "kilogram", "kilograms"),
+    "lb": ("lb", "lbs", "pound", "pounds", "lbm"),
+    "t": ("t", "tonne", "tonnes"),
+    "%": ("%", "percent", "prozent", "pct"),
+}
+_NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings}
+_LEADING_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?")
+_FORM = re.compile(r"[0-9?_][0-9A-Z?_]{15}")
+_DUMMY = frozenset(
+    ["HEAD", "NECK", "CHST", "THSP", "SPIN", "PELV", "FEMR", "TIBI", "FOOT", "ABDO", "SHLD", "KNEE", "RIBS", "ACTB"]
+)
+_REAR = ("SEAT", "FLOR", "FORA", "FLPA")  # NHTSA's: seat cross-member, floor, floor pan
+_PLACES = (
+    ((), "on the rear seat cross-member or floor, behind the crush"),
+    (("VEHC", "CVEH"), "of the vehicle as a whole"),
+    (("TUNN",), "on the tunnel"),
+    (("SIME", "SILL"), "on the sills"),
+    (("BPIL",), "on the B-pillars"),
+)
+_CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 600, 180, 60 (SAE J211-1)
+_RAW_FIRST = "0PXSABCD"
+_PROGRAM = r"ls ?dyna|ls prepost|nodout|(nodal|element) history|radioss|abaqus|pam ?crash|madymo"
+_SIMULATION = re.compile(
+    rf"(?<![^\W\d])({_PROGRAM}|sim(s|ula\w*)?|synthetic\w*|synthetisch\w*|cae|fe[am]?|finite element\w*|calculs?|"
+    r"num[eé]ri(c|qu|sch)\w*|virtu[ae]l\w*|predict\w*|prognos\w*|vorhersage\w*|(be)?rechnung\w*|modell?$)(?![^\W\d])"
+)
+_STATEMENT = re.compile(r"\b(predicted by|ls dyna keyword|ls prepost|nodout|(nodal|element) history)\b")
+_PARAMETER = re.compile(
+    r"(?<![^\W\d])(param\w*|limit|limit (value|curve|line)s?|grenz(wert|kurve|linie)\w*|corridors?|korridor\w*)"
+    r"(?![^\W\d])"
+)
+_COMPUTED = re.compile(r"\b(calc\w*|comput\w*|deriv\w*|cm)\b")
+_SOUND = re.compile(
+    r"((data|channel|sensor|signal|filtered|ok|o k|okay|am|as measured|good|valid|sound|normal|passed|accepted|checked|"
+    r"correct|bon|gut|i o|in ordnung|(no|without) (remark|error|failure|fault|comment)s?|not failed|\d{2,})( |$))*|"
+    r"unknown|undefined|not (specified|stated|checked|applicable)|n a|none|novalue"
+)
+_FAILED = re.compile(
+    r"\b(fail\w*|meaningless|no (valid )?(data|signal|values?)|not (ok|o k|valid|usable|good)|nok|n i o|nio|bad|"
+    r"invalid|lost|loss|broken|defect\w*|defekt\w*|destroyed|damaged|unusable|unbrauchbar|ausfall|ausgefallen|ungültig|"
+    r"cf|mn|md|nd)\b"
+)
+_VEHICLE = r"(?:car|vehicle|veh|fahrzeug|pkw)"
+_OTHER = re.compile(
+    rf"\b{_VEHICLE}[ _-]*(?:to|2|into|vs\.?|against|gegen|-)[ _-]*(?:other )?{_VEHICLE}s?\b|\b(?:v2v|c2c|vtv)\b|"
+    r"\b(?:small|moderate|partial|narrow)[ _-]*(?:\w+[ _-]*)?overlap|\bdeformable\b|\bm?pdb\b|\bodb\b|"
+    r"\boffset[ _-]*(?:frontal|barrier|crash|impact|test|deform\w*)|\b(?:frontal|front|%)[ _-]*offset|"
+    r"(?<!\d)(?:[1-9]|[1-9]\d)(?:\.\d+)? ?%[ _-]*(?:\w+[ _-]*)?(?:overlap|uberdeckung|überdeckung)|"
+    r"\b(?:side|rear|lateral|far[ -]?side)[ _-]*(?:pole|impact|crash|end|collision)|\bimpactor[ _-]*into\b|\bpole\b|"
+    r"\boblique\b|\broll[ -]?over\b|\bwhiplash\b|\bsled\b|\bseitena\w+|\bhecka\w+|\bpfahl\w*|\bschlitten\w*",
+    re.IGNORECASE,
+)
+
+
+def unit_named(text: str, quantity: str | None = None) -> str | None:
+    """Return our name of the unit spelt by a text; None if it is not a unit (of this quantity, a key of ``UNITS``)."""
+    plain = text.strip().strip("[](){}").lower().replace("²", "2").replace("’", "'")
+    name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
+    known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]
+    return name if name in known else None
+
+
+def acceleration_unit(text: str) -> str:
+    """Our name of a unit of acceleration, however it is spelt (``mps2``); a UsageError if it is none."""
+    if (name := unit_named(str(text), "acceleration")) is None:
+        units = ", ".join(ACCELERATION_UNITS)
+        raise UsageError(f"There is no unit {printable(repr(text), 40)} of acceleration; take {units}.")
+    return name
+
+
+def number_and_unit(text: str) -> tuple[float, str] | None:
+    """Split ``56,3 km/h`` into the number and the rest; None if it does not start with a number."""
+    match = _LEADING_NUMBER.match(text.strip())
+    if match is None:
+        return None
+    return float(match.group().replace(",", ".")), text.strip()[match.end() :].strip()
+
+
+class _InBoth(Quantity):
+    """A quantity whose reader's units nobody knows before there is a campaign."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return f"{self.in_units(KPH_KG)} ({self.in_units(MPH_LB)})"
+
+
+def speed(*values_mps: float, form: str = ".1f", between: str = "–") -> Quantity:
+    """Speeds, given in m/s; as a string, in km/h and mph."""
+    return _InBoth(tuple(value / KPH for value in values_mps), "km/h", form, between)
+
+
+def weight(*values_kg: float, form: str = ".0f", between: str = "–") -> Quantity:
+    """Weights, given in kg; as a string, in kg and lb."""
+    return _InBoth(values_kg, "kg", form, between)
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelCode:
+    """A channel code: 16 capitals and digits, 0 for what it does not say."""
+
+    text: str
+
+    @classmethod
+    def parsed(cls, text: str) -> "ChannelCode | None":
+        """Read a code in any spelling of its fill characters; None if it is none."""
+        code = text.strip().upper()
+        return cls(re.sub("[?_]", "0", code)) if _FORM.fullmatch(code) else None
+
+    @property
+    def test_object(self) -> str:
+        """The vehicle or barrier."""
+        return self.text[0]
+
+    @property
+    def side(self) -> str:
+        """The first fine location: LE, RI, or another."""
+        return self.text[6:8]
+
+    @property
+    def sensor(self) -> str:
+        """All but the filter class: equal for raw and filtered signals."""
+        return self.text[:15]
+
+    @property
+    def is_acceleration(self) -> bool:
+        """Whether it is an acceleration in any direction."""
+        return self.text[12:14] == "AC"
+
+    @property
+    def is_along_x(self) -> bool:
+        """Whether its direction is the vehicle's X."""
+        return self.text[14] in "X1"
+
+    @property
+    def is_of_a_dummy(self) -> bool:
+        """Whether it is in a dummy: by its location, or by a kind of dummy in the last fine location (H3)."""
+        return self.text[2:6] in _DUMMY or (self.rank == UNPLACED and self.text[10:12] != "00")
+
+    @property
+    def rank(self) -> int:
+        """How well its place follows the motion of the whole vehicle: 0 is best, ``UNPLACED`` says nothing of it."""
+        main, position, fine = self.text[2:6], self.text[1], (self.text[6:8], self.text[8:10])
+        if main in _REAR and position == "0" and "RE" in fine:
+            return 0
+        return next((rank for rank, (mains, _) in enumerate(_PLACES) if main in mains), UNPLACED)
+
+    @property
+    def order(self) -> tuple[int, bool, int]:
+        """Sort key: best place first, the vehicle's before an occupant's, the least filtered first."""
+        return self.rank, self.text[1] != "0", _RAW_FIRST.find(self.text[15])
+
+    @property
+    def cutoff_hz(self) -> float | None:
+        """The −3 dB frequency of its filter class; None if it names none."""
+        return _CUTOFF_HZ.get(self.text[15])
+
+
+UNPLACED = len(_PLACES)
+"""The rank of a place that need not follow the motion of the whole vehicle."""
+
+
+def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], str]:
+    """The channels whose average is the pulse, by name, and the reason; none if none sits at a known place.
+
+    At the rear, where sensors are redundant, all are taken; elsewhere one, or one on either side. Raw goes before
+    filtered.
+    """
+    ordered = sorted(codes.items(), key=lambda pair: pair[1].order)
+    rank = ordered[0][1].rank if ordered else UNPLACED
+    if rank == UNPLACED:
+        why = "No X acceleration is at the rear seat, the vehicle's own, or on tunnel, sills or B-pillars; choose one."
+        return (), why
+    there = [(name, code) for name, code in ordered if code.rank == rank]
+    rawest: dict[str, ChannelCode] = {}
+    for _, code in there:
+        rawest.setdefault(code.sensor, code)
+    chosen = tuple(name for name, code in there if rawest[code.sensor] == code)
+    if rank:
+        sides = [next((name for name, code in there if code.side == side), None) for side in ("LE", "RI")]
+        chosen = tuple(side for side in sides if side is not None) or chosen[:1]
+    average = "; their average is the pulse" if len(chosen) > 1 else ""
+    return chosen, f"X acceleration {_PLACES[rank][1]}: {', '.join(chosen)}{average}."
+
+
+class Doubt(IntEnum):
+    """What speaks against a channel."""
+
+    NONE = 0
+    SOME = 1
+    """Its quality is questionable, or it is computed from others; better than none."""
+    FAILED = 2
+
+
+def is_simulated(origin: str) -> bool:
+    """Whether the words on a channel's source say that nobody measured it: a simulation, a limit or a parameter."""
+    return names_a_simulation(origin) or names_a_parameter(origin)
+
+
+def names_a_simulation(name: str) -> bool:
+    """Whether a name is that of a simulation or a prediction."""
+    return _SIMULATION.search(_plain(name)) is not None
+
+
+def names_a_parameter(name: str) -> bool:
+    """Whether a name is that of a limit or a parameter."""
+    return _PARAMETER.search(_plain(name)) is not None
+
+
+def statement_of_simulation(lines: Iterable[str]) -> str:
+    """The first of the lines above a table that says that its numbers are a program's; empty if there is none."""
+    return next((line.strip() for line in lines if _STATEMENT.search(_plain(line))), "")
+
+
+def is_computed(origin: str) -> bool:
+    """Whether the words on a channel's source say that it was computed from others."""
+    return _COMPUTED.search(_plain(origin)) is not None
+
+
+def doubt_of(status: str) -> Doubt:
+    """What speaks against a channel, by the words on its quality; nothing where they are empty."""
+    words = _plain(status)
+    if _SOUND.fullmatch(words):
+        return Doubt.NONE
+    return Doubt.FAILED if _FAILED.search(words) else Doubt.SOME
+
+
+def _plain(text: str) -> str:
+    return " ".join(re.sub(r"[\W_]+", " ", text[:200].casefold()).split())
+
+
+def other_setup(texts: Iterable[str]) -> str:
+    """The first of these texts (title, type of the test …) that names another crash; empty if none does."""
+    return next((printable(text.strip(), 80) for text in texts if _OTHER.search(text[:1000])), "")

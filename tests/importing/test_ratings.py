@@ -1,0 +1,204 @@
+"""Ratings of files: own tables as they stand, others as the import reads them, pairs of a table, ISO-MME by channel."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from crashfuse.campaign_folder.sample_tables import read_pulse
+from crashfuse.errors import DataError, UsageError
+from crashfuse.files.archive import zipped
+from crashfuse.importing import import_source
+from crashfuse.importing.ratings import COLUMNS, RatingChoices, rate_channels, rate_files, rate_pairs
+from crashfuse.readers.isomme import Channel, IsommeTest
+from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import FloatArray, Pulse
+from crashfuse.signals.rating import rate_windows
+from crashfuse.testing.readers import written
+from crashfuse.units import G
+from tests.conftest import SHARED, needs_shared
+from tests.importing.crash_files import german, isomme
+from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
+
+CAMRY = SHARED / "real" / "nhtsa_10146_camry2018"
+SEATS = SHARED / "real" / "formats" / "isomme_seat" / "nh_g.zip"
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """A crash in our own form, the same as a German table with ringing, and another as a zip of ISO-MME."""
+    own = pd.DataFrame({"time_s": clock(0, 0.12), "acceleration_g": half_sine_g(clock(0, 0.12))})
+    own.to_csv(tmp_path / "own.csv", index=False)
+    ringing = half_sine_g(clock()) + np.where(clock() >= 0, ringing_g(clock()), 0.0)
+    written(tmp_path, {"lab.csv": german(clock(), ringing), "iso.zip": zipped(isomme("V2", scatter=4.0))})
+    return tmp_path
+
+
+def overall(table: pd.DataFrame) -> list[float]:
+    """The overall ratings."""
+    return [float(value) for value in table["overall"]]
+
+
+def test_own_tables_are_rated_as_they_stand(campaign_on_disk: Path) -> None:
+    """The same numbers as of the pulses, over the windows asked for; nothing is filtered, and that is said."""
+    one, other = (campaign_on_disk / "tests" / f"{name}.csv" for name in ("T1", "T2"))
+    table = rate_files(one, other, [30, 50])
+    expected = rate_windows(read_pulse(one), read_pulse(other), [30, 50])
+    assert tuple(table.columns) == COLUMNS
+    assert table["window_ms"].tolist() == [30, 50]
+    assert overall(table) == [rating.overall for rating in expected.values()]
+    assert set(table["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
+    assert set(table["note"]) == {""}
+
+
+def test_own_tables_are_filtered_if_asked_for(tmp_path: Path) -> None:
+    """Whole, with the class that is given."""
+    time_s = clock(0, 0.15)
+    clean, noisy = (pd.DataFrame({"time_s": time_s, "acceleration_g": half_sine_g(time_s)}) for _ in range(2))
+    noisy["acceleration_g"] += ringing_g(time_s)
+    for name, table in (("clean", clean), ("noisy", noisy)):
+        table.to_csv(tmp_path / f"{name}.csv", index=False)
+    files = tmp_path / "clean.csv", tmp_path / "noisy.csv"
+    filtered = rate_files(*files, [60], choices=RatingChoices(channel_filter_class=60.0))
+    one, other = (
+        Pulse(time_s, cfc_filter(table["acceleration_g"].to_numpy() * G, cfc=60, dt_s=1e-4)) for table in (clean, noisy)
+    )
+    assert overall(filtered) == pytest.approx([rate_windows(one, other, [60])[60].overall], abs=1e-4)
+    assert filtered["basis"].item().endswith("CFC 60")
+    assert overall(filtered)[0] > overall(rate_files(*files, [60]))[0] + 0.1
+
+
+def test_a_rating_is_the_same_before_and_after_the_import(files: Path) -> None:
+    """Time zero, sign and CFC 60 are those of the import, although no speed or weights are given."""
+    before = rate_files(files / "lab.csv", files / "iso.zip", [20, 60])
+    campaign = files / "campaign"
+    weights = "id,speed_kph,front_weight_kg,rear_weight_kg\nlab,56,950,750\nV2,56,950,750\n"
+    (files / "conditions.csv").write_text(weights)
+    for source in ("lab.csv", "iso.zip"):
+        import_source(files / source, campaign, conditions=files / "conditions.csv")
+    after = rate_files(campaign / "tests" / "lab.csv", campaign / "tests" / "V2.csv", [20, 60])
+    assert overall(before) == pytest.approx(overall(after), abs=1e-4)
+    assert before["basis"].unique().tolist() == [
+        "ISO/TS 18571:2024, 10 kHz, reference CFC 60, comparison filtered as supplied"
+    ]
+
+
+def test_own_and_foreign_files_may_be_rated_against_each_other(files: Path) -> None:
+    """The laboratory's table rings at 1 kHz; its filtered pulse is nearly the clean one."""
+    assert overall(rate_files(files / "own.csv", files / "lab.csv", [60]))[0] > 0.98
+
+
+def test_files_that_are_no_pulse_say_what_they_lack(files: Path) -> None:
+    """No file; no unit, which can be given; no such channel."""
+    with pytest.raises(DataError, match="expected a pulse file, found no such file"):
+        rate_files(files / "own.csv", files / "none.csv")
+    written(files, {"bare.csv": german(clock(), half_sine_g(clock()), header="Zeit [ms];a_x")})
+    with pytest.raises(DataError, match="--unit"):
+        rate_files(files / "own.csv", files / "bare.csv")
+    assert overall(rate_files(files / "own.csv", files / "bare.csv", [60], choices=RatingChoices(unit="g")))[0] > 0.98
+    with pytest.raises(UsageError, match="There is no channel engine"):
+        rate_files(files / "own.csv", files / "iso.zip", choices=RatingChoices(comparison_channels=("engine",)))
+
+
+def test_a_file_of_several_crashes_is_not_one_pulse(tmp_path: Path, files: Path) -> None:
+    """Their ids are named."""
+    folder = written(
+        tmp_path / "two", {"a.csv": german(clock(), half_sine_g(clock())), "b.csv": (files / "lab.csv").read_bytes()}
+    )
+    with pytest.raises(DataError, match="expected one test or run, found 2: a, b"):
+        rate_files(files / "own.csv", folder)
+
+
+def test_pairs_of_a_table_are_rated_and_those_that_cannot_be_say_why(files: Path) -> None:
+    """Paths are relative to the table; ratings are those of each pair alone."""
+    (files / "pairs.csv").write_text(
+        "reference,comparison,comparison_channel\nown.csv,lab.csv,\nown.csv,gone.csv,\nown.csv,iso.zip,10VEHC000000ACXP\n"
+    )
+    table = rate_pairs(files / "pairs.csv", [40, 60])
+    assert table["comparison"].tolist() == ["lab.csv"] * 2 + ["gone.csv"] + ["iso.zip"] * 2
+    alone = [*overall(rate_files(files / "own.csv", files / "lab.csv", [40, 60]))]
+    alone += overall(rate_files(files / "own.csv", files / "iso.zip", [40, 60]))
+    assert overall(table[table["note"] == ""]) == alone
+    (note,) = table["note"][table["comparison"] == "gone.csv"]
+    assert note.endswith("gone.csv: expected a pulse file, found no such file; check the path.")
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("reference,other\na,b\n", "expected the columns reference and comparison, and at most"),
+        ("reference,comparison\n", "expected 1 to 10000 pairs, found 0"),
+        ("reference,comparison\na.csv,\n", "row 2: expected two files, found an empty cell"),
+    ],
+)
+def test_a_table_that_holds_no_pairs_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
+    """In one sentence, before any file is read."""
+    (tmp_path / "pairs.csv").write_text(text)
+    with pytest.raises(DataError, match=sentence):
+        rate_pairs(tmp_path / "pairs.csv")
+
+
+def dummy(name: str, head_g: FloatArray, force_unit: str = "N") -> dict[str, bytes]:
+    """A test with a head, a femur force, a flat channel, one of its own and the vehicle twice."""
+    time_s = clock()
+    force = 3000 * np.exp(-(((time_s - 0.07) / 0.01) ** 2))
+    signals = [
+        ("11HEAD0000H3ACXA", "g", head_g),
+        ("11FEMRLE00H3FOZB", force_unit, force),
+        ("11CHST0000H3DSXC", "mm", np.zeros(time_s.size)),
+        (f"10ENGN00000{len(name)}ACXD", "g", head_g),
+        ("10VEHC000000ACXD", "g", half_sine_g(time_s)),
+        ("10VEHC000000ACXD", "g", half_sine_g(time_s) + scatter_g(time_s, 2.0)),
+    ]
+    channels = tuple(Channel(code, code, unit, values, 1e-4, -0.05) for code, unit, values in signals)
+    return isomme_files(IsommeTest(name, [("Velocity test object 1", "15.5")], channels))
+
+
+def test_isomme_tests_are_rated_channel_by_channel(tmp_path: Path) -> None:
+    """Same codes against each other, the n-th of a code against the n-th; what cannot be rated says why."""
+    time_s = clock()
+    head = -60 * np.exp(-(((time_s - 0.06) / 0.012) ** 2))
+    folder = written(tmp_path, {**dummy("A", head), **dummy("BB", 0.9 * head)})
+    table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
+    expected = rate_windows(Pulse(time_s, head), Pulse(time_s, 0.9 * head), [80])[80]
+    assert table.loc["11HEAD0000H3ACXA", "overall"] == pytest.approx(expected.overall, abs=1e-9)
+    assert table.loc["11HEAD0000H3ACXA", "basis"].endswith("CFC 1000")
+    assert table.loc["11FEMRLE00H3FOZB", ["overall", "basis"]].tolist() == [1.0, "ISO/TS 18571:2024, 10 kHz, CFC 600"]
+    assert table.loc[["10VEHC000000ACXD", "10VEHC000000ACXD (2)"], "overall"].tolist() == [1.0, 1.0]
+    assert "a curve that varies" in table.loc["11CHST0000H3DSXC", "note"]
+    assert table.loc["10ENGN000001ACXD", "note"] == "only in the reference"
+    assert table.loc["10ENGN000002ACXD", "note"] == "only in the comparison"
+
+
+def test_channels_in_other_units_are_not_rated(tmp_path: Path) -> None:
+    """Newton against kilonewton would be a rating of nothing."""
+    head = -60 * np.exp(-(((clock() - 0.06) / 0.012) ** 2))
+    folder = written(tmp_path, {**dummy("A", head), **dummy("BB", head, "kN")})
+    table = rate_channels(folder / "A", folder / "BB", [80]).set_index("channel")
+    assert "expected the reference's unit, N, found kN" in table.loc["11FEMRLE00H3FOZB", "note"]
+
+
+def test_tests_without_a_common_channel_are_refused(tmp_path: Path) -> None:
+    """In a sentence."""
+    folder = written(tmp_path, {**isomme("V1"), **dummy("A", half_sine_g(clock()))})
+    with pytest.raises(DataError, match="codes that occur in one of them only"):
+        rate_channels(folder / "V1", folder / "A")
+
+
+@needs_shared
+def test_one_crash_in_two_formats_rates_1() -> None:
+    """NHTSA's ASCII and the ISO-MME that pyisomme wrote of the same sensors."""
+    channels = RatingChoices(("93", "94"), ("10SEATLERE00ACXP#1", "10SEATRIRE00ACXP#1"))
+    assert overall(rate_files(CAMRY, SEATS, [20, 60], choices=channels)) == pytest.approx([1, 1], abs=1e-6)
+    left_right = rate_files(CAMRY, CAMRY, [60], choices=RatingChoices(("93",), ("94",)))
+    assert overall(left_right) == pytest.approx([0.923], abs=5e-4)
+    assert set(left_right["basis"]) == {"ISO/TS 18571:2024, 10 kHz, CFC 60"}
+
+
+def test_windows_beyond_a_record_are_refused(campaign_on_disk: Path) -> None:
+    """As for pulses."""
+    path = campaign_on_disk / "tests" / "T1.csv"
+    with pytest.raises(DataError, match="0–300 ms"):
+        rate_files(path, path, [300])

@@ -1,0 +1,603 @@
+"""What tables from laboratories have in them besides one time and one pulse: each is read rightly or refused."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from openpyxl import Workbook
+
+from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.errors import DataError, UsageError
+from crashfuse.importing import ColumnChoice, Reading, import_source, read_each, read_records, settle_each
+from crashfuse.importing.sources import tables_of
+from crashfuse.importing.tables import table_forms
+from crashfuse.readers.record import PartialCondition, Record
+from crashfuse.readers.table_mapping import apply_conditions, propose
+from crashfuse.readers.tables import read_sheets
+from crashfuse.signals.pulse import FloatArray, kinematics
+from crashfuse.testing.readers import written
+from crashfuse.units import KPH, MS
+from tests.conftest import SHARED, needs_shared
+from tests.importing.crash_files import german, library
+from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
+
+TIME_S = clock(-0.02, 0.15, 5000)
+PULSE_G = half_sine_g(TIME_S)
+
+
+def lines(header: str, *columns: FloatArray) -> str:
+    """A table with semicolons and decimal points; NaN leaves a cell empty."""
+    rows = np.column_stack(columns).tolist()
+    return "\n".join([header, *(";".join("" if c != c else f"{c:.5f}" for c in row) for row in rows)])
+
+
+def table(folder: Path, header: str, *columns: FloatArray, name: str = "x.csv") -> Path:
+    """A written table."""
+    path = folder / name
+    path.write_text(lines(header, *columns), encoding="utf-8")
+    return path
+
+
+def roles(path: Path) -> dict[str, str]:
+    """What is proposed for each column."""
+    (sheet,) = read_sheets(path)
+    return {use.column: use.role for use in propose(sheet).uses}
+
+
+def refusal(path: Path, conditions: Path | None = None) -> str:
+    """The one sentence that a source is refused with."""
+    with pytest.raises(DataError) as caught:
+        import_source(path, path.parent / "out", GIVEN, conditions=conditions)
+    (problem,) = caught.value.problems
+    assert not (path.parent / "out").exists()
+    return str(problem)
+
+
+def by_id(records: Sequence[Record]) -> dict[str, Record]:
+    """Records by their ids."""
+    return {record.id: record for record in records}
+
+
+# --- several times -------------------------------------------------------------------------------------------------
+
+
+def side_by_side(folder: Path, headers: str) -> Path:
+    """Two tests, the second twice as long and with 20 ms more before contact; the shorter ends in empty cells."""
+    later_s = clock(-0.04, 0.3, 5000)
+    first = [
+        np.pad(column, (0, later_s.size - TIME_S.size), constant_values=np.nan) for column in (TIME_S / MS, PULSE_G)
+    ]
+    return table(folder, headers, *first, later_s / MS, half_sine_g(later_s))
+
+
+def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
+    """Tests side by side, named above: both have their contact at 0 of their own time, and their titles as ids."""
+    path = side_by_side(tmp_path, "Test 1;;Test 2;\nt [ms];ax [g];t [ms];ax [g]")
+    records = by_id(read_records(Reading(path)))
+    assert list(records) == ["Test 1", "Test 2"]
+    for record, start_s, count in zip(records.values(), (-0.02, -0.04), (TIME_S.size, 1701), strict=True):
+        (channel,) = record.channels
+        assert (channel.time_s[0], channel.values.size) == (pytest.approx(start_s), count)
+        np.testing.assert_allclose(channel.values, half_sine_g(channel.time_s), atol=1e-3)
+        assert any("times side by side" in step for step in record.steps)
+    first, second = settle_each(records.values(), [], GIVEN)
+    assert (first.time_zero_s, second.time_zero_s) == (0.0, 0.0)
+    with pytest.raises(UsageError, match="One id is not enough"):
+        import_source(path, tmp_path / "other", GIVEN, record_id="T1")
+
+
+def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
+    """Titles that name channels: refused, until the others are left out or conditions say that they are crashes."""
+    path = side_by_side(tmp_path, "sill left;;sill right;\nt [ms];left [g];t [ms];right [g]")
+    assert (
+        "found left, right, each with a time of its own; if they are sensors of one crash, leave out the others"
+        in refusal(path)
+    )
+    (one,) = read_records(Reading(path, columns=(ColumnChoice("right [g]", "ignored"),)))
+    assert one.id == "left"
+    conditions = tmp_path / "of_both.txt"
+    conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nleft;56;950;750\nRIGHT;56;950;750\n")
+    assert list(by_id(read_records(Reading(path, conditions=conditions)))) == ["left", "right"]
+
+
+def test_one_time_in_two_units_is_one_time(tmp_path: Path) -> None:
+    """The nearer one is taken; a time right of its acceleration is a question."""
+    path = table(tmp_path, "t [s];t [ms];ax [g]", TIME_S, TIME_S / MS, PULSE_G)
+    assert roles(path) == {"t [s]": "ignored", "t [ms]": "time", "ax [g]": "acceleration"}
+    path = table(tmp_path, "a1 [g];t1 [ms];a2 [g];t2 [ms]", PULSE_G, TIME_S / MS, PULSE_G, TIME_S / MS)
+    assert "expected one column that is the time, found t1 [ms], t2 [ms]" in refusal(path)
+
+
+# --- several accelerations beside one time ---------------------------------------------------------------------------
+
+
+def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
+    """Left beside right: refused, averaged under an id, or two records if the conditions of both are there."""
+    right_g = PULSE_G + scatter_g(TIME_S, 2.0)
+    path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, right_g)
+    said = refusal(path)
+    assert "found ax left, ax right; if they are sensors of one crash, average them (--id ID)" in said
+    assert "or choose among them (--channel 'ax left [g]'); if they are crashes, give a table of their" in said
+    (one,) = import_source(path, tmp_path / "one", GIVEN, record_id="T1")
+    assert one.channels == ("ax left [g]", "ax right [g]")
+    alike = table(tmp_path, "t [ms];ax [g];ax [g]", TIME_S / MS, PULSE_G, PULSE_G, name="alike.csv")
+    assert "found ax, ax (3); if" in refusal(alike)
+    conditions = tmp_path / "c.txt"
+    conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\n")
+    said = refusal(path, conditions=conditions)
+    assert "expected conditions for ax right, found those of ax left; add a row for each to the table of cond" in said
+    conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\nax right;56;950;750\n")
+    assert len(import_source(path, tmp_path / "two", conditions=conditions)) == 2
+    assert len(read_each(Reading(path))[0]) == 2  # before anything is added, both can be looked at
+
+
+@pytest.mark.parametrize("engine", ["engine_top_X [g]", "Motor oben ax [g]", "10ENGN000000ACXP [g]"])
+def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) -> None:
+    """It stops first: with it the vehicle would seem to crush less. Chosen by name, or alone, it is read."""
+    path = table(tmp_path, f"t [ms];floor left ax [g];{engine}", TIME_S / MS, PULSE_G, 1.3 * PULSE_G)
+    (one,) = import_source(path, tmp_path / "floor", GIVEN, record_id="T1")
+    assert one.channels == ("floor left ax [g]",)
+    assert f"Ahead of the passenger cell, not averaged unless chosen: {engine}." in one.steps
+    (chosen,) = import_source(path, tmp_path / "engine", replace(GIVEN, channels=(engine,)), record_id="T1")
+    assert chosen.channels == (engine,)
+    tunnel = table(
+        tmp_path, "t [ms];ax left [g];transmission tunnel X [g]", TIME_S / MS, PULSE_G, PULSE_G, name="t.csv"
+    )
+    assert len(import_source(tunnel, tmp_path / "tunnel", GIVEN, record_id="T1")[0].channels) == 2
+    (alone,) = read_records(Reading(table(tmp_path, f"t [ms];{engine}", TIME_S / MS, PULSE_G, name="alone.csv")))
+    assert alone.proposed == (engine,)
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        ("Veh Accel Lat", "Veh Accel Vert"),
+        ("LatAcc", "VertAcc"),
+        ("Acc. lat.", "Acc. vert."),
+        ("Accel Lateral", "Accel Transversal"),
+        ("11VEHC0000__ACY_", "11VEHC0000__ACZ_"),
+        ("11HEAD0000H3ACX_", "11VEHC0000__DSX_"),
+    ],
+)
+def test_lat_and_vert_are_other_directions(tmp_path: Path, others: tuple[str, str]) -> None:
+    """In words, short or long, or by the code of ISO-MME: one pulse along X is left."""
+    header = f"Time (s);{others[0]} (g);Veh Accel Long (g);{others[1]} (g)"
+    (record,) = read_records(Reading(table(tmp_path, header, TIME_S, 0.1 * PULSE_G, PULSE_G, 0.2 * PULSE_G)))
+    assert record.proposed == ("Veh Accel Long (g)",)
+
+
+def test_codes_of_iso_mme_name_columns_too(tmp_path: Path) -> None:
+    """Of the raw and the filtered signal of one sensor the raw one is read, and the class tells the filter."""
+    header = "t [s];11VEHC0000__ACXD [g];11VEHC0000__ACX_ [g];11HEAD0000H3ACX_ [g]"
+    (record,) = read_records(Reading(table(tmp_path, header, TIME_S, PULSE_G, PULSE_G, PULSE_G)))
+    assert record.proposed == ("11VEHC0000__ACX_ [g]",)
+    (record,) = read_records(Reading(table(tmp_path, "t [s];10VEHC000000ACXC [g]", TIME_S, PULSE_G)))
+    assert record.channels[0].cutoff_hz == pytest.approx(300)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Time (sec)     Veh Accel Lat (g)    Veh Accel Long (g)",
+        "Time (sec) Veh Accel Lat (g) Veh Accel Long (g)",
+        "  Time sec\tVeh Accel Lat g\tVeh Accel Long g",
+        "# Time_s ay_g ax_g",
+        "Site 5, new sensors\nTime    Lateral Accel    Long Accel\n(s)     (g)     (g)",
+    ],
+)
+def test_names_with_blanks_stand_above_columns_separated_by_blanks(tmp_path: Path, header: str) -> None:
+    """Split where it gives one name a column; the pulse is the last one, not what slipped above it."""
+    path = tmp_path / "x.txt"
+    rows = "\n".join(f"{t:.5f}   {0.1 * a:.5f}   {a:.5f}" for t, a in zip(TIME_S, PULSE_G, strict=True))
+    path.write_text(f"{header}\n{rows}")
+    (sheet,) = read_sheets(path)
+    (record,) = read_records(Reading(path))
+    assert record.proposed == (sheet.columns[2],)
+    np.testing.assert_allclose(record.channels[0].values, PULSE_G, atol=1e-5)
+
+
+def test_names_that_fit_no_columns_name_none(tmp_path: Path) -> None:
+    """Seven words above three columns: nobody can tell whose they are, so each column is asked for."""
+    path = tmp_path / "x.txt"
+    rows = "\n".join(f"{t:.5f} {0.1 * a:.5f} {a:.5f}" for t, a in zip(TIME_S, PULSE_G, strict=True))
+    path.write_text(f"Time Veh Accel Lat Veh Accel Long\n{rows}")
+    assert "found column 2, column 3, without names; if they are sensors" in refusal(path)
+
+
+def test_duplicate_times_are_called_that(tmp_path: Path) -> None:
+    """Rounded to ms at 5 kHz: the first pair is named with its rows, and how many more there are."""
+    said = refusal(table(tmp_path, "t [s];ax [g]", np.round(TIME_S, 3), PULSE_G))
+    assert "x.csv, column t [s], row 3: expected each time once, found duplicate times: -0.02000 in row 2 too" in said
+    assert "delete the duplicates, or export time with more digits" in said
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("a gefiltert", "a roh"), ("ax filtered", "ax"), ("acc CFC60", "acc unfiltered"), ("ax filtered", "ax raw")],
+)
+def test_filtered_beside_raw_is_one_pulse(tmp_path: Path, names: tuple[str, str]) -> None:
+    """The raw one, wherever it stands."""
+    filtered, raw = names
+    path = table(tmp_path, f"t [ms];{filtered} [g];{raw} [g]", TIME_S / MS, 0.9 * PULSE_G, PULSE_G)
+    (record,) = read_records(Reading(path))
+    assert record.proposed == (f"{raw} [g]",)
+
+
+def test_a_dummy_and_other_directions_are_not_the_vehicle(tmp_path: Path) -> None:
+    """By words or ISO codes; even alone they are not taken, nor averaged into the vehicle."""
+    others = [
+        "Kopf Fahrer ax [g]",
+        "Brust ax [g]",
+        "11PELV0000H3ACXA [g]",
+        "10SILLLE0000ACYA [g]",
+        "Hochbeschleunigung [g]",
+    ]
+    others += ["B-Säule Querbeschleunigung [g]", "chest acceleration"]
+    header = ";".join(["t [ms]", *others, "Querträger ax [g]"])
+    path = table(tmp_path, header, TIME_S / MS, *[PULSE_G] * (len(others) + 1))
+    assert [column for column, role in roles(path).items() if role == "acceleration"] == ["Querträger ax [g]"]
+    (one,) = import_source(path, tmp_path / "out1", GIVEN, record_id="T1")
+    assert one.channels == ("Querträger ax [g]",)
+    path = table(tmp_path, "t [ms];Kopf ax [g];Kanal 2", TIME_S / MS, PULSE_G, PULSE_G, name="y.csv")
+    assert "expected a column of time and one of acceleration" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    "other", ["Barrier force Fx [kN]", "Fx [kN]", "Kraft", "Weg", "disp_x", "Signal [mm]", "Druck (bar)", "Accel [V]"]
+)
+def test_a_force_is_no_acceleration(tmp_path: Path, other: str) -> None:
+    """A column beside the time whose unit or name is another quantity's is never the pulse."""
+    path = table(tmp_path, f"Time [s];{other}", TIME_S, PULSE_G)
+    assert roles(path) == {"Time [s]": "time", other: "ignored"}
+    assert roles(table(tmp_path, "Time;Fx\ns;kN", TIME_S, PULSE_G))["Fx"] == "ignored"
+    assert roles(table(tmp_path, "Time [s];Kanal 1", TIME_S, PULSE_G))["Kanal 1"] == "acceleration"
+
+
+# --- conditions ------------------------------------------------------------------------------------------------------
+
+
+def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> None:
+    """Planned and rebound speed, dummies and cargo are kept as factors; the steps tell what each column is."""
+    table(tmp_path, "t [ms];ax [g]", TIME_S / MS, PULSE_G, name="V1.csv")
+    (tmp_path / "c.txt").write_text(
+        "Versuch;Sollgeschwindigkeit [km/h];rebound speed [km/h];Istgeschwindigkeit [km/h];Masse Dummys [kg];"
+        "Zuladung hinten [kg];Testmasse inkl. Dummys [kg];Anteil vorn [%]\nV1;50;7;56,1;156;50;1650;58\n"
+    )
+    (one,) = import_source(tmp_path / "V1.csv", tmp_path / "out", conditions=tmp_path / "c.txt")
+    assert one.condition.speed_mps == pytest.approx(56.1 * KPH)
+    assert one.condition.front_weight_kg == pytest.approx(0.58 * 1650)
+    assert dict(one.condition.factors)["Masse Dummys [kg]"] == "156"
+    assert "Column Istgeschwindigkeit [km/h] is the speed in km/h: its unit is km/h." in one.steps
+    assert "Column Anteil vorn [%] is the front share in %: its unit is %." in one.steps
+
+
+@pytest.mark.parametrize(
+    ("pair", "role"),
+    [
+        ("v1 [km/h];v2 [km/h]", "speed"),
+        ("Leergewicht [kg];Testgewicht [kg]", "mass"),
+        ("VA1 VA [kg];VA2 VA [kg]", "front_weight"),
+    ],
+)
+def test_two_columns_of_one_quantity_are_a_question(tmp_path: Path, pair: str, role: str) -> None:
+    """Neither is taken silently; the user leaves one out."""
+    path = tmp_path / "c.csv"
+    path.write_text(f"id;{pair}\nT1;1400;1650\n")
+    (sheet,) = read_sheets(path)
+    first, _, second = pair.partition(";")
+    with pytest.raises(DataError) as caught:
+        apply_conditions(sheet, propose(sheet))
+    assert f"expected one column that is the {role}, found {first} and {second}; say which" in str(caught.value)
+    assert apply_conditions(sheet, propose(sheet).overruled(second, "factor"))["T1"].factors == ((second, "1650"),)
+
+
+@pytest.mark.parametrize(
+    ("cell", "header"), [("0.58", "front share [%]"), ("58", "front share [%]"), ("0.58", "Frontanteil")]
+)
+def test_a_share_is_a_share_in_percent_or_not(tmp_path: Path, cell: str, header: str) -> None:
+    """Excel keeps 58 % as 0.58."""
+    path = tmp_path / "c.csv"
+    path.write_text(f"id;v [km/h];mass [kg];{header}\nT1;50;1000;{cell}\n")
+    (sheet,) = read_sheets(path)
+    assert apply_conditions(sheet, propose(sheet))["T1"].front_weight_kg == pytest.approx(580)
+
+
+def test_the_hour_of_a_test_is_not_the_time_of_a_pulse(tmp_path: Path) -> None:
+    """Conditions may have a clock's time, the moment of ignition and a peak, too."""
+    path = tmp_path / "c.csv"
+    path.write_text(
+        "Versuch;Zeit;v [km/h];VA [kg];HA [kg];TTF [ms];peak [g]\n"
+        "V1;10:30;56,1;950;700;12;40\nV2;11:30;56;9,5e2;700;11;41\n"
+    )
+    (sheet,) = read_sheets(path)
+    assert propose(sheet).kind == "conditions"
+    assert apply_conditions(sheet, propose(sheet))["V1"].speed_mps == pytest.approx(56.1 * KPH)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [("id;v [km/h];VA [kg];HA [kg]", {"HA [kg]"}), ("id;speed;front load;HA [kg]", {"speed", "front load", "HA [kg]"})],
+)
+def test_every_fault_among_conditions_is_told_once(tmp_path: Path, header: str, columns: set[str]) -> None:
+    """Units that are missing and a cell that is no number, all at once; no record is said to lack its speed."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("A.csv", "B.csv"):
+        table(folder, "t [ms];ax [g]", TIME_S / MS, PULSE_G, name=name)
+    (folder / "c.csv").write_text(f"{header}\nA;56;950;fast\nB;56;950;700\n")
+    with pytest.raises(DataError) as caught:
+        import_source(folder, tmp_path / "out")
+    assert {problem.column for problem in caught.value.problems} == columns
+    assert {problem.where for problem in caught.value.problems} == {"c.csv"}
+
+
+# --- the table itself ------------------------------------------------------------------------------------------------
+
+
+def test_a_problem_names_its_record(tmp_path: Path) -> None:
+    """Two records of one table with one fault each."""
+    path = tmp_path / "x.csv"
+    rows = "\n".join(
+        f"{name};{t / MS:.2f};{a:.4f}" for name in ("V1", "V2") for t, a in zip(TIME_S, 0.1 * PULSE_G, strict=True)
+    )
+    path.write_text(f"id;t [ms];ax [g]\n{rows}\n")
+    with pytest.raises(DataError) as caught:
+        import_source(path, tmp_path / "out", GIVEN)
+    assert [problem.where for problem in caught.value.problems] == ["x.csv, V1", "x.csv, V2"]
+
+
+def test_records_below_each_other_are_not_to_be_sorted(tmp_path: Path) -> None:
+    """Their ids lie in a column whose header says nothing: it is asked for, and then they are parted."""
+    path = tmp_path / "long.csv"
+    rows = "\n".join(f"{name};{t / MS:.2f};{a:.4f}" for name in "AB" for t, a in zip(TIME_S, PULSE_G, strict=True))
+    path.write_text(f"Fahrzeug;Zeit [ms];a [g]\n{rows}\n")
+    said = refusal(path)
+    assert f"column Zeit [ms], row {TIME_S.size + 2}: expected time that increases" in said
+    assert "found -20.00 after 150.00; map the column of ids (--column COLUMN=id)" in said
+    assert list(by_id(read_records(Reading(path, columns=(ColumnChoice("Fahrzeug", "id"),))))) == ["A", "B"]
+
+
+def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
+    """Seven lines of keys and numbers above a table of two columns; a remark amid the data does not cut it."""
+    preamble = "".join(f"Key {number};{number}\n" for number in range(7))
+    path = tmp_path / "x.csv"
+    path.write_text(preamble + lines("Time;Accel\ns;g", TIME_S, PULSE_G))
+    (record,) = read_records(Reading(path))
+    assert record.channels[0].values.size == TIME_S.size
+    whole = lines("Time [s];Accel [g]", TIME_S, PULSE_G).split("\n")
+    path.write_text("\n".join([*whole[:51], "# airbag", *whole[51:]]))
+    assert "row 52: expected a number, found '# airbag'" in refusal(path)
+
+
+def test_decimal_commas_in_quotes_may_be_parted_by_commas(tmp_path: Path) -> None:
+    """As spreadsheets write them."""
+    path = tmp_path / "x.csv"
+    rows = "\n".join(f'"{t / MS:.2f}","{a:.4f}"'.replace(".", ",") for t, a in zip(TIME_S, PULSE_G, strict=True))
+    path.write_text(f'"Zeit [ms]","a [g]"\n{rows}\n')
+    (record,) = read_records(Reading(path))
+    np.testing.assert_allclose(record.channels[0].values, PULSE_G, atol=1e-4)
+
+
+@pytest.mark.parametrize("separator", [".", ","])
+def test_thousands_separators_are_no_decimal_signs(tmp_path: Path, separator: str) -> None:
+    """-441.234 beside 119 and never -44.1: advice on the unit would lead astray."""
+    path = tmp_path / "x.csv"
+    noise = 300 * np.random.default_rng(1).normal(size=TIME_S.size)
+    cells = [f"{value:,.0f}".replace(",", separator) for value in 9806.65 * PULSE_G + noise]
+    path.write_text(
+        "Zeit [µs];a [mm/s²]\n" + "\n".join(f"{t * 1e6:.0f};{a}" for t, a in zip(TIME_S, cells, strict=True))
+    )
+    assert "these are thousands separators; export without them" in refusal(path)
+    fine = np.round(PULSE_G * 8) / 8  # halves and eighths, written as short as can be
+    path.write_text("Zeit [ms];a [g]\n" + "\n".join(f"{t / MS:g};{a:g}" for t, a in zip(TIME_S, fine, strict=True)))
+    np.testing.assert_array_equal(read_records(Reading(path))[0].channels[0].values, fine)
+
+
+def workbook(path: Path, rows: Sequence[Sequence[object]], hidden: Sequence[Sequence[object]] = ()) -> Path:
+    """A workbook with a table and, if wanted, a hidden sheet."""
+    book = Workbook()
+    sheet = book.active
+    assert sheet is not None
+    sheet.title = "V1"
+    for row in rows:
+        sheet.append(list(row))
+    if hidden:
+        old = book.create_sheet("rejected")
+        old.sheet_state = "hidden"
+        for row in hidden:
+            old.append(list(row))
+    book.save(path)
+    return path
+
+
+def test_a_hidden_sheet_is_left_out(tmp_path: Path) -> None:
+    """And said to be."""
+    rows = [["t [ms]", "ax [g]"], *np.column_stack([TIME_S / MS, PULSE_G]).tolist()]
+    (record,) = read_records(Reading(workbook(tmp_path / "x.xlsx", rows, rows)))
+    assert "Left out as hidden: rejected." in record.steps
+
+
+@pytest.mark.parametrize(
+    ("accel", "time", "message"),
+    [
+        ("-0,5", "-20,0", "found numbers kept as text, such as '-20,0'; turn them into numbers"),
+        ("=1+1", -20.0, "found formulas whose values are not in the file; open the workbook in Excel and save it"),
+    ],
+)
+def test_a_workbook_without_numbers_says_why(tmp_path: Path, accel: str, time: object, message: str) -> None:
+    """A person sees numbers in it."""
+    path = workbook(tmp_path / "x.xlsx", [["t [ms]", "ax [g]"], *[[time, accel]] * 30])
+    assert message in refusal(path)
+
+
+# --- files of others ------------------------------------------------------------------------------------------------
+
+
+FILES = SHARED / "real" / "formats" / "tables"
+KNOWN = replace(GIVEN, condition=PartialCondition(speed_mps=15.6, front_weight_kg=870.0, rear_weight_kg=630.0))
+
+
+@needs_shared
+@pytest.mark.parametrize(
+    ("name", "options", "crush_mm"),
+    [
+        ("lsprepost_trailing_comma.csv", {"role": "cae"}, 611),
+        ("lsprepost_trailing_comma.csv", {"role": "cae", "record_id": "run"}, 611),
+        ("xyz.txt", {}, 603),  # a contact 0.6 ms late, as before it there is noise
+        ("V8.xlsx", {"cae": ["Simulation 8"]}, 611),
+    ],
+)
+def test_files_of_others_give_the_pulse_that_they_were_made_of(
+    tmp_path: Path, name: str, options: dict[str, Any], crush_mm: float
+) -> None:
+    """Its crush at 15.6 m/s comes out."""
+    records = import_source(FILES / name, tmp_path / "out", KNOWN, **options)
+    pulse = records[0].pulse
+    crushed = kinematics(pulse.accel_mps2[pulse.time_s >= 0], 15.6, pulse.dt_s)
+    assert crushed.displacement_m.max() / MS == pytest.approx(crush_mm, abs=2)
+    assert [record.role for record in records] == (
+        ["tests", "cae"] if "cae" in options else [options.get("role", "tests")]
+    )
+
+
+@needs_shared
+def test_row_names_of_r_are_no_times(tmp_path: Path) -> None:
+    """The pulse was scaled to 6.5 m/s: its change of velocity tells that."""
+    slow = replace(KNOWN, condition=replace(KNOWN.condition, speed_mps=6.5))
+    (one,) = import_source(FILES / "row_names_v6.5mps.txt", tmp_path / "out", slow)
+    assert (one.unit, one.deceleration_sign) == ("g", "negative")
+    stopped = kinematics(one.pulse.accel_mps2, 6.5, one.pulse.dt_s)
+    assert float(stopped.t0_s) / MS == pytest.approx(65.7, abs=0.3)
+
+
+@needs_shared
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [
+        ("decimal_comma_comma_separated_int_ms.csv", "decimal commas, as in -0,383"),
+        ("lsprepost_resultant_title.csv", "A8874: another direction than X: Resultant Acceleration"),
+        ("lsprepost_trailing_comma.csv", r"by its own account A8874 \(Nodal History\)"),
+        ("one_head.txt", "Dummy Head Acc X: a dummy's, not the vehicle's"),
+        ("V8.xlsx", r"what looks like CAE runs \(Simulation 8\) beside Versuch 8; .*--cae 'Simulation 8'"),
+    ],
+)
+def test_files_of_others_are_refused_by_their_cause(tmp_path: Path, name: str, cause: str) -> None:
+    """In one sentence, and nothing is written."""
+    with pytest.raises(DataError, match=cause) as caught:
+        import_source(FILES / name, tmp_path / "out", KNOWN)
+    assert len(caught.value.problems) == 1
+    assert not (tmp_path / "out").exists()
+
+
+# --- tests beside simulations -----------------------------------------------------------------------------------------
+
+
+def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> None:
+    """Asked about, added as a CAE run of the same condition, or left out of the average of sensors and told."""
+    path = table(tmp_path, "t [ms];Versuch7 [g];CAE7 [g]", TIME_S / MS, PULSE_G, 0.9 * PULSE_G)
+    assert "found what looks like CAE runs (CAE7) beside Versuch7; name those that are" in refusal(path)
+    with pytest.raises(DataError, match=r"by its own account CAE7 \[g\]"):
+        import_source(path, tmp_path / "out", GIVEN, role="tests")
+    both = import_source(path, tmp_path / "both", GIVEN, cae=["CAE7"])
+    assert [(one.id, one.role) for one in both] == [("Versuch7", "tests"), ("CAE7", "cae")]
+    sensors = table(
+        tmp_path, "t [ms];left [g];right [g];CAE [g]", TIME_S / MS, PULSE_G, PULSE_G, 0.5 * PULSE_G, name="y.csv"
+    )
+    (one,) = import_source(sensors, tmp_path / "one", GIVEN, record_id="T1")
+    assert one.channels == ("left [g]", "right [g]")
+    assert "Left out by the file's own account: CAE [g] (CAE)." in one.steps
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "held_out;approach;time_ms;acceleration_g",
+        "time_ms;acceleration_g;lower_g;upper_g",
+        "# Predicted by crashfuse 0.1.0, not measured: CAE.\ntime_ms;acceleration_g",
+    ],
+)
+def test_a_prediction_of_ours_is_no_test(tmp_path: Path, header: str) -> None:
+    """A table or curve that predict wrote, or the library's: it says so, whatever the user says."""
+    columns = {"time_ms": TIME_S / MS, "acceleration_g": PULSE_G, "lower_g": PULSE_G - 1, "upper_g": PULSE_G + 1}
+    path = table(
+        tmp_path,
+        header,
+        *(columns.get(name, np.full(TIME_S.size, np.nan)) for name in header.split("\n")[-1].split(";")),
+    )
+    roles_given: tuple[Role | None, ...] = (None, "tests")
+    for role in roles_given:
+        with pytest.raises(DataError, match=r"by its own account acceleration_g \((# P|p)redict"):
+            import_source(path, tmp_path / "out", GIVEN, role=role)
+
+
+def test_simulated_columns_are_asked_about_once(tmp_path: Path) -> None:
+    """Which one and that it is a CAE run, in one go: a figure's table, with the band of a prediction."""
+    names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]
+    path = table(tmp_path, ";".join(["Time (ms)", *names]), TIME_S / MS, *[PULSE_G] * 3)
+    with pytest.raises(DataError) as caught:
+        import_source(path, tmp_path / "out", GIVEN)
+    assert "(--channel 'Fused: Acceleration (g)')" in str(caught.value.problems[0])
+    assert "(--as cae)" in str(caught.value.problems[1])
+    chosen = ("Fused: Acceleration (g)",)
+    with pytest.raises(DataError, match="by its own account"):
+        import_source(path, tmp_path / "out", replace(GIVEN, channels=chosen), role="tests")
+    (run,) = import_source(path, tmp_path / "out", replace(GIVEN, channels=chosen), role="cae")
+    assert run.channels == chosen
+
+
+def test_sheets_of_dummies_and_other_directions_are_left_out_and_told(tmp_path: Path) -> None:
+    """A sheet is a title: columns called alike in it are of what it says."""
+    book = Workbook()
+    for title, factor in (("X", 1.0), ("Y", 0.2), ("Kopf", 1.3)):
+        sheet = book.create_sheet(title)
+        sheet.append(["t [ms]", "Acc [g]"])
+        for row in np.column_stack([TIME_S / MS, factor * PULSE_G]).tolist():
+            sheet.append(row)
+    book.remove(book.worksheets[0])
+    book.save(tmp_path / "V7.xlsx")
+    (one,) = import_source(tmp_path / "V7.xlsx", tmp_path / "out", GIVEN)
+    assert one.id == "X"
+    left = next(step for step in one.steps if step.startswith("Left out"))
+    assert "another direction than X: Y" in left
+    assert "a dummy's, not the vehicle's: Kopf" in left
+
+
+def test_a_table_of_far_too_many_conditions_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No library has so many: half a million took 0.7 GB."""
+    monkeypatch.setattr("crashfuse.readers.table_mapping.MOST_ROWS", 3)
+    path = tmp_path / "c.csv"
+    path.write_text("id,speed_kph\n" + "".join(f"A{i},50\n" for i in range(4)))
+    (sheet,) = read_sheets(path)
+    with pytest.raises(DataError, match="expected conditions in at most 3 rows, found 4"):
+        apply_conditions(sheet, propose(sheet))
+
+
+def test_tables_are_sorted_by_their_headers(tmp_path: Path) -> None:
+    """Two of one form and one of conditions; what cannot be read is passed over."""
+    written(library(tmp_path), {"a.csv": b"ID;v [km/h]\n1;2\n", "b.csv": b"ID;v [km/h]\n2;3\n3;4\n", "c.csv": b"\x00"})
+    forms = {form.names: form for form in table_forms(tables_of(tmp_path))}
+    assert set(forms) == {("a.csv", "b.csv"), ("conditions.csv",), ("runs.csv",)}
+    assert forms["a.csv", "b.csv"].columns == ("ID", "v [km/h]")
+    assert forms["runs.csv",].proposed.kind == "pulses"
+    assert forms["runs.csv",].unit_of(["Run 0 [m/s^2]", "Run 1 [m/s^2]"]) == "m/s²"
+    assert forms["runs.csv",].unit_of(["Time [s]", "Run 1 [m/s^2]"]) is None
+
+
+def test_only_what_differs_from_the_proposal_is_a_choice(tmp_path: Path) -> None:
+    """A column that is not picked any more is ignored; one whose unit is named otherwise keeps its role."""
+    table = written(
+        tmp_path, {"x.csv": german(clock(), half_sine_g(clock()), 0 * clock(), header="Zeit [ms];a [g];b [g]")}
+    )
+    (form,) = table_forms([table / "x.csv"])
+    same = {"time": ["Zeit [ms]"], "acceleration": ["a [g]", "b [g]"], "id": ()}
+    assert form.choices(same, {"time": None}) == ()  # type: ignore[arg-type]
+    picked = {**same, "acceleration": ["a [g]"]}
+    assert form.choices(picked, {"time": "s", "acceleration": "m/s²"}) == (  # type: ignore[arg-type]
+        ColumnChoice("Zeit [ms]", "time", "s"),
+        ColumnChoice("a [g]", "acceleration", "m/s²"),
+        ColumnChoice("b [g]", "ignored"),
+    )
+    assert {choice.role for choice in form.nothing()} == {"ignored"}

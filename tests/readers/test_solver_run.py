@@ -1,0 +1,285 @@
+"""The axis of travel: found from how nodes set out, given by the user, and refused where nothing travels."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from crashfuse import cli
+from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.errors import DataError, UsageError
+from crashfuse.importing import Choices, Reading, import_source, read_records, settle
+from crashfuse.readers.format import TRAVELS, Travel
+from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.lsdyna import read_lsdyna
+from crashfuse.readers.record import PartialCondition
+from crashfuse.readers.solver_run import Energies as Histories
+from crashfuse.readers.solver_run import axis_of_travel, checked_travel
+from crashfuse.run_quality import RunQuality
+from crashfuse.testing.readers import written
+from crashfuse.units import KPH
+from tests.conftest import SHARED, needs_shared
+from tests.importing.crash_files import isomme
+from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
+from tests.readers.lsdyna_files import Energies, Run, lsda
+from tests.readers.test_lsdyna import WEIGHTS, only, saved
+
+SPEED = replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS))
+
+
+@pytest.mark.parametrize("form", ["binout", "nodout"])
+@pytest.mark.parametrize("travel", TRAVELS)
+def test_a_vehicle_may_drive_along_any_axis(tmp_path: Path, form: str, travel: Travel) -> None:
+    """Found or given: the pulse, the speed and the crush are those of the closed form, and the steps say where to."""
+    run = Run(end_s=0.15, step_s=5e-4, axis=travel[-1], direction=-1 if travel.startswith("-") else 1)
+    folder = saved(tmp_path, **{form: run.binout() if form == "binout" else run.nodout()})
+    for given, told in ((None, "as the nodes set out"), (travel, "given by the user")):
+        (record,) = read_lsdyna(folder, given)
+        assert any(step.startswith(f"Travel along {travel}, {told}") for step in record.steps)
+        settled = settle(record, WEIGHTS, role="cae")
+        motion = settled.pulse.kinematics(settled.condition.speed_mps)
+        assert settled.condition.speed_mps == pytest.approx(SPEED_MPS, rel=1e-4)
+        assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+        assert motion.t0_s == pytest.approx(STOP_S, abs=1e-4)
+        assert motion.displacement_m.max() == pytest.approx(CRUSH_M, rel=1e-3)
+    against = travel[1:] if travel.startswith("-") else f"-{travel}"
+    with pytest.raises(DataError, match=rf"nodes that set out along {against}, as given, found along {travel}; check"):
+        read_lsdyna(folder, against)  # type: ignore[arg-type]
+    across: Travel = "y" if travel[-1] == "x" else "x"
+    with pytest.raises(DataError, match=rf"nodes that move along {across}, as given, found at most .*; check the dir"):
+        read_lsdyna(folder, across)
+
+
+def test_the_axis_is_that_of_most_motion_whatever_single_nodes_do() -> None:
+    """Wheels turn as fast as the vehicle drives, a barrier's nodes rest, one node flies off, one is not a number."""
+    angle = np.linspace(0, 2 * np.pi, 40)
+    wheels = 15 * np.array([0 * angle, 1 + np.cos(angle), np.sin(angle)])
+    body, barrier = np.array([[0.0], [15.0], [0.0]]) * np.ones(20), np.zeros((3, 500))
+    odd = np.array([[99.0, np.nan], [0.0, np.nan], [0.0, np.inf]])
+    start = np.concatenate([wheels, body, barrier, odd], axis=1)
+    assert axis_of_travel(start) == 1
+    assert axis_of_travel(start, "-z") == 2
+    told, moves = checked_travel(start, (15.0, 15.0), np.array([99.0, 30.0, 15.0]), 1.0, None, "run")
+    assert (told, moves) == ("Travel along y, as the nodes set out.", True)
+
+
+def test_a_vehicle_that_drives_aslant_is_refused_until_the_user_chooses() -> None:
+    """Along an axis that is 20° off, the pulse would be 6 % too small."""
+    start = 15.0 * np.array([[np.cos(np.radians(20))], [np.sin(np.radians(20))], [0.0]]) * np.ones(9)
+    with pytest.raises(DataError, match=r"travels along one axis, found nodes that set out at x 14\.1, y 5"):
+        checked_travel(start, (14.1, 14.1), np.abs(start).max(axis=1), 1.0, None, "run")
+    assert checked_travel(start, (14.1, 14.1), np.abs(start).max(axis=1), 1.0, "x", "run") == (
+        "Careful: travel along x, given by the user, but nodes set out at x 14.1, y 5.13, z 0 m/s at most.",
+        True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("speeds", "per_mps"),
+    [((0.0, 0.0), 1.0), ((0.0, 4.9), 1.0), ((0.5, 0.5), 1.0), ((2.0, 15.0), 1.0), ((0.0, 400.0), None)],
+    ids=["still", "pushed", "creeping", "accelerated", "pushed, in inch"],
+)
+def test_nodes_that_are_not_fastest_when_they_set_out_are_no_vehicle(
+    speeds: tuple[float, float], per_mps: float | None
+) -> None:
+    """What rests, creeps, or is pushed by something is refused, with its speeds and what to do if it is struck."""
+    start = np.array([[0.0], [speeds[0]], [0.0]])
+    fastest = np.array([0.0, speeds[1], 0.0])
+    with pytest.raises(DataError, match=rf"at most x 0, y {speeds[1]:.3g}, z 0 .*--travel, --speed-kph"):
+        checked_travel(start, speeds, fastest, per_mps, None, "run")
+
+
+def test_a_vehicle_that_is_struck_at_rest_needs_its_speed(tmp_path: Path) -> None:
+    """In the frame of the vehicle a barrier comes along −x: with axis and speed it is the same crash."""
+
+    class Struck(Run):
+        def columns(self, scale: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            time, velocity, accel = super().columns(scale, seed)
+            return time, velocity - velocity[0], accel
+
+    folder = saved(tmp_path, binout0000=Struck(end_s=0.15, step_s=5e-4).binout())
+    with pytest.raises(DataError, match="fastest when they set out"):
+        read_lsdyna(folder)
+    (record,) = read_lsdyna(folder, "x")
+    with pytest.raises(DataError, match=r"the impact speed of .*, found nodes at rest along x at the start; give"):
+        settle(record, WEIGHTS, role="cae")
+    settled = settle(record, SPEED, role="cae")
+    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+
+
+def test_the_command_line_takes_a_direction_as_it_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """--travel -y needs no equals sign; formats that name their own axes refuse it."""
+    run = Run(end_s=0.15, step_s=5e-4, axis="y", direction=-1)
+    source, out = saved(tmp_path / "run7", binout0000=run.binout()), tmp_path / "campaign"
+    options = ["--as", "cae", "--front-weight-kg", "950", "--rear-weight-kg", "750", "--out", str(out)]
+    assert cli.main(["import", str(source), *options, "--travel", "-y"]) == cli.DONE
+    assert "  Travel along -y, given by the user." in capsys.readouterr().out.splitlines()
+    assert cli.main(["import", str(source), *options, "--travel=y", "--id", "again"]) == cli.WRONG_DATA
+    assert "check the direction (--travel -y)" in capsys.readouterr().err
+    mme = written(tmp_path / "mme", isomme("M1"))
+    assert cli.main(["import", str(mme), "--out", str(out), "--travel", "x"]) == cli.WRONG_USAGE
+    assert "remove --travel" in capsys.readouterr().err
+
+
+def test_formats_that_have_axes_are_the_solvers_and_tables() -> None:
+    """The pages ask for a direction where the command line takes it."""
+    assert {name for name, each in FORMATS.items() if each.axes} >= {"lsdyna"}
+    with pytest.raises(UsageError, match="remove --travel"):
+        read_records(Reading(Path("v1.tdms"), "tdms", travel="y"))
+    assert set(TRAVELS) == set(get_args(Travel))
+
+
+@needs_shared
+def test_a_battery_pouch_is_no_vehicle(tmp_path: Path) -> None:
+    """One node that is pushed along y, written by LS-DYNA R11.1: refused, also where the axis is given."""
+    pouch = SHARED / "real/formats/lsdyna_no_travel"
+    for choices in (WEIGHTS, Choices(condition=PartialCondition(15.0, None, 950.0, 750.0))):
+        with pytest.raises(DataError, match=r"like a vehicle's, fastest when they set out, found x 0, y 0, z 0 m/s at"):
+            import_source(pouch, tmp_path / "out", choices, role="cae")
+    with pytest.raises(DataError, match=r"nodes that move along -x, as given, found at most x 0, y 4\.9, z 0 m/s"):
+        import_source(pouch, tmp_path / "out", SPEED, role="cae", travel="-x")
+    with pytest.raises(DataError, match=r"stopped, or 100 ms, found 38\.6 km/h .* left at its end, 60 ms"):
+        import_source(pouch, tmp_path / "out", SPEED, role="cae", travel="y")
+    assert not (tmp_path / "out").exists()
+
+
+@needs_shared
+def test_the_page_and_the_library_read_along_the_same_axis(tmp_path: Path) -> None:
+    """The direction is an option of reading, so whatever reads a source gets the same record."""
+    split = SHARED / "real/formats/lsdyna_split"
+    (record,) = read_records(Reading(split, travel="x"))
+    (added,) = import_source(split, tmp_path / "c", replace(WEIGHTS), role="cae", travel="x")
+    assert added.steps[: len(record.steps)] == record.steps
+    assert added.condition.speed_mps == pytest.approx(57.09 * KPH, rel=1e-3)
+
+
+RUN = Run(end_s=0.12, step_s=5e-4)
+TOLD = Energies()
+QUALITY = RunQuality(-0.04, 0.05, 0.025)
+"""By hand: 97 - 1 of 100 in between, 4 of 80, 2.5 %."""
+
+
+def binout(*energies: dict[str, dict[str, np.ndarray]]) -> bytes:
+    """A binout of the run with these energies."""
+    folders = {name: content for name, content in RUN.folders().items() if "glstat" not in name}
+    for more in energies:
+        folders |= more
+    return lsda(folders)
+
+
+@pytest.mark.parametrize("form", ["in the binout", "as text", "as text beside a nodout"])
+def test_quality_is_that_of_glstat_in_any_form(tmp_path: Path, form: str) -> None:
+    """The largest change of energy less the work from outside, and the largest shares."""
+    files = {
+        "in the binout": {"binout0000": binout(TOLD.glstat_folders())},
+        "as text": {"binout0000": binout(), "glstat": TOLD.glstat()},
+        "as text beside a nodout": {"nodout": RUN.nodout(), "glstat.txt": TOLD.glstat()},
+    }[form]
+    record = only(saved(tmp_path / "run7", **files))
+    found = record.quality
+    assert found.energy_change == pytest.approx(-0.04)
+    assert found.hourglass_share == pytest.approx(0.05)
+    assert found.added_mass_share == pytest.approx(0.025)
+    assert (
+        "Run quality (glstat, matsum): energy change −4 % of the energy at the start, hourglass energy 5 % of the "
+        "largest internal energy, added mass 2.5 % of the mass at the start."
+    ) in record.steps
+    assert settle(record, WEIGHTS, role="cae").quality == found
+    assert settle(record, WEIGHTS, role="tests").quality == RunQuality()
+
+
+@pytest.mark.parametrize("form", ["in the binout", "as text"])
+def test_parts_are_summed_where_the_whole_is_not_told(tmp_path: Path, form: str) -> None:
+    """Hourglass energy of matsum; the rest is not recorded."""
+    without = replace(TOLD, hourglass=None, added_percent=None)
+    files = {
+        "in the binout": {"binout0000": binout(without.glstat_folders(), TOLD.matsum_folders())},
+        "as text": {"binout0000": binout(), "glstat": without.glstat(), "matsum": TOLD.matsum()},
+    }[form]
+    found = only(saved(tmp_path / "run7", **files)).quality
+    assert found.energy_change == pytest.approx(-0.04)
+    assert found.hourglass_share == pytest.approx(0.05)
+    assert found.added_mass_share is None
+
+
+def test_hourglass_energy_that_is_not_computed_is_not_recorded(tmp_path: Path) -> None:
+    """LS-DYNA writes zeros where the model does not ask for it."""
+    zeros = replace(TOLD, hourglass=(0.0, 0.0, 0.0))
+    record = only(saved(tmp_path / "run7", binout0000=binout(zeros.glstat_folders(), zeros.matsum_folders())))
+    assert record.quality.hourglass_share is None
+    assert any("hourglass energy not recorded" in step for step in record.steps)
+
+
+def test_shards_and_restarts_are_one_history(tmp_path: Path) -> None:
+    """States from several files, in order of time."""
+    first, later = TOLD.glstat_folders(), TOLD.glstat_folders()
+    del first["/glstat/d000003"], later["/glstat/d000001"]
+    shards = {"binout0000": binout(later), "binout0001": lsda(first)}
+    found = only(saved(tmp_path / "run7", **shards)).quality
+    assert found.energy_change == pytest.approx(-0.04)
+
+
+def test_a_run_killed_while_it_wrote_its_energies_is_judged_by_the_states_before(tmp_path: Path) -> None:
+    """The last state has its work but not yet its total energy."""
+    whole = TOLD.glstat()
+    cut = whole[: whole.rindex(b" total energy...")]
+    found = only(saved(tmp_path / "run7", binout0000=binout(), glstat=cut)).quality
+    assert found.energy_change == pytest.approx(-0.04)
+
+
+def test_a_run_without_energies_says_so(tmp_path: Path) -> None:
+    """Nothing is recorded, and nothing is made up."""
+    record = only(saved(tmp_path / "run7", binout0000=binout()))
+    assert record.quality == RunQuality()
+    assert any("energy change not recorded, hourglass energy not recorded" in step for step in record.steps)
+
+
+def test_energies_alone_are_no_run(tmp_path: Path) -> None:
+    """A folder with glstat but no nodes is passed over beside others, and refused alone."""
+    saved(tmp_path / "doe" / "a", binout0000=binout(TOLD.glstat_folders()))
+    saved(tmp_path / "doe" / "b", glstat=TOLD.glstat())
+    assert [record.id for record in read_lsdyna(tmp_path / "doe")] == ["a"]
+    with pytest.raises(DataError, match="expected binout or nodout of LS-DYNA, found none"):
+        read_lsdyna(tmp_path / "doe" / "b")
+
+
+def test_a_damaged_glstat_is_told(tmp_path: Path) -> None:
+    """In one sentence, with its name."""
+    damaged = TOLD.glstat().replace(b"8.00000E+01", b"8.00-00E+01")
+    with pytest.raises(DataError, match=r"glstat: expected numbers, found '8.00-00E\+01'; copy it again"):
+        read_lsdyna(saved(tmp_path / "run7", binout0000=binout(), glstat=damaged))
+
+
+@pytest.mark.parametrize(
+    ("histories", "quality"),
+    [
+        (Histories(), RunQuality()),
+        (Histories(total=np.array([0.0, 1.0]), work=np.zeros(2)), RunQuality()),
+        (Histories(total=np.array([1.0, np.nan]), work=np.zeros(2)), RunQuality()),
+        (Histories(total=np.array([1.0, 1.2]), work=np.array([0.5, 0.7])), RunQuality(0.0)),
+        (Histories(total=np.array([1.0, 9.0]), work=np.zeros(2)), RunQuality(1.0)),
+        (Histories(internal=np.zeros(2), hourglass=np.zeros(2)), RunQuality()),
+        (Histories(internal=np.array([0.0, 2.0]), hourglass=np.array([0.0, -1e-9])), RunQuality(hourglass_share=0.0)),
+        (Histories(added_mass=np.array([0.1, 3.0])), RunQuality(added_mass_share=1.0)),
+    ],
+)
+def test_quality_follows_from_the_histories(histories: Histories, quality: RunQuality) -> None:
+    """What can't be computed is not recorded; what lies beyond the whole counts as all of it."""
+    found = histories.quality
+    assert (found.hourglass_share, found.added_mass_share) == (quality.hourglass_share, quality.added_mass_share)
+    assert found.energy_change == (None if quality.energy_change is None else pytest.approx(quality.energy_change))
+
+
+def test_quality_comes_into_the_campaign_with_the_run(tmp_path: Path, campaign_folder: Path) -> None:
+    """Imported as a CAE run it is in cae.csv; imported as a test there is nothing to say."""
+    source = saved(tmp_path / "run7", binout0000=binout(TOLD.glstat_folders()))
+    import_source(source, campaign_folder, WEIGHTS, role="cae")
+    import_source(source, campaign_folder, WEIGHTS, role="tests")
+    campaign = load_campaign(campaign_folder)
+    assert campaign.cae.quality[-1].energy_change == pytest.approx(QUALITY.energy_change)
+    assert campaign.cae.quality[0] == RunQuality()
+    assert "energy_change" not in (campaign_folder / "tests.csv").read_text()

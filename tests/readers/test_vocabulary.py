@@ -1,0 +1,170 @@
+"""Channel codes: what they say of a sensor in any spelling, and which sensors measure the vehicle's pulse."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crashfuse.readers.vocabulary import (
+    UNPLACED,
+    ChannelCode,
+    Doubt,
+    doubt_of,
+    is_computed,
+    is_simulated,
+    other_setup,
+    propose_by_code,
+)
+
+
+def code(text: str) -> ChannelCode:
+    """A code that is one."""
+    found = ChannelCode.parsed(text)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("text", ["11VEHC0000__ACX_", "11VEHC0000??ACX?", "11vehc000000acx0", " 11VEHC000000ACX0 "])
+def test_whatever_fills_a_code_it_is_the_same(text: str) -> None:
+    """The IIHS fills with _, others with ? or 0."""
+    assert code(text) == ChannelCode("11VEHC000000ACX0")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "Tunnel X", "10VEHC000000ACX", "10VEHC000000ACXDD", "X0VEHC000000ACXD", "Beschleunigung_g"]
+)
+def test_other_names_are_no_codes(text: str) -> None:
+    """Sixteen characters of which the first is the number of a test object."""
+    assert ChannelCode.parsed(text) is None
+
+
+def test_dummies_are_told_from_vehicles() -> None:
+    """By the main location or by the kind of dummy; a sill's inside (IN) is no kind of dummy."""
+    assert code("11HEADCG0000ACXP").is_of_a_dummy
+    assert code("11LOAD0000H3ACXP").is_of_a_dummy
+    assert not code("10SIMELE00INACXD").is_of_a_dummy
+    assert not code("11VEHC0000__ACX_").is_of_a_dummy
+
+
+def test_filter_classes_are_low_passes() -> None:
+    """CFC 60 passes 100 Hz (SAE J211-1); what is prefiltered only says nothing."""
+    assert [code(f"10VEHC000000ACX{letter}").cutoff_hz for letter in "ABCDP_"] == [1650, 1000, 300, 100, None, None]
+
+
+@pytest.mark.parametrize(
+    ("codes", "chosen"),
+    [
+        (["10SEATLERE00ACXP", "10VEHCCG0000ACXP", "10SEATRIRE00ACXP"], [0, 2]),
+        (["10FORALERE00AC1P", "10FORARIRE00AC1P", "10FORARIRE01AC1P"], [0, 1, 2]),  # redundant ones, too
+        (["10SEATLERE00ACXD", "10SEATLERE00ACXP"], [1]),  # one sensor, filtered and not
+        (["11SEATLERE00ACXP", "10TUNN000000ACXP"], [1]),  # an occupant's seat
+        (["10SEATLEFR00ACXP", "10TUNN000000ACXP"], [1]),  # a front seat
+        (["11VEHC0000__ACXD", "11VEHC0000__ACX_"], [1]),
+        (["10TUNN000000ACXP", "10TUNN000000ACXP"], [0]),
+        (["10ENGN000000ACXP"], []),
+        ([], []),
+    ],
+)
+def test_the_best_placed_are_proposed(codes: list[str], chosen: list[int]) -> None:
+    """All at the rear seat, else one, or one on either side, of the next best place."""
+    names = {f"{number}": code(text) for number, text in enumerate(codes)}
+    found, why = propose_by_code(names)
+    assert set(found) == {f"{number}" for number in chosen}
+    assert ("choose one" in why) == (not chosen)
+    assert code("10ENGN000000ACXP").rank == UNPLACED
+
+
+STATUS = {
+    Doubt.NONE: (
+        "",
+        "ok",
+        "O.K.",
+        "as measured",
+        "AM",
+        "unknown",
+        "NOVALUE",
+        "in Ordnung",
+        "not failed",
+        "sensor ok, checked 2024-03-01",
+    ),
+    Doubt.SOME: ("questionable data", "scaling factor changed", "system noise", "QD", "ok until 60 ms", "linear trend"),
+    Doubt.FAILED: ("channel failed", "Channel_failed", "meaningless data", "no data", "not ok", "CF", "cable lost"),
+}
+SIMULATED = (
+    "simulation",
+    "CAE",
+    "FE model",
+    "parameter",
+    "predicted",
+    "limit curve",
+    "Simulated by LS-DYNA",
+    "Berechnung",
+    "PAM-CRASH",
+    "modèle numérique",
+    "synthetic",
+    "Simulación",
+)
+MEASURED = ("", "transducer", "hardware", "camera", "calculation", "simultaneous recorder", "femur gauge")
+
+
+@pytest.mark.parametrize(("doubt", "status"), [(doubt, text) for doubt, texts in STATUS.items() for text in texts])
+def test_the_words_on_quality_tell_sound_from_questionable_and_failed(doubt: Doubt, status: str) -> None:
+    """Those of the standard, NHTSA's codes, and laboratories' own; what is not understood is questionable."""
+    assert doubt_of(status) == doubt
+
+
+@pytest.mark.parametrize("origin", [*SIMULATED, *MEASURED])
+def test_the_words_on_the_source_tell_simulated_from_measured(origin: str) -> None:
+    """What is calculated from measured channels is no simulation."""
+    assert is_simulated(origin) == (origin in SIMULATED)
+    assert is_computed(origin) == (origin == "calculation")
+
+
+@given(st.sampled_from([text for texts in STATUS.values() for text in texts]), st.sampled_from([" ", "_", "-", "  "]))
+def test_case_and_what_stands_between_words_do_not_matter(status: str, between: str) -> None:
+    """As laboratories write it."""
+    assert doubt_of(status.upper().replace(" ", between)) == doubt_of(status.lower()) == doubt_of(f" {status} ")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "VEHICLE INTO VEHICLE",
+        "IMPACTOR INTO VEHICLE",
+        "Car-to-car, 50 km/h",
+        "Fahrzeug gegen Fahrzeug",
+        "Small overlap frontal: driver side",
+        "Moderate overlap",
+        "Front impact, 40 % overlap",
+        "ODB 64 km/h",
+        "Euro NCAP MPDB",
+        "Offset deformable barrier",
+        "Frontal offset",
+        "Side impact",
+        "Far-side pole",
+        "Rear end collision",
+        "Oblique",
+        "Whiplash sled",
+        "Pfahlaufprall",
+    ],
+)
+def test_other_crashes_are_named(text: str) -> None:
+    """As laboratories call them."""
+    assert other_setup(["", "Toyota Camry 2018", text]) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "OPTIONAL NEW CAR ASSESSMENT PROGRAM FRONTAL BARRIE",
+        "VEHICLE INTO BARRIER",
+        "Full-width rigid barrier, 56 km/h",
+        "Full overlap",
+        "100 % overlap",
+        "Frontal impact",
+        "Offset removed before filtering",
+        "NCAP - 2018 TOYOTA CAMRY LE 4-DOOR SEDAN",
+    ],
+)
+def test_full_frontal_crashes_are_not(text: str) -> None:
+    """Nor is anything that says nothing of it."""
+    assert other_setup([text]) == ""
