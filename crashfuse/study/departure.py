@@ -8,6 +8,7 @@ import json
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from math import sqrt
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -137,10 +138,12 @@ def _found(campaign: Campaign, cache: Cache) -> tuple[tuple[Departure, ...], dic
 
 
 def _restored(entry: Entry) -> tuple[Departure, ...]:
-    return tuple(
-        Departure(**{name: tuple(value) if isinstance(value, list) else value for name, value in each.items()})
-        for each in json.loads(str(entry["departures"]))
-    )
+    return tuple(map(_departure_of, json.loads(str(entry["departures"]))))
+
+
+def _departure_of(record: dict[str, Any]) -> Departure:
+    values: dict[str, Any] = {name: tuple(x) if isinstance(x, list) else x for name, x in record.items()}
+    return Departure(**values)
 
 
 def _departure(
