@@ -9,8 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.calibration import LEVELS
-from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.registry import by_preference
 from crashfuse.campaign_folder.notes import Note
@@ -30,8 +29,7 @@ from crashfuse.reporting.plots.ratings import (
     rating_spread,
 )
 from crashfuse.study.config import require_rated
-from crashfuse.study.fold import Fold
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 
 _STEP_M = 0.004  # grid of the parts of a bias
 _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it

@@ -1,14 +1,16 @@
-"""Hyperparameters of the time domain: network, LF training, fine-tuning."""
+"""Hyperparameters of the time domain, and what its approaches say of themselves: known without PyTorch."""
 
 from dataclasses import asdict, dataclass
 from typing import Literal, Self
+
+from crashfuse.approaches.base import Approach
 
 _AFTER_LF = ("tuning", "tuning_steps", "tuning_rate", "penalty", "n_draws")
 
 
 @dataclass(frozen=True, slots=True)
 class TcnConfig:
-    """Network, LF training (Eq. 5) and fine-tuning (Eq. 6); the constructors are :meth:`fast` and :meth:`paper`.
+    """Network, LF training (Eq. 5) and fine-tuning (Eq. 6), as by :meth:`fast` or :meth:`paper`.
 
     Parameters
     ----------
@@ -21,12 +23,11 @@ class TcnConfig:
         velocity of CAE runs at this speed at that time. They transfer what tests show to the same crush, or the same
         stage of stopping, at another speed. Without travel waves, neither displacement nor velocity is an input.
     scale_floor : float
-        An output of 1 means an acceleration that grows with v0, starting at v0 = 0 from this share of its highest
-        value; 1 for the same acceleration at all speeds.
+        An output of 1 is an acceleration that grows with v0, from this share of its highest value at v0 = 0.
     batch, epochs, min_steps : int
         Pulses per step; number of epochs, increased for a small library to reach ``min_steps``.
     max_runs : int
-        Most CAE runs to learn from, taken evenly from the library, as more do not improve the networks; 0 for all.
+        Most CAE runs to learn from, taken evenly from the library; 0 for all.
     learning_rate, annealing_epochs : float, int
         Adam's rate and the half period of its cosine; 0 for one warm-up and one cosine over the whole training.
     members : int
@@ -63,7 +64,7 @@ class TcnConfig:
 
     @classmethod
     def fast(cls) -> Self:
-        """Our settings: LF training takes about 3 s per member on one core."""
+        """LF training takes about 3 s per member on one core."""
         return cls()
 
     @classmethod
@@ -96,11 +97,43 @@ class TcnConfig:
 
     @property
     def n_inputs(self) -> int:
-        """Number of inputs: time, v0, two weights; typical displacement and velocity if they have waves; the waves."""
+        """Number of inputs: time, v0, two weights, typical displacement and velocity, the waves."""
         motion = 2 + 2 * self.travel_waves + 2 * self.velocity_waves if self.travel_waves else 0
         return 4 + 2 * self.time_waves + motion
 
     @property
     def receptive_field(self) -> int:
-        """Number of sequence steps that an output depends on, its own included."""
+        """Number of sequence steps that an output depends on."""
         return 1 + 2 * (self.kernel - 1) * sum(self.dilations)
+
+
+class AboutLfTcn(Approach):
+    """What is shown of the LF TCN."""
+
+    name = "lf_tcn"
+    label = "LF TCN"
+    in_words = "the LF TCN"
+    description = (
+        "the low-fidelity (LF) networks: temporal convolutional networks (TCN) trained on the CAE runs and on no test "
+        "(Eq. 5)."
+    )
+    colour, dash = "#C871A1", "dot"
+    preference = 40
+    learns_from_tests = False
+    trains_networks = True
+
+
+class AboutTimeDomain(Approach):
+    """All that is shown of the time domain."""
+
+    name = "time_domain"
+    label = "Time domain"
+    in_words = "the time domain"
+    description = (
+        "the multi-fidelity (MF) networks: those of the LF TCN with increments of their weights learned from the "
+        "tests (Eq. 6); under the fast preset in closed form, their strength chosen by leaving tests out, with the "
+        "posterior, widened until it holds on left-out tests, as the band."
+    )
+    colour, dark_colour = "#0072B2", "#2E93D6"
+    preference = 30
+    trains_networks = True
