@@ -211,12 +211,7 @@ def estimate_at(
 ) -> Estimate:
     """Fit an approach to the whole campaign as given and predict at a condition; cached.
 
-    Raises
-    ------
-    UsageError
-        If there is no such approach or preset, or speed or a weight is not above 0.
-    Cancelled
-        If the watch was told to stop.
+    Raises as :meth:`Fit.of` and :func:`estimates_at`.
     """
     cache = cache or Cache()
 
@@ -242,7 +237,7 @@ def find_estimate(
 def is_estimate_cached(
     campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> bool:
-    """Whether :func:`find_estimate` would find an estimate, without reading it."""
+    """Whether :func:`find_estimate` would find one, without reading it."""
     return cache.is_cached(_KIND, _cache_key(campaign, condition, approach, config))
 
 

@@ -166,8 +166,7 @@ class LearningCurve:
     def plot(self, **display: "Unpack[DisplayOptions]") -> "go.Figure":
         """Rating and width of the band over the number of tests, as the page Study shows them.
 
-        ``display`` takes ``window_ms``, by default the longest, ``unit`` and the other options of
-        :class:`crashfuse.reporting.plots.display.DisplayOptions`.
+        ``display`` are the options of :class:`crashfuse.reporting.plots.display.DisplayOptions`.
         """
         from crashfuse.reporting.plots.display import Display
         from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
@@ -222,16 +221,7 @@ def learning_curve(
     repeats : int
         Random choices of each number of tests, beside the even ones.
     cache, watch, workers, scheduler
-        As in :func:`crashfuse.study.running.run_study`.
-
-    Raises
-    ------
-    UsageError, DataError
-        If there are fewer than two tests, the settings are wrong or a test cannot be rated.
-    Cancelled
-        If the watch was told to stop.
-    CrashfuseError
-        If workers die repeatedly, or the cluster cannot be reached or has other versions.
+        As in :func:`crashfuse.study.running.run_study`, which raises the same.
     """
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     if not (isinstance(repeats, Integral) and repeats >= 0):

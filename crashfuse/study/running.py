@@ -78,29 +78,16 @@ def found_in(cache: Cache, campaign: Campaign, wanted: Sequence[Wanted], config:
 
 @dataclass(frozen=True, eq=False)
 class Computation:
-    """Computes the estimates of a study that are not in the cache.
-
-    Parameters
-    ----------
-    known : dict of Wanted to Estimate
-        What is known already; new estimates are added.
-    on_more : callable
-        Called each time that more is known.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Duration of the training, and of all.
-    """
+    """Computes the estimates of a study that are not in the cache."""
 
     campaign: Campaign
     config: StudyConfig
     cache: Cache
     watch: Watch
     workers: Workers
-    known: Estimates
-    on_more: Callable[[], None]
-    seconds: dict[str, float] = field(default_factory=dict)
+    known: Estimates  # new ones are added
+    on_more: Callable[[], None]  # called each time that more is known
+    seconds: dict[str, float] = field(default_factory=dict)  # duration of the training, and of all
 
     def run(self, wanted: Sequence[Wanted], repeated: tuple[str, ...]) -> None:
         """Compute these; and the repeatability of these tests, where workers have time for it."""
@@ -207,10 +194,8 @@ def run_study(
 
     Parameters
     ----------
-    held_out : sequence of str, or str
-        Ids of the tests to leave out in turn; empty for all.
-    approaches : sequence of str, or str
-        Names of the approaches; empty for those of the config.
+    held_out, approaches : sequence of str, or str
+        Ids of the tests to leave out in turn, and names of the approaches; empty for all, and for those of the config.
     cache : Cache, optional
         Finished predictions are read from it and stored in it, so an interrupted study continues where it stopped.
     watch : Watch, optional

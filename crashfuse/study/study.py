@@ -126,7 +126,7 @@ class Study:
     speed_groups : Study, optional
         The same tests, each left out with all others at about its speed, if both ways were requested.
     repeatability : mapping of str to mapping of float to Repeatability
-        By test, then window in ms, see :func:`crashfuse.study.repeatability.repeatability`.
+        By test, then window in ms.
     """
 
     campaign: Campaign

@@ -102,10 +102,9 @@ def test_what_is_kept_of_a_check_is_the_check() -> None:
     """A row of five numbers a test, and the factors, give it back; what it tells is plain and rounded."""
     tests = (Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False), Coverage(0.93, 1.0, 0.5, False, True))
     check = Calibration(1.3, tests, 1.5, 1.25)
-    np.testing.assert_array_equal(
-        check.learned().arrays["inside"], [[0.91, 0.97236, np.nan, 1, 0], [0.93, 1.0, 0.5, 0, 1]]
-    )
-    again = Calibration.restored(check.learned())
+    learned = check.learned()
+    np.testing.assert_array_equal(learned.arrays["inside"], [[0.91, 0.97236, np.nan, 1, 0], [0.93, 1.0, 0.5, 0, 1]])
+    again = Calibration.restored(learned)
     assert (again.widening, again.late_widening) == (1.3, 1.5)
     assert again.state == check.state == {
         "widening": 1.3,

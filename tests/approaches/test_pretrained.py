@@ -1,4 +1,4 @@
-"""The network reads what it may, and what a pulse means does not depend on where it stands among the others."""
+"""The pre-trained network reads what it may; as an approach it has honest bands, and the weights that were shipped."""
 
 from pathlib import Path
 

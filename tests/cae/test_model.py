@@ -1,4 +1,4 @@
-"""The emulator, on CAE runs that it has not seen."""
+"""The CAE model over time and displacement: what was run, else what is emulated from other runs."""
 
 import time
 

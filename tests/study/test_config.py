@@ -1,4 +1,4 @@
-"""The plan of a study: what makes one impossible is said before anything is computed."""
+"""What makes a study impossible is said before anything is computed."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""An approach at a condition: impossible ones are refused; fits are kept by all that decides them."""
+"""An approach at a condition: impossible ones are refused; fits and predictions are kept by all that decides them."""
 
 import threading
 from collections import defaultdict

@@ -1,4 +1,4 @@
-"""Parts of the tests: even over speed, at random, and every test left out somewhere."""
+"""The learning curve: a part sees nothing of the others, and all but one is what a study computes."""
 
 import threading
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The cost of a test is read as people write it, and nothing is guessed."""
+"""What one more test would buy: gains on the same tests, a law that is known, and the cost as people write it."""
 
 import re
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""A fold rates what was predicted, and what was drawn, against the test."""
+"""The study: nothing leaks, nothing is computed twice, and the numbers don't depend on how it is run."""
 
 import hashlib
 import threading

@@ -169,7 +169,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
 
     @property
     def state(self) -> dict[str, object]:
-        """Results of the LF training, choices of the fine-tuning with reasons, and coverage of the band."""
+        """Results of the LF training, choices of the fine-tuning, and coverage of the band."""
         if not hasattr(self, "network_"):
             return {}
         if self.config.tuning == "gradient":

@@ -1,4 +1,4 @@
-"""The CAE model's force and its trend, on curves whose mean is known."""
+"""The CAE model's force and its trend on curves whose mean is known, and bias points on hand-made pulses."""
 
 import numpy as np
 import pytest

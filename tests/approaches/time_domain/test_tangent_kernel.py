@@ -1,4 +1,4 @@
-"""The tangent kernel, taken by factors, is the product of gradients by automatic differentiation."""
+"""The tangent kernel is the product of gradients by automatic differentiation; its blocks are computed once."""
 
 import itertools
 from pathlib import Path
