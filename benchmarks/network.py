@@ -86,7 +86,7 @@ class _Training:
         config, scaling = self._approach.config, self._approach.scaling_
         network = Tcn.joined(self._networks, config)
         parts = np.array_split(self._unseen.vectors, np.ceil(len(self._unseen) / _PULSES_AT_ONCE))
-        self._accel_mps2 = np.concatenate([predict(network, scaling, vectors, config) for vectors in parts])
+        self._accel_mps2 = np.concatenate([predict(network, scaling, vectors) for vectors in parts])
         return float(np.sqrt(np.mean((self._accel_mps2 - self._unseen.accel_mps2) ** 2))) / G
 
     def mean_rating(self) -> float:

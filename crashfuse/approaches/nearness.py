@@ -30,7 +30,7 @@ class Neighbour:
     def differences(self, condition: Condition) -> str:
         """Differences from a condition, in words."""
         faster, *heavier = (self.condition.vector - condition.vector).tolist()
-        front, rear = (weight(each, form="+.0f") for each in heavier)
+        front, rear = (weight(kg, form="+.0f") for kg in heavier)
         return Sentence("{} ({}, front {}, rear {})", self.id, speed(faster, form="+.1f"), front, rear)
 
 

@@ -187,8 +187,8 @@ class _Layer(nn.Module):
         self, hidden: Tensor, seen: Tensor | None, others: tuple[Tensor, Tensor] | None
     ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         projected = self.projected(self.norm(hidden)).unflatten(-1, (3, self._heads, -1)).permute(2, 0, 3, 1, 4)
-        query, *own = projected
-        key, value = own if others is None else (torch.cat(both, -2) for both in zip(others, own, strict=True))
+        query, *pair = projected
+        key, value = pair if others is None else (torch.cat(both, -2) for both in zip(others, pair, strict=True))
         attended = functional.scaled_dot_product_attention(query, key, value, attn_mask=seen)
         hidden = hidden + self.joined(attended.transpose(1, 2).flatten(2))
         return hidden + self.perceptron(hidden), (key, value)

@@ -200,7 +200,7 @@ class CaePulse:
 class LoadingCurve:
     """The CAE model over displacement at one condition, G_a(s, x) of Eq. 10."""
 
-    own: LoadingPhase
+    phase: LoadingPhase  # of the CAE pulse at this condition
     faster: Sequence[LoadingPhase] = ()  # of successively faster crashes, which continue the curve at larger crush
 
     def accel_at(self, displacement_m: FloatArray, end_share: float = 0.0) -> FloatArray:
@@ -209,17 +209,17 @@ class LoadingCurve:
         Each pulse is used until its vehicle has slowed to ``end_share`` of its impact speed (0: until it stops). The
         next faster one then continues it without a jump; after the last one the curve is constant.
         """
-        reached = self.own.displacement_at_speed(end_share)
-        level = float(self.own.accel_at(np.array(reached)))
-        curve = np.where(displacement_m < reached, self.own.accel_at(displacement_m), level)
-        for phase in self.faster:
-            if (end := phase.displacement_at_speed(end_share)) <= reached:
+        reached = self.phase.displacement_at_speed(end_share)
+        level = float(self.phase.accel_at(np.array(reached)))
+        curve = np.where(displacement_m < reached, self.phase.accel_at(displacement_m), level)
+        for faster in self.faster:
+            if (end := faster.displacement_at_speed(end_share)) <= reached:
                 continue
             beyond = displacement_m > reached
-            step = level - phase.accel_at(np.array(reached))
+            step = level - faster.accel_at(np.array(reached))
             at = np.minimum(displacement_m[beyond], end)
-            curve[beyond] = phase.accel_at(at) + step * np.exp(-(at - reached) / _JOIN_M)
-            level = float(phase.accel_at(np.array(end)) + step * np.exp(-(end - reached) / _JOIN_M))
+            curve[beyond] = faster.accel_at(at) + step * np.exp(-(at - reached) / _JOIN_M)
+            level = float(faster.accel_at(np.array(end)) + step * np.exp(-(end - reached) / _JOIN_M))
             reached = end
         return curve
 
@@ -230,10 +230,10 @@ class LoadingCurve:
         stops at another displacement. Added to ``accel_at(s, end_share)`` this gives the CAE pulse. It is zero above
         the share of the impact speed at which stopping begins.
         """
-        own = self.own
-        extra = own.accel_mps2 - self.accel_at(own.displacement_m, end_share)
-        order = np.argsort(own.speed_share)
-        extra = np.interp(speed_share, own.speed_share[order], extra[order])
+        phase = self.phase
+        extra = phase.accel_mps2 - self.accel_at(phase.displacement_m, end_share)
+        order = np.argsort(phase.speed_share)
+        extra = np.interp(speed_share, phase.speed_share[order], extra[order])
         return np.where(speed_share < end_share, extra, 0.0)
 
 
@@ -266,13 +266,13 @@ class CaeModel:
 
     def loading_curve(self, condition: Condition) -> LoadingCurve:
         """The CAE model over displacement, continued by the emulator up to the speed of the library's fastest run."""
-        own = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
+        phase = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
         top = self.emulator_.speed_range_[1]
         speed, faster = condition.speed_mps, []
         while speed < top:
             speed = min(_FASTER * speed, top)
             faster.append(loading_phase(self.emulator_.predict(replace(condition, speed_mps=speed)), speed))
-        return LoadingCurve(own, tuple(faster))
+        return LoadingCurve(phase, tuple(faster))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
         """Draw errors of :meth:`pulse`, shape (n, 1250); zero if there is a run."""

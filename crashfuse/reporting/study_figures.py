@@ -150,7 +150,7 @@ def _bias_parts(own: _Shown) -> go.Figure:
         )
     unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=config.seed, cache=Cache())
     domain, _ = fitted(unfitted, config.training_campaign(own.study.campaign, test.id), Cache())
-    grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).own.crush_m, _STEP_M)
+    grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).phase.crush_m, _STEP_M)
     measured = measured_bias(test, domain.model_) if own.curves.measured is not None else None
     return bias_parts(domain.bias_parts(test.condition, grid), grid, measured, own.display)
 

@@ -216,7 +216,7 @@ def test_the_emulator_is_trained_once(campaign: Campaign, monkeypatch: pytest.Mo
 def test_within_its_crush_the_curve_is_the_pulse_itself(campaign: Campaign) -> None:
     """Up to the CAE vehicle's crush G_a(s) is its own acceleration over displacement."""
     curve = CaeModel().fit(campaign.cae).loading_curve(campaign.tests[1].condition)
-    np.testing.assert_allclose(curve.accel_at(curve.own.displacement_m), curve.own.accel_mps2, atol=1e-9)
+    np.testing.assert_allclose(curve.accel_at(curve.phase.displacement_m), curve.phase.accel_mps2, atol=1e-9)
 
 
 def test_beyond_its_crush_the_curve_goes_on_as_faster_runs_do() -> None:

@@ -117,15 +117,15 @@ class CaeView:
 
     def at_displacement(self, curves: FloatArray, displacement_m: FloatArray) -> FloatArray:
         """Curves over time, (n_curves, 1250), at the times the CAE vehicle reaches displacements, (n_curves, n)."""
-        own = self.curve.own
-        place = np.interp(displacement_m, own.displacement_m, own.time_s) / DT_S
+        phase = self.curve.phase
+        place = np.interp(displacement_m, phase.displacement_m, phase.time_s) / DT_S
         before = np.minimum(place.astype(np.intp), N_SAMPLES - 2)
         first = curves[:, before]
         return np.asarray(first + (place - before) * (curves[:, before + 1] - first))
 
     def unloading(self, test: CrashTest) -> Unloading:
         """Pair a test at this condition with the CAE pulse, for the rebound."""
-        return Unloading(self.condition.speed_mps, test.pulse.accel_mps2, self.accel_mps2, self.curve.own)
+        return Unloading(self.condition.speed_mps, test.pulse.accel_mps2, self.accel_mps2, self.curve.phase)
 
 
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
@@ -262,7 +262,7 @@ class DisplacementDomain(BandedApproach):
         """Mean and draws of the bias at a condition, over displacement and over shares of the impact speed."""
         grid = cae.grid_m[::FINER]
         force = CaeForce.at(grid, partial(cae.curve.accel_at, end_share=model.end_share))
-        stop = CaeStop(_SHARES, cae.curve.stopping_accel(_SHARES, model.end_share), cae.curve.own.crush_m)
+        stop = CaeStop(_SHARES, cae.curve.stopping_accel(_SHARES, model.end_share), cae.curve.phase.crush_m)
         bias = model.sample(cae.condition, grid, force, stop, n_draws, rng)
         if not cae.paired and self._paired:
             # The bias of tests without a paired run already includes the emulator's error, in each test's own part.
@@ -292,7 +292,7 @@ class DisplacementDomain(BandedApproach):
             dt_s=stride * DT_S,
             n_times=N_SAMPLES // stride,
         )
-        return rebound.follow(motion, cae.accel_mps2, curve.own, speed, rng, widening)
+        return rebound.follow(motion, cae.accel_mps2, curve.phase, speed, rng, widening)
 
     def _calibrate(self, campaign: Campaign, watch: Watch) -> Calibration:
         if isinstance(self.bias_, Table4Bias) or len(campaign.tests) < LEAST_CHECKED:

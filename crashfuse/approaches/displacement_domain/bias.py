@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple, Self
 
@@ -58,7 +58,7 @@ class BiasPoints:
     displacement_m: FloatArray
     speed_share: FloatArray  # velocity over impact speed
     cae: CaeForce
-    bias_mps2: FloatArray
+    bias_mps2: FloatArray = field(default_factory=lambda: np.empty(0))  # not needed where it is to be predicted
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,7 +94,7 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
     Both are sampled at even times of their loading phases, the CAE pulse only up to the crush of the test. Returns
     ``n_points`` at the test's displacements (Eq. 18), then as many at the CAE's (Eq. 21).
     """
-    cae = curve.own
+    cae = curve.phase
     test_s = np.linspace(0.0, test.end_s, n_points)
     cae_s = np.linspace(0.0, np.interp(test.crush_m, cae.displacement_m, cae.time_s), n_points)
     at_test = np.interp(test_s, test.time_s, test.displacement_m)

@@ -146,7 +146,7 @@ class HierarchicalBias:
         self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
         self._levels = _levels([test.condition for test in tests])
         self.tests_ = len(tests)
-        rows = np.concatenate([self._test_rows(test, number) for number, test in enumerate(tests)])
+        rows = np.concatenate([self._rows(test, number) for number, test in enumerate(tests)])
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
     def without(self, *numbers: int) -> Self:
@@ -160,7 +160,7 @@ class HierarchicalBias:
         """The same as if these tests, whose bias is ignored, had been run with the expected result."""
         other = copy.copy(self)
         for number, test in enumerate(tests, start=self._next_number):
-            other.process_ = other.process_.also_at(self._test_rows(test, number))
+            other.process_ = other.process_.also_at(self._rows(test, number))
         other.tests_ = self.tests_ + len(tests)
         return other
 
@@ -172,8 +172,8 @@ class HierarchicalBias:
         At the concatenated n points of the targets: shapes (n,) and (len(further), n). Biases of targets and further
         tests are ignored.
         """
-        at = np.concatenate([self._test_rows(target, -1) for target in targets])
-        tests = [self._test_rows(test, self._next_number) for test in further]
+        at = np.concatenate([self._rows(target) for target in targets])
+        tests = [self._rows(test, self._next_number) for test in further]
         now, then = self.process_.std_given(at, tests)
         return _reach(self.freedom_) * now, _reach(_freedom(self.tests_ + 1)) * then
 
@@ -186,27 +186,15 @@ class HierarchicalBias:
     def _next_number(self) -> int:
         return int(self.process_.x_[:, TEST].max()) + 1
 
-    def _test_rows(self, test: BiasPoints, number: int) -> FloatArray:
-        return self._rows(test.condition, test.displacement_m, test.cae, test.speed_share, test=number)
-
-    def _rows(
-        self,
-        condition: Condition,
-        displacement_m: FloatArray,
-        cae: CaeForce,
-        speed_share: FloatArray,
-        *,
-        test: int = -1,
-        crushing: bool = True,
-    ) -> FloatArray:
+    def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:
         """Rows with columns as numbered at the top of this module: factor values as numbers, the test number last."""
-        n, mass = displacement_m.size, self.mass_kg_ / condition.mass_kg
-        values = dict(condition.factors)
-        stopping = mass * np.maximum(1 - speed_share / self.end_share, 0.0)
+        condition, cae, share = points.condition, points.cae, points.speed_share
+        n, mass, values = share.size, self.mass_kg_ / condition.mass_kg, dict(condition.factors)
+        stopping = mass * np.maximum(1 - share / self.end_share, 0.0)
         factors = (levels.get(values.get(name, ""), -1) for name, levels in self._levels.items())
         x, alike = np.tile(condition.vector, (n, 1)), np.tile([mass * crushing, *factors, test], (n, 1))
         trend, humps = cae.trend_mps2 / FORCE_UNIT, (cae.accel_mps2 - cae.trend_mps2) / FORCE_UNIT
-        return np.column_stack([displacement_m, x, trend, humps, speed_share, stopping, alike])
+        return np.column_stack([points.displacement_m, x, trend, humps, share, stopping, alike])
 
     def sample(
         self,
@@ -223,16 +211,16 @@ class HierarchicalBias:
         given over displacement, and what it adds while the vehicle stops over velocity: the tests take the same share
         out of the humps of both.
         """
-        moving = self._rows(condition, displacement_m, cae, np.ones_like(displacement_m))
+        moving = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)
-        stopping = self._rows(condition, crush, hump, stop.speed_share, crushing=False)
+        stopping = self._rows(BiasPoints(condition, crush, stop.speed_share, hump), crushing=False)
         mean, covariance = self.process_.posterior(np.vstack([moving, stopping]))
         functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
     def parts(self, condition: Condition, displacement_m: FloatArray, cae: CaeForce) -> tuple[BiasPart, ...]:
         """Split the bias of a new test before its stop into parts, then their total, as in :meth:`sample`."""
-        x = self._rows(condition, displacement_m, cae, np.ones_like(displacement_m))
+        x = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         mean, covariance = self.process_.posterior(x)

@@ -46,18 +46,9 @@ class _ScatterBias(HierarchicalBias):
         parts, noise = scatter_parts(columns, FIRST_FACTOR + len(self._levels), self._unit_mps2)
         return GaussianProcess(parts, noise, seed=self.seed)
 
-    def _rows(
-        self,
-        condition: Condition,
-        displacement_m: FloatArray,
-        cae: CaeForce,
-        speed_share: FloatArray,
-        *,
-        test: int = -1,
-        crushing: bool = True,
-    ) -> FloatArray:
-        rows = super()._rows(condition, displacement_m, cae, speed_share, test=test, crushing=crushing)
-        growth = self.mass_kg_ / condition.mass_kg * displacement_m / GROWTH_UNIT_M
+    def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:
+        rows = super()._rows(points, test, crushing=crushing)
+        growth = self.mass_kg_ / points.condition.mass_kg * points.displacement_m / GROWTH_UNIT_M
         return np.column_stack([rows[:, :-1], growth, rows[:, -1]])
 
     def differences(
@@ -65,9 +56,9 @@ class _ScatterBias(HierarchicalBias):
     ) -> FloatArray:
         """Draw differences between two tests at a condition over displacement, shape (n, displacement_m.size)."""
         none = np.zeros_like(displacement_m)
-        rows = self._rows(condition, displacement_m, CaeForce(none, none), np.ones_like(displacement_m))
-        own = self.process_.prior_of({"even", "growing"}, rows)
-        return draw(np.zeros(displacement_m.size), 2 * own, n, rng)
+        rows = self._rows(BiasPoints(condition, displacement_m, np.ones_like(none), CaeForce(none, none)))
+        prior = self.process_.prior_of({"even", "growing"}, rows)
+        return draw(np.zeros(displacement_m.size), 2 * prior, n, rng)
 
 
 class Scatter:
@@ -110,11 +101,11 @@ class Scatter:
         condition, accel, end_share = test.condition, test.pulse.accel_mps2, self.bias_.end_share
         speed = condition.speed_mps
         phase = loading_phase(accel, speed)
-        own = LoadingCurve(phase)
+        curve = LoadingCurve(phase)
         fine = np.linspace(0.0, speed * DT_S * N_SAMPLES, _STEPS * FINER + 1)
         grid = np.minimum(fine[::FINER], _BEYOND * phase.crush_m)
         with one_thread():
             differences = self.bias_.differences(condition, grid, n, rng)
-            force, stopping = own.accel_at(fine, end_share), own.stopping_accel(_SHARES, end_share)
+            force, stopping = curve.accel_at(fine, end_share), curve.stopping_accel(_SHARES, end_share)
             motion = integrate(differences, fine[FINER], stopping[None], speed, common_mps2=force)
             return self.rebound_.repeat(motion, accel, speed, rng)

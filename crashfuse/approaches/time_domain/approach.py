@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
-from torch import Tensor
 
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
 from crashfuse.approaches.calibration import BandedApproach, LeftOut, check_band_far, speed_groups
@@ -61,11 +60,10 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         if self.config.tuning == "gradient":
             key = {**settings(self), "campaign": campaign.fingerprint}
             checkpoint = Checkpoint(self.cache, {**key, "training": self.name})
-            self.network_, self.losses_ = fine_tune(
-                self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
-            )
-            return self
-        self._learn(campaign, watch)
+            tuned = fine_tune(self.network_, self.scaling_, self._vectors, accel, checkpoint, watch)
+            self.network_, self.losses_ = tuned
+        else:
+            self._learn(campaign, watch)
         return self
 
     def _lf(self) -> LfTcn:
@@ -81,8 +79,8 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         # target outputs for the tests, shape (n_tests, n_times)
-        self._targets = self.scaling_.targets(self._vectors, accel, self.config).numpy().T.astype(np.float64)
-        self._band = Band.of(campaign.tests, self._targets, self.scaling_, self.config, self.seed)
+        self._targets = self.scaling_.targets(self._vectors, accel).numpy().T.astype(np.float64)
+        self._band = Band.of(campaign.tests, self._targets, self.scaling_, self.seed)
         return accel
 
     def learned(self) -> FittedState:
@@ -108,7 +106,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         return self
 
     def _learn(self, campaign: Campaign, watch: Watch) -> None:
-        lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
+        lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors))
         watch.report("Fine-tuning on tests", 0, 1)
         kernel = self._kernel.among(self._vectors) * self._alike(self._vectors)[:, None, :, None]
         watch.report("Fine-tuning on tests", 1, 1)
@@ -136,10 +134,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 
     def _blocks(self, lf: LfTcn, campaign: Campaign) -> KernelBlocks:
-        def inputs(vectors: FloatArray) -> Tensor:
-            return lf.scaling_.inputs(vectors, self.config)
-
-        return KernelBlocks(lf.network_, self.config, inputs, campaign.cae.fingerprint, self.cache)
+        return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, campaign.cae.fingerprint, self.cache)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
         """How alike increments at the tests' speeds and at others are, shape (n_tests, n)."""
@@ -152,11 +147,11 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         if not hasattr(self, "increments_"):
             return lf
         vector = condition.vector[None]
-        across, own = self._kernel.between(self._vectors, condition.vector)
+        across, here = self._kernel.between(self._vectors, condition.vector)
         across = across * self._alike(vector)[:, :, None]
-        expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
+        expected = mean_outputs(self.network_, self.scaling_.inputs(vector))[0]
         with one_thread():
-            posterior = self._band.stopped(condition, expected, self.increments_.posterior(across, own))
+            posterior = self._band.stopped(condition, expected, self.increments_.posterior(across, here))
             further = self.calibration_.further(nearness(condition.speed_mps, self._vectors[:, 0]))
             pulses = self._band.pulses(condition, posterior, self.calibration_, further)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)

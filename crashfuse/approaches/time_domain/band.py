@@ -7,7 +7,6 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.calibration import CHECK_STRIDE, Calibration, Coverage, calibrate
-from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.fine_tuning import Posterior
 from crashfuse.approaches.time_domain.network import Scaling
 from crashfuse.condition import Condition
@@ -31,12 +30,12 @@ class Stopping:
     change: FloatArray  # of velocity over the record by each output, as a share of v0
 
     @classmethod
-    def of(cls, condition: Condition, scaling: Scaling, config: TcnConfig) -> Self:
+    def of(cls, condition: Condition, scaling: Scaling) -> Self:
         """Create it for a condition and networks with this scaling."""
-        time = GRID_S[:: config.stride]
+        time = GRID_S[:: scaling.config.stride]
         weights = np.full(time.size, time[1])
         weights[[0, -1]] /= 2
-        return cls(time, weights * scaling.outputs(condition.vector[None], config) / condition.speed_mps)
+        return cls(time, weights * scaling.outputs(condition.vector[None]) / condition.speed_mps)
 
     def end_share(self, outputs: FloatArray) -> float:
         """Share of v0 left at the end of the record; below 0 after a rebound."""
@@ -84,22 +83,19 @@ class Band:
     """Pulses at any condition from the posterior of the networks' output there."""
 
     scaling: Scaling
-    config: TcnConfig
     seed: int
     end_shares: FloatArray  # share of v0 left at the end of each test, shape (n_tests,)
 
     @classmethod
-    def of(
-        cls, tests: Sequence[CrashTest], outputs: FloatArray, scaling: Scaling, config: TcnConfig, seed: int
-    ) -> Self:
+    def of(cls, tests: Sequence[CrashTest], outputs: FloatArray, scaling: Scaling, seed: int) -> Self:
         """Create it for networks with this scaling, and tests with their pulses in units of the networks' output."""
         pairs = zip(tests, outputs, strict=True)
-        shares = [Stopping.of(test.condition, scaling, config).end_share(pulse) for test, pulse in pairs]
-        return cls(scaling, config, seed, np.array(shares))
+        shares = [Stopping.of(test.condition, scaling).end_share(pulse) for test, pulse in pairs]
+        return cls(scaling, seed, np.array(shares))
 
     def stopping(self, condition: Condition) -> Stopping:
         """How the networks' output at a condition changes the velocity."""
-        return Stopping.of(condition, self.scaling, self.config)
+        return Stopping.of(condition, self.scaling)
 
     def stopped(
         self, condition: Condition, lf: FloatArray, posterior: Posterior, without: Sequence[int] = ()
@@ -108,7 +104,8 @@ class Band:
 
         As if the tests with the numbers in ``without`` had not been run.
         """
-        total = Posterior(lf + posterior.mean, posterior.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
+        n_steps = SMOOTH_S / (DT_S * self.scaling.config.stride)
+        total = Posterior(lf + posterior.mean, posterior.covariance).smoothed(n_steps)
         return self.stopping(condition).imposed(total, np.delete(self.end_shares, without))
 
     def pulses(
@@ -120,7 +117,7 @@ class Band:
 
     def drawn(self, condition: Condition, posterior: Posterior) -> Callable[[float, float], FloatArray]:
         """The pulses as a function of their widenings, before the stop and after it, in which they are linear."""
-        n_draws, n_times = self.config.n_draws, posterior.mean.size
+        n_draws, n_times = self.scaling.config.n_draws, posterior.mean.size
         dof = max(len(self.end_shares), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
         normal = posterior.draw(n_draws, rng)
@@ -129,9 +126,7 @@ class Band:
         deviations = np.vstack([np.zeros(n_times), factors[:, None] * normal])
         after = self.stopping(condition).after_t0(posterior.mean)
         parts = [posterior.mean[None], deviations * (1 - after), deviations * after]
-        mean, early, late = (
-            self.scaling.pulses(part, np.tile(condition.vector, (len(part), 1)), self.config) for part in parts
-        )
+        mean, early, late = (self.scaling.pulses(part, np.tile(condition.vector, (len(part), 1))) for part in parts)
         return lambda widening, late_widening: mean + widening * early + late_widening * late
 
     def check(

@@ -102,15 +102,15 @@ class Increments:
             self.left_out_[out] = tuple(map(Posterior, means, self._size * resolved))
         return self
 
-    def posterior(self, across: FloatArray, own: FloatArray) -> Posterior:
+    def posterior(self, across: FloatArray, here: FloatArray) -> Posterior:
         """Posterior of a new test's correction to the LF prediction.
 
         From the tangent kernels between tests and new condition, shape (n, n_times, n_times), and of the latter alone.
         """
-        n_times = own.shape[0]
-        across, own = across.reshape(-1, n_times) / self._unit, own / self._unit
+        n_times = here.shape[0]
+        across, here = across.reshape(-1, n_times) / self._unit, here / self._unit
         mean = across.T @ self._weights
-        covariance = (1 + self.band_penalty_) * own - across.T @ self._inverse @ across
+        covariance = (1 + self.band_penalty_) * here - across.T @ self._inverse @ across
         return Posterior(mean, self._size * covariance)
 
     def learned(self) -> FittedState:

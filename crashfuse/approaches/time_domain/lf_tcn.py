@@ -56,7 +56,7 @@ class TcnApproach(Approach):
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition: the mean of the members."""
         self._require("network_")
-        accel = predict(self.network_, self.scaling_, condition.vector[None], self.config)[0]
+        accel = predict(self.network_, self.scaling_, condition.vector[None])[0]
         return Prediction(condition, accel, notes=self._library.extrapolation(condition))
 
 
@@ -105,7 +105,7 @@ class LfTcn(AboutLfTcn, TcnApproach):
         vectors, accel = self._begin(cae)
         checkpoint = Checkpoint(self.cache, {**key, "training": _KIND})
         self.network_, self.losses_ = train(
-            vectors, accel, self.scaling_, self.config, self.seed, torch.device(self.device), checkpoint, watch
+            vectors, accel, self.scaling_, self.seed, torch.device(self.device), checkpoint, watch
         )
         return self
 

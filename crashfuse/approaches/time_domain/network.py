@@ -220,6 +220,7 @@ class TypicalMotion:
 class Scaling:
     """Scaling of conditions (v0, weights) and accelerations to numbers near 1, learned from the CAE runs."""
 
+    config: TcnConfig
     centre: tuple[float, ...]
     spread: tuple[float, ...]
     lowest: tuple[float, ...]  # conditions beyond the library's limits are clipped to them
@@ -234,19 +235,19 @@ class Scaling:
         centre, lowest, highest = vectors.mean(axis=0), vectors.min(axis=0), vectors.max(axis=0)
         motion = TypicalMotion.of(vectors[:, 0], accel_mps2, config.stride)
         ends = tuple(lowest.tolist()), tuple(highest.tolist())
-        unit = cls(tuple(centre.tolist()), tuple(spread.tolist()), *ends, accel_mps2=1.0, motion=motion)
-        sequences = accel_mps2[:, :: config.stride] / unit.outputs(vectors, config)[:, None]
+        unit = cls(config, tuple(centre.tolist()), tuple(spread.tolist()), *ends, accel_mps2=1.0, motion=motion)
+        sequences = accel_mps2[:, :: config.stride] / unit.outputs(vectors)[:, None]
         return replace(unit, accel_mps2=float(np.sqrt(np.mean(sequences**2))))
 
-    def outputs(self, vectors: FloatArray, config: TcnConfig) -> FloatArray:
+    def outputs(self, vectors: FloatArray) -> FloatArray:
         """Acceleration in m/s² that an output of 1 represents at each condition, shape (n,)."""
-        floor = config.scale_floor
+        floor = self.config.scale_floor
         scale: FloatArray = self.accel_mps2 * (floor + (1 - floor) * vectors[:, 0] / self.highest[0])
         return scale
 
-    def inputs(self, vectors: FloatArray, config: TcnConfig) -> Tensor:
+    def inputs(self, vectors: FloatArray) -> Tensor:
         """Input sequences for conditions of shape (n, 3): shape (n_times, n, n_inputs), float32."""
-        vectors = np.clip(vectors, self.lowest, self.highest)
+        config, vectors = self.config, np.clip(vectors, self.lowest, self.highest)
         time = GRID_S[:: config.stride, None] / GRID_S[-1]
         columns = [2 * time - 1, *((vectors - self.centre) / self.spread).T[:, None], *_waves(time, config.time_waves)]
         if config.travel_waves:
@@ -256,14 +257,14 @@ class Scaling:
         shape = (len(time), len(vectors))
         return torch.from_numpy(np.stack([np.broadcast_to(c, shape) for c in columns], axis=-1).astype(np.float32))
 
-    def pulses(self, outputs: FloatArray, vectors: FloatArray, config: TcnConfig) -> FloatArray:
+    def pulses(self, outputs: FloatArray, vectors: FloatArray) -> FloatArray:
         """Pulses on the study grid, shape (n, 1250), from outputs of shape (n, n_times) at these conditions."""
-        sequences: FloatArray = outputs * self.outputs(vectors, config)[:, None]
-        return in_full(sequences, config.stride)
+        sequences: FloatArray = outputs * self.outputs(vectors)[:, None]
+        return in_full(sequences, self.config.stride)
 
-    def targets(self, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> Tensor:
+    def targets(self, vectors: FloatArray, accel_mps2: FloatArray) -> Tensor:
         """Target outputs of the network for pulses of shape (n, 1250): shape (n_times, n), float32."""
-        scaled = accel_mps2[:, :: config.stride] / self.outputs(vectors, config)[:, None]
+        scaled = accel_mps2[:, :: self.config.stride] / self.outputs(vectors)[:, None]
         return torch.from_numpy(np.ascontiguousarray(scaled.T, dtype=np.float32))
 
 

@@ -210,9 +210,9 @@ def load_weights(network: Tcn, weights: Entry) -> None:
     network.load_state_dict({name: torch.from_numpy(weight) for name, weight in weights.items()})
 
 
-def predict(network: Tcn, scaling: Scaling, vectors: FloatArray, config: TcnConfig) -> FloatArray:
+def predict(network: Tcn, scaling: Scaling, vectors: FloatArray) -> FloatArray:
     """Mean pulses of the members at conditions of shape (n, 3), on the study grid: shape (n, 1250), m/s²."""
-    return scaling.pulses(mean_outputs(network, scaling.inputs(vectors, config)), vectors, config)
+    return scaling.pulses(mean_outputs(network, scaling.inputs(vectors)), vectors)
 
 
 def mean_outputs(network: Tcn, inputs: Tensor) -> FloatArray:
@@ -228,7 +228,6 @@ def train(
     vectors: FloatArray,
     accel_mps2: FloatArray,
     scaling: Scaling,
-    config: TcnConfig,
     seed: int,
     device: torch.device,
     checkpoint: Checkpoint,
@@ -239,8 +238,8 @@ def train(
     Also returns the mean square error (Eq. 5) of training and validation, shape (n_members, n_epochs, 2). The seed
     determines the weights, and each member's validation runs and order of batches.
     """
-    inputs = scaling.inputs(vectors, config).to(device)
-    targets = scaling.targets(vectors, accel_mps2, config).to(device)
+    config, inputs = scaling.config, scaling.inputs(vectors).to(device)
+    targets = scaling.targets(vectors, accel_mps2).to(device)
     together = _SIDE_BY_SIDE if device.type == "cpu" else config.members
     networks, objectives = [], []
     for first in range(0, config.members, together):
@@ -310,13 +309,7 @@ class LfTraining:
 
 
 def fine_tune(
-    network: Tcn,
-    scaling: Scaling,
-    vectors: FloatArray,
-    accel_mps2: FloatArray,
-    config: TcnConfig,
-    checkpoint: Checkpoint,
-    watch: Watch,
+    network: Tcn, scaling: Scaling, vectors: FloatArray, accel_mps2: FloatArray, checkpoint: Checkpoint, watch: Watch
 ) -> tuple[Tcn, FloatArray]:
     """Fine-tune a copy of the LF networks on tests (Eq. 6): θ_MF = θ_LF + θ_HF with the penalty λ‖θ_HF‖².
 
@@ -324,10 +317,10 @@ def fine_tune(
     pulses are of shape (n_tests, 3) and (n_tests, 1250). Also returns the mean square error on the tests before each
     step, penalty not included, shape (n_members, n_steps).
     """
-    inputs = scaling.inputs(vectors, config).to(network.device)
-    targets = scaling.targets(vectors, accel_mps2, config).to(network.device)
+    inputs = scaling.inputs(vectors).to(network.device)
+    targets = scaling.targets(vectors, accel_mps2).to(network.device)
     tuned = deepcopy(network)
-    objective = FineTuning(inputs, targets, config, list(network.parameters()))
+    objective = FineTuning(inputs, targets, scaling.config, list(network.parameters()))
     return tuned, minimise([tuned], [objective], checkpoint, watch, "Fine-tuning on tests")[..., 0]
 
 
