@@ -88,23 +88,13 @@ def predicted(test: CrashTest, mean_mps2: FloatArray, draws_mps2: FloatArray) ->
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Coverage of one left-out test by the 95 % band of its prediction.
+    """Coverage of one left-out test by the 95 % band of its prediction."""
 
-    Attributes
-    ----------
-    accel, velocity : float
-        Shares of the time up to zero velocity at which a(t) and v(t) lie inside.
-    rebound : float
-        The same of a(t) after zero velocity; NaN if the vehicle does not stop in the record.
-    crush, peak : bool
-        Whether maximum dynamic crush and peak deceleration lie inside their intervals.
-    """
-
-    accel: float
-    velocity: float
-    rebound: float
-    crush: bool
-    peak: bool
+    accel: float  # share of the time up to zero velocity at which a(t) lies inside
+    velocity: float  # the same of v(t)
+    rebound: float  # the same of a(t) after zero velocity; NaN if the vehicle does not stop in the record
+    crush: bool  # maximum dynamic crush lies inside its interval
+    peak: bool  # so does the peak deceleration
 
     @classmethod
     def of(cls, test: CrashTest, draws_mps2: FloatArray) -> Self:
@@ -155,24 +145,12 @@ def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Check of a band on tests left out one by one, and the widening that resulted.
+    """Check of a band on tests left out one by one, and the widening that resulted."""
 
-    Attributes
-    ----------
-    widening : float
-        Factor on every draw's deviation.
-    tests : tuple of Coverage
-        One for each left-out test, with the widened band.
-    late_widening : float, optional
-        Factor after the time of zero velocity, if different.
-    far : float
-        Further factor far from all tests, where tests left out one by one say little.
-    """
-
-    widening: float
-    tests: tuple[Coverage, ...]
-    late_widening: float | None = None
-    far: float = 1.0
+    widening: float  # factor on every draw's deviation
+    tests: tuple[Coverage, ...]  # of each left-out test by the widened band
+    late_widening: float | None = None  # factor after the time of zero velocity, if different
+    far: float = 1.0  # further factor far from all tests, where tests left out one by one say little
 
     def further(self, nearness: float) -> float:
         """Factor on top of ``widening`` and ``late_widening`` at a condition of this nearness to a test."""

@@ -56,19 +56,8 @@ class Fused(AboutFused):
     velocity and displacement, which are integrated from the mean, agree with it. Each whole pulse of the band is drawn
     from one component. The CAE's draws are its pulse plus the error that it had in some test, with either sign.
 
-    It always uses the fast forms of both approaches, as the paper has no fused approach.
-
-    Parameters
-    ----------
-    device : {"auto", "cpu", "cuda"}
-        For training the time domain's networks.
-    cache : Cache, optional
-        Storage for the fits of both approaches.
-
-    Attributes
-    ----------
-    calibration_ : Calibration
-        Of the band, on tests that all approaches predicted from the others.
+    It always uses the fast forms of both approaches, as the paper has no fused approach. The cache keeps their fits.
+    ``calibration_`` is that of the band, on tests that all approaches predicted from the others.
     """
 
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:

@@ -198,15 +198,11 @@ class Pool:
     ----------
     prior : ndarray, shape (n_components, n_components + 1)
         Prior mean of the logits where all spreads are equal, and of their slopes by the log ratio of each spread to the
-        geometric mean of the approaches'.
+        geometric mean of the approaches'; the fitted ``logits_`` are of this shape.
     spread : float or ndarray, shape (n_components + 1,)
         Prior standard deviation of the logits, and of the slopes.
     strength : float
-        Weight of the data against the prior: nats per test that a score improved by 100 % counts.
-
-    Attributes
-    ----------
-    logits_ : ndarray, shape (n_components, n_components + 1)
+        Nats per test that a score improved by 100 % counts against the prior.
     """
 
     def __init__(self, prior: FloatArray, *, spread: float | FloatArray, strength: float) -> None:

@@ -42,11 +42,7 @@ class RatingDistribution(Distribution):
 
     @classmethod
     def learned(
-        cls,
-        ratings: FloatArray,
-        away_mps: FloatArray,
-        agreements: FloatArray | float = np.nan,
-        here: float = np.nan,
+        cls, ratings: FloatArray, away_mps: FloatArray, agreements: FloatArray | float = np.nan, here: float = np.nan
     ) -> Self:
         """From ratings of left-out tests; three of them say little of their spread, so that of other campaigns counts.
 

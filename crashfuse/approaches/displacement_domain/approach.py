@@ -54,31 +54,16 @@ _CHECK_DRAWS = 200  # for each test used to check the band
 class DisplacementConfig:
     """Hyperparameters of the displacement-domain approach.
 
-    Parameters
-    ----------
-    bias : {"hierarchical", "table 4"}
-        The bias model.
-    n_draws : int
-        Whole pulses drawn for the band.
-    step_s : float
-        Spacing of a test's bias points: the distance covered at impact speed in this time, and while the vehicle stops
-        this time itself. A CFC 60 pulse contains little finer detail; closer points would repeat each other, and the
-        fit would count them as evidence.
-    max_points : int
-        Approximate limit on the bias points of all tests together; with more tests, each has fewer. The fit's time
-        grows with the cube of their number.
-    projected_points : int
-        For Table 4: points in each of a test's two projections.
-    restarts : int
-        For Table 4: further starts of the optimiser after the first.
+    Bias points are as far apart as the vehicle comes at impact speed in ``step_s``, and while it stops this time. A CFC
+    60 pulse contains little finer detail; closer points would repeat each other and count as evidence.
     """
 
     bias: Literal["hierarchical", "table 4"] = "hierarchical"
-    n_draws: int = 500
+    n_draws: int = 500  # whole pulses drawn for the band
     step_s: float = 0.002
-    max_points: int = 400
-    projected_points: int = 75
-    restarts: int = 10
+    max_points: int = 400  # about, of all tests together: the fit's time grows with the cube of their number
+    projected_points: int = 75  # Table 4: in each of a test's two projections
+    restarts: int = 10  # Table 4: further starts of the optimiser
 
     @classmethod
     def fast(cls) -> Self:
@@ -138,19 +123,8 @@ def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> Bi
 class DisplacementDomain(BandedApproach):
     """Bias of the CAE model over displacement, learned from the tests and integrated by Eq. 29.
 
-    Parameters
-    ----------
-    config : DisplacementConfig, optional
-        Default: :meth:`DisplacementConfig.fast`.
-    seed : int
-        Of the draws and the optimiser's starts.
-    cache : Cache, optional
-        Storage for the trained emulator of the CAE model.
-
-    Attributes
-    ----------
-    points_ : tuple of BiasPoints
-        Bias points, one entry for each test.
+    The seed is that of the draws and the optimiser's starts; the cache keeps the emulator of the CAE model. ``points_``
+    are the bias points of each test.
     """
 
     name = "displacement_domain"

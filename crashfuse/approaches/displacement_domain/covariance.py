@@ -30,25 +30,13 @@ class LogNormal:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One term of the covariance.
-
-    Parameters
-    ----------
-    scale : LogNormal
-        Prior of its standard deviation σ, relative to the root mean square of the training output.
-    groups : tuple of tuple of (int, LogNormal)
-        Groups of columns, each with one correlation; every column has a length scale.
-    times : int, optional
-        Column of w, which multiplies the function.
-    same : int, optional
-        Column each of whose values has an independent function.
-    """
+    """One term of the covariance."""
 
     name: str
-    scale: LogNormal
-    groups: tuple[tuple[tuple[int, LogNormal], ...], ...]
-    times: int | None = None
-    same: int | None = None
+    scale: LogNormal  # of its standard deviation σ, relative to the root mean square of the training output
+    groups: tuple[tuple[tuple[int, LogNormal], ...], ...]  # of columns with their length scales, a correlation each
+    times: int | None = None  # column of w, which multiplies the function
+    same: int | None = None  # column each of whose values has an independent function
 
     @property
     def priors(self) -> tuple[LogNormal, ...]:

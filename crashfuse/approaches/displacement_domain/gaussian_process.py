@@ -36,14 +36,11 @@ class GaussianProcess:
 
     Attributes
     ----------
-    theta_ : ndarray
-        Logarithms of the hyperparameters: scale and length scales part by part, then the noise.
-    touched_ : ndarray of bool
-        Which of them ended at a bound of the search range.
+    theta_, touched_ : ndarray
+        Logarithms of the hyperparameters (scale and length scales part by part, then the noise), and which of them
+        ended at a bound of the search range.
     output_scale_ : float
-        Root mean square of the training output.
-    log_marginal_likelihood_ : float
-        For the output in units of ``output_scale_``, without the priors.
+        Root mean square of the training output, the unit of ``log_marginal_likelihood_``.
     dead_ : bool
         Whether the fit explains no more than noise would.
     """

@@ -31,8 +31,6 @@ _KERNEL_STEP = "Derivatives of the LF networks"
 class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
     """The multi-fidelity (MF) TCN: the LF networks with increments learned from the tests (Eq. 6).
 
-    Parameters as :class:`LfTcn`.
-
     Attributes
     ----------
     network_ : Tcn

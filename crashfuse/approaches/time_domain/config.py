@@ -12,55 +12,32 @@ _AFTER_LF = ("tuning", "tuning_steps", "tuning_rate", "penalty", "n_draws")
 class TcnConfig:
     """Network, LF training (Eq. 5) and fine-tuning (Eq. 6), as by :meth:`fast` or :meth:`paper`.
 
-    Parameters
-    ----------
-    channels, kernel, dilations, dropout
-        One residual block for each dilation.
-    stride : int
-        Every n-th sample of the study grid is a step of the sequence; a cubic spline interpolates back.
-    time_waves, travel_waves, velocity_waves : int
-        Number of sines and cosines, as inputs beside the paper's four, of time and of the typical displacement and
-        velocity of CAE runs at this speed at that time. They transfer what tests show to the same crush, or the same
-        stage of stopping, at another speed. Without travel waves, neither displacement nor velocity is an input.
-    scale_floor : float
-        An output of 1 is an acceleration that grows with v0, from this share of its highest value at v0 = 0.
-    batch, epochs, min_steps : int
-        Pulses per step; number of epochs, increased for a small library to reach ``min_steps``.
-    max_runs : int
-        Most CAE runs to learn from, taken evenly from the library; 0 for all.
-    learning_rate, annealing_epochs : float, int
-        Adam's rate and the half period of its cosine; 0 for one warm-up and one cosine over the whole training.
-    members : int
-        Number of LF networks from different seeds; their mean is the prediction.
-    tuning : {"posterior", "gradient"}
-        Fine-tuning in closed form with a band, or by Adam without.
-    n_draws : int
-        For the posterior: whole pulses drawn for the band.
-    tuning_steps, tuning_rate, penalty : int, float, float
-        For Adam: steps and rate, and λ of the penalty λ‖θ_HF‖² that keeps θ_MF near θ_LF.
+    Waves are sines and cosines, as inputs beside the paper's four, of time and of the typical displacement (travel) and
+    velocity of CAE runs at this speed at that time. They transfer what tests show to the same crush, or the same stage
+    of stopping, at another speed. Without travel waves, neither displacement nor velocity is an input.
     """
 
     channels: int = 48
     kernel: int = 3
-    dilations: tuple[int, ...] = (1, 2, 4, 8)
+    dilations: tuple[int, ...] = (1, 2, 4, 8)  # of one residual block each
     dropout: float = 0.0
-    stride: int = 20
+    stride: int = 20  # samples of the study grid from step to step; a cubic spline interpolates back
     time_waves: int = 2
     travel_waves: int = 10
     velocity_waves: int = 1
-    scale_floor: float = 0.3
-    batch: int = 16
+    scale_floor: float = 0.3  # an output of 1 is an acceleration that grows with v0, from this share of the highest
+    batch: int = 16  # pulses a step
     epochs: int = 2
-    min_steps: int = 340
-    max_runs: int = 3000
+    min_steps: int = 340  # a small library has more epochs
+    max_runs: int = 3000  # to learn from, taken evenly from the library; 0 for all
     learning_rate: float = 4e-3
-    annealing_epochs: int = 0
-    members: int = 4
-    tuning: Literal["posterior", "gradient"] = "posterior"
-    n_draws: int = 200
-    tuning_steps: int = 1000
+    annealing_epochs: int = 0  # half period of the rate's cosine; 0: a warm-up and one cosine over the whole training
+    members: int = 4  # LF networks from different seeds; their mean is the prediction
+    tuning: Literal["posterior", "gradient"] = "posterior"  # in closed form with a band, or by Adam without
+    n_draws: int = 200  # posterior: whole pulses drawn for the band
+    tuning_steps: int = 1000  # Adam
     tuning_rate: float = 3e-4
-    penalty: float = 1e-3
+    penalty: float = 1e-3  # λ of λ‖θ_HF‖², which keeps θ_MF near θ_LF
 
     @classmethod
     def fast(cls) -> Self:

@@ -61,16 +61,7 @@ class TcnApproach(Approach):
 
 
 class LfTcn(AboutLfTcn, TcnApproach):
-    """The LF networks as an approach.
-
-    Parameters
-    ----------
-    config : TcnConfig, optional
-        Default: :meth:`TcnConfig.fast`.
-    device : {"auto", "cpu", "cuda"}
-        ``auto`` uses CUDA if available, else the CPU.
-    cache : Cache, optional
-        Storage for trained networks, and for checkpoints of an unfinished training.
+    """The LF networks as an approach; the cache keeps them, and checkpoints of an unfinished training.
 
     Attributes
     ----------
