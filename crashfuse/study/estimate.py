@@ -46,23 +46,19 @@ class Estimate:
 
     Attributes
     ----------
-    state : dict
-        Fit results as plain JSON values.
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
         Prediction for each test that it learned from, left out; empty if unknown.
     agreements : mapping of str to float
         How well the draws of each of these agree with it: :func:`crashfuse.study.rating_distribution.agreement`.
-    metric_errors : mapping of str to ndarray
-        Standardised errors of these predictions, by metric.
     """
 
     approach: str
     prediction: Prediction
-    state: dict[str, object]
+    state: dict[str, object]  # fit results as plain JSON values
     seconds: float
     left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
     agreements: Mapping[str, float] = field(default_factory=dict)
-    metric_errors: Errors = field(default_factory=dict)
+    metric_errors: Errors = field(default_factory=dict)  # of these predictions
     occupant: OccupantModel = USUAL_OCCUPANT
 
     def __repr__(self) -> str:

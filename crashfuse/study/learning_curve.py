@@ -113,7 +113,7 @@ class LearningCurve:
         One row for each part of the tests, held-out test, approach and window: n_tests, chosen (ids of the tests that
         were learned from, separated by spaces), choice (``even`` or ``random``), held_out, approach, window_ms,
         overall (ISO/TS 18571 rating), inside (share of a(t) over the window inside the 95 % band), half_width_g
-        (half the mean width of that band in g) and basis (what the rating rests on). Without a band its two are NaN.
+        (half the mean width of that band in g; both NaN without a band) and basis (what the rating rests on).
     repeats : int
         Random choices of each number of tests.
     forecasts : tuple of dict

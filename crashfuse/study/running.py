@@ -197,18 +197,16 @@ def run_study(
     held_out, approaches : sequence of str, or str
         Ids of the tests to leave out in turn, and names of the approaches; empty for all, and for those of the config.
     cache : Cache, optional
-        Finished predictions are read from it and stored in it, so an interrupted study continues where it stopped.
+        Keeps finished predictions: an interrupted study continues where it stopped.
     watch : Watch, optional
         It is shown a study of what is known each time that more is: of the tests predicted so far, by the approaches
         known for all of them, without repeatability. What needs no network comes first.
     workers : int, optional
         Number of processes for the folds; default one per core. The results do not depend on it.
     scheduler : str, optional
-        Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds:
-        :class:`crashfuse.execution.cluster.Cluster`.
+        Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds.
     folds : mutable mapping, optional
-        Finished folds by their :func:`fold_key`: folds found here are not computed or rated again, and new ones are
-        added.
+        Finished folds by their :func:`fold_key`, which are not computed or rated again; new ones are added.
 
     Raises
     ------

@@ -71,8 +71,7 @@ def sweep_speed(
 def usual_speeds(campaign: Campaign) -> FloatArray:
     """Every full mph in the range of a campaign's CAE runs and tests, and the ends of that range, in m/s.
 
-    The range begins and ends with a run or test of 5 mph at least whose vehicle stops within the record, as most
-    metrics need.
+    The ends are runs or tests of 5 mph at least whose vehicle stops within the record, as most metrics need.
     """
     runs = zip(campaign.cae.vectors[:, 0].tolist(), campaign.cae.accel_mps2, strict=True)
     crashes = [*runs, *((test.condition.speed_mps, test.pulse.accel_mps2) for test in campaign.tests)]

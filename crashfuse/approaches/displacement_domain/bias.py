@@ -1,9 +1,9 @@
 """The bias of the CAE model over displacement: the CAE force, points to learn the bias from, and draws of it."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from math import ceil, inf
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -70,12 +70,8 @@ class BiasDraws:
 
     def widened(self, factor: float) -> "BiasDraws":
         """The same draws with their deviations from the mean multiplied by this factor."""
-
-        def widen(functions: FloatArray) -> FloatArray:
-            wide: FloatArray = functions[:1] + factor * (functions - functions[:1])
-            return wide
-
-        return BiasDraws(widen(self.over_displacement_mps2), widen(self.over_speed_mps2))
+        both = self.over_displacement_mps2, self.over_speed_mps2
+        return BiasDraws(*(functions[:1] + factor * (functions - functions[:1]) for functions in both))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -107,12 +103,7 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
 
 
 def uniform_points(
-    condition: Condition,
-    test: LoadingPhase,
-    curve: LoadingCurve,
-    step_s: float,
-    end_share: float,
-    most: float = math.inf,
+    condition: Condition, test: LoadingPhase, curve: LoadingCurve, step_s: float, end_share: float, most: float = inf
 ) -> BiasPoints:
     """Sample the bias from contact to the test's maximum crush: evenly in displacement, while it stops in time.
 
@@ -133,4 +124,4 @@ def uniform_points(
 
 
 def _evenly(first: float, last: float, step: float) -> FloatArray:
-    return np.linspace(first, last, math.ceil((last - first) / step) + 1)
+    return np.linspace(first, last, ceil((last - first) / step) + 1)
