@@ -2,8 +2,8 @@
 
 Each seed is a vehicle of any kind (``World.any``), tested evenly over its speeds. The hyperparameters most probable
 given all of its tests are those that a campaign with many tests ends with; with few tests the priors of
-``displacement_domain/bias_parts.py`` stand in for them. Printed beside these: the median over the vehicles, and the
-standard deviation of the logarithms.
+``displacement_domain/hierarchical_bias.py`` stand in for them. Printed beside these: the median over the vehicles,
+and the standard deviation of the logarithms.
 """
 
 import argparse

@@ -43,10 +43,10 @@ ROOMS = {
         8, "approaches/displacement_domain/dynamics.py", "approaches/displacement_domain/test_dynamics.py"
     ),
     "weights": Room(
-        12, "approaches/fused/weights.py approaches/fused/approach.py", "approaches/fused approaches/test_contract.py"
+        12, "approaches/mixture.py approaches/fused.py", "approaches/test_mixture.py approaches/test_fused.py"
     ),
     "recommendation": Room(
-        14, "study/recommendation.py study/fold.py", "study/test_recommendation.py study/test_fold.py"
+        14, "study/recommendation.py study/study.py", "study/test_recommendation.py study/test_study.py"
     ),
     "tables": Room(6, "reporting/result_tables.py", "reporting/test_result_tables.py"),
     "writer": Room(

@@ -21,7 +21,7 @@ from scipy.interpolate import RBFInterpolator
 
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.cae.emulator import Emulator
+from crashfuse.cae.model import Emulator
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign

@@ -23,8 +23,8 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
-from crashfuse.study.fold import Fold
-from crashfuse.study.subsets import subsets
+from crashfuse.study.learning_curve import subsets
+from crashfuse.study.study import Fold
 from crashfuse.wording import signed
 
 _SIZES = (1, 2, 3, 4, 6)

@@ -16,19 +16,17 @@ from scipy.special import softmax
 from threadpoolctl import threadpool_limits
 from vehicles import World
 
+from crashfuse.approaches.calibration import STRIDE
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fused.components import COMPONENTS, Tests
-from crashfuse.approaches.fused.prior import PRIOR
-from crashfuse.approaches.fused.weights import log_ratios, spread
-from crashfuse.approaches.left_out import STRIDE
-from crashfuse.approaches.pretrained.approach import Pretrained
+from crashfuse.approaches.mixture import COMPONENTS, PRIOR, Tests, log_ratios, spread
+from crashfuse.approaches.pretrained import Pretrained
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import RATING_DT_S, rate_many, rated_curves
-from crashfuse.study.subsets import subsets
+from crashfuse.study.learning_curve import subsets
 
 _NETWORKS = TcnConfig(members=2, min_steps=500, epochs=10)
 _SIZES = (1, 2)  # tests learned from

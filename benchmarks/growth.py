@@ -20,7 +20,7 @@ import numpy as np
 from vehicles import World, recorded
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.cae.emulator import Emulator
+from crashfuse.cae.model import Emulator
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import write_campaign

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import bilinear, lfilter
 from vehicles import CRUSH_M, NEVER_M, NOISE_SAMPLES, folded_elsewhere, recorded, scattered_about, varied, wandering
 
-from crashfuse.approaches.left_out import STRIDE
+from crashfuse.approaches.calibration import STRIDE
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.synthetic.models import SENSOR_NOISE_MPS2

@@ -22,8 +22,7 @@ import numpy.typing as npt
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.approaches.time_domain.network import Tcn
-from crashfuse.approaches.time_domain.training import Checkpoint, TrainingObjective, minimise
-from crashfuse.approaches.time_domain.training_data import predict
+from crashfuse.approaches.time_domain.training import Checkpoint, TrainingObjective, minimise, predict
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
@@ -57,7 +56,7 @@ class _Training:
         self._unseen, self._cpu_s, self._next_cpu_s = unseen, cpu_s, 0.0
         self._approach = LfTcn(config, device="cpu")
         self._start = _clocks()
-        with patch("crashfuse.approaches.time_domain.training_data.minimise", self._descend), suppress(Cancelled):
+        with patch("crashfuse.approaches.time_domain.training.minimise", self._descend), suppress(Cancelled):
             self._approach.fit(Campaign("nine tenths", known, ()))
 
     def _descend(
@@ -87,7 +86,7 @@ class _Training:
         config, scaling = self._approach.config, self._approach.scaling_
         network = Tcn.joined(self._networks, config)
         parts = np.array_split(self._unseen.vectors, np.ceil(len(self._unseen) / _PULSES_AT_ONCE))
-        self._accel_mps2 = np.concatenate([predict(network, scaling, vectors, config) for vectors in parts])
+        self._accel_mps2 = np.concatenate([predict(network, scaling, vectors) for vectors in parts])
         return float(np.sqrt(np.mean((self._accel_mps2 - self._unseen.accel_mps2) ** 2))) / G
 
     def mean_rating(self) -> float:

@@ -18,8 +18,7 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 from vehicles import SAMPLE_RANGE, World
 
-from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest

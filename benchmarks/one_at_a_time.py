@@ -33,7 +33,7 @@ from crashfuse.certification.verdict import Verdict, all_met, needs_no_test
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.study.subsets import subsets
+from crashfuse.study.learning_curve import subsets
 
 _SHARES = (0.6, 0.9)
 _RUN, _PLANNED, _FURTHER = 4, 12, 60

@@ -4,7 +4,7 @@ Simulates vehicles of many kinds (``many_vehicles.py``) on all cores, then train
 some tests of each vehicle are known, most often few, and the others are predicted. The shipped weights took a minute
 of 16 cores for 20,480 vehicles and six minutes of an H100 for 9,100 steps. Printed are mean errors on vehicles that are
 not trained on, in units of 15/s times the impact speed, with 1, 3 and 8 known tests. The file's SHA-256 belongs into
-``crashfuse/approaches/pretrained/approach.py``.
+``crashfuse/approaches/pretrained.py``.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from many_vehicles import AT_ONCE, TESTS, Pulses, pulses
 from safetensors.torch import save_file
 from torch import Tensor
 
-from crashfuse.approaches.pretrained.network import FACTORS, N_TIMES, Forecast, PretrainedNetwork, unit
+from crashfuse.approaches.pretrained import FACTORS, N_TIMES, Forecast, PretrainedNetwork, unit
 
 _FIRST_SEED = 40_000_000
 _KNOWN, _OFTEN = (1, 2, 3, 4, 6, 8, 10, 12), (0.2, 0.18, 0.15, 0.13, 0.12, 0.1, 0.07, 0.05)

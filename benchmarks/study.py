@@ -25,8 +25,7 @@ from dashboard import ROOT
 from first_run import STAGES, first_minutes
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn

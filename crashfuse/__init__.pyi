@@ -1,4 +1,5 @@
 from .approaches.base import Prediction as Prediction
+from .approaches.nearness import Neighbour as Neighbour
 from .campaign import Campaign as Campaign
 from .campaign_folder.load import load_campaign as load_campaign
 from .campaign_folder.notes import Note as Note
@@ -64,15 +65,14 @@ from .study.config import StudyConfig as StudyConfig
 from .study.estimate import Estimate as Estimate
 from .study.estimate import Fit as Fit
 from .study.expected_rating import ExpectedRating as ExpectedRating
-from .study.fold import Fold as Fold
 from .study.learning_curve import LearningCurve as LearningCurve
 from .study.learning_curve import learning_curve as learning_curve
-from .study.nearest import Neighbour as Neighbour
 from .study.recommendation import Recommendation as Recommendation
 from .study.recommendation import recommend as recommend
 from .study.running import run_study as run_study
 from .study.saved_models import load_model as load_model
 from .study.saved_models import save_model as save_model
+from .study.study import Fold as Fold
 from .study.study import Study as Study
 from .version import __version__ as __version__
 

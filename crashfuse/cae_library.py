@@ -74,7 +74,7 @@ class CaeLibrary:
 
         This alone decides what is in range, for pages, reports, figures and verdicts alike. A condition with a paired
         run always is; how near the other runs are is another question
-        (:func:`crashfuse.study.nearest.nearest_run`).
+        (:func:`crashfuse.approaches.nearness.nearest_run`).
         """
         notes = []
         for (name, quantity, step), x, lo, hi in zip(

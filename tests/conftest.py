@@ -111,7 +111,7 @@ def few_draws() -> Iterator[None]:
     """Few draws of a band are rated: of a small study all of them would take longer than all else together."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("crashfuse.study.repeatability._N_DRAWS", 10)
-        patch.setattr("crashfuse.study.fold._RATED_DRAWS", 10)
+        patch.setattr("crashfuse.study.study._RATED_DRAWS", 10)
         yield
 
 

@@ -60,7 +60,6 @@ def central_interval(draws: FloatArray, level: float = 0.95) -> tuple[FloatArray
 
 
 def _at(ordered: FloatArray, place: float) -> FloatArray:
-    """Rows in order at a place counted in rows."""
     row, share = int(place), np.float64(place % 1)  # float64 also of draws in float32
     before, after = ordered[row], ordered[min(row + 1, len(ordered) - 1)]
     step = after - before
@@ -70,10 +69,7 @@ def _at(ordered: FloatArray, place: float) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class FittedState:
-    """Result of a fit as pure data, without code: plain JSON values, and arrays by name.
-
-    Together with the data that was fitted, it reproduces every prediction bit for bit.
-    """
+    """Result of a fit: plain JSON values, and arrays by name. With the fitted data it gives every prediction again."""
 
     values: Mapping[str, Any]
     arrays: Entry
@@ -81,25 +77,25 @@ class FittedState:
     @classmethod
     def of(cls, values: Mapping[str, Any], arrays: Entry, **parts: "FittedState") -> "FittedState":
         """Combine values and arrays with the states of a model's parts."""
-        nested = {f"{part}/{name}": array for part, own in parts.items() for name, array in own.arrays.items()}
-        return cls({**values, **{part: own.values for part, own in parts.items()}}, {**arrays, **nested})
+        nested = {f"{part}/{name}": array for part, state in parts.items() for name, array in state.arrays.items()}
+        return cls({**values, **{part: state.values for part, state in parts.items()}}, {**arrays, **nested})
 
     def part(self, name: str) -> "FittedState":
         """The state of the part with this name."""
         start = f"{name}/"
-        own = {key.removeprefix(start): array for key, array in self.arrays.items() if key.startswith(start)}
-        return FittedState(self.values[name], own)
+        arrays = {key.removeprefix(start): array for key, array in self.arrays.items() if key.startswith(start)}
+        return FittedState(self.values[name], arrays)
 
 
-MOST_TESTS = 30
-"""Most tests that the exact posteriors are fitted to: their cost grows with the cube of the number."""
+MOST_TESTS = 30  # that the exact posteriors are fitted to: their cost grows with the cube of the number
 
 
 class Approach(ABC):
     """One way to predict a pulse, with everything that the rest of the program needs to know about it.
 
     A new approach is a subclass in its own module, listed in :mod:`crashfuse.approaches.registry`. Fitted
-    attributes end in an underscore; hyperparameters are a frozen config.
+    attributes end in an underscore; hyperparameters are a frozen config. Before :meth:`fit`, all that needs it raises
+    NotFittedError; :meth:`prepare` and :meth:`fit` raise Cancelled if the watch was told to stop.
 
     Attributes
     ----------
@@ -149,17 +145,7 @@ class Approach(ABC):
     ) -> None:
         """Compute and cache everything that no test's pulse affects; all fits to these CAE runs share it.
 
-        Parameters
-        ----------
-        campaign : Campaign
-            The CAE runs, without tests.
-        conditions : sequence of Condition
-            Where tests are learned from or predicted.
-
-        Raises
-        ------
-        Cancelled
-            If the watch was told to stop.
+        The campaign has the CAE runs and no tests; ``conditions`` are where tests are learned from or predicted.
         """
 
     @abstractmethod
@@ -170,29 +156,15 @@ class Approach(ABC):
         ------
         UsageError, DataError
             If there is not enough to learn from.
-        Cancelled
-            If the watch was told to stop.
         """
 
     @abstractmethod
     def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition.
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
-        """
+        """Predict the pulse at a condition."""
 
     @property
     def parts(self) -> tuple["Approach", ...]:
-        """The fitted approaches that this one mixes, one of each class in ``made_of``.
-
-        Raises
-        ------
-        NotFittedError
-            If it mixes any and is called before :meth:`fit`.
-        """
+        """The fitted approaches that this one mixes, one of each class in ``made_of``."""
         return ()
 
     def predict_from(self, condition: Condition, parts: Sequence[Prediction]) -> Prediction:  # noqa: ARG002 - see above
@@ -200,21 +172,15 @@ class Approach(ABC):
         return self.predict(condition)
 
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:  # noqa: ARG002 - others need it
-        """Prediction for each test of the fitted campaign, as if that test had not been run, by test id.
+        """Prediction for each test left out (cross-validation), by test id; empty under the paper's preset.
 
-        With fewer draws than other predictions; empty where not available, as under the paper's preset.
+        With fewer draws than other predictions.
         """
         return {}
 
     @abstractmethod
     def learned(self) -> FittedState:
-        """The fitted state, the result of :meth:`fit`.
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
-        """
+        """The fitted state, the result of :meth:`fit`."""
 
     @abstractmethod
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
@@ -233,7 +199,6 @@ class Approach(ABC):
         return campaign.evenly_over_speed(MOST_TESTS)
 
     def _require(self, learned: str) -> None:
-        """Raise NotFittedError unless ``fit`` has set this attribute."""
         if not hasattr(self, learned):
             raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")
 
@@ -252,3 +217,18 @@ class Approach(ABC):
     def state(self) -> dict[str, object]:
         """Fit results as plain JSON values, for study.json and the pages."""
         return {}
+
+
+def draw(mean: FloatArray, covariance: FloatArray, n_samples: int, rng: np.random.Generator) -> FloatArray:
+    """Draw from a normal distribution whose covariance may be singular, shape (n_samples, m)."""
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(mean + rng.standard_normal((n_samples, mean.size)) @ root.T)
+
+
+def student_draws(
+    mean: FloatArray, covariance: FloatArray, freedom: int, n_samples: int, rng: np.random.Generator
+) -> FloatArray:
+    """Draw from Student's t distribution with this location, scale matrix and degrees of freedom, (n_samples, m)."""
+    widening = np.sqrt(freedom / rng.chisquare(freedom, size=(n_samples, 1)))
+    return np.asarray(mean + widening * draw(np.zeros_like(mean), covariance, n_samples, rng))

@@ -13,13 +13,7 @@ from crashfuse.execution.progress import SILENT, Watch
 
 
 class Cae(Approach):
-    """The uncorrected CAE model: the paired run if there is one, else the emulator.
-
-    Parameters
-    ----------
-    cache : Cache, optional
-        Storage for the trained emulator.
-    """
+    """The uncorrected CAE model: the paired run if there is one, else the emulator, kept in the cache."""
 
     name = "cae"
     label = "CAE"
@@ -37,7 +31,7 @@ class Cae(Approach):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """Create it with the cache, the only setting it needs."""
+        """Create it with the cache, its only setting."""
         return cls(cache=settings.cache)
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002

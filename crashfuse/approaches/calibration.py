@@ -1,52 +1,104 @@
-"""Calibration of bands: coverage of left-out tests, and the widening that a band needs to reach it."""
+"""Calibration of bands on left-out tests (cross-validation): their predictions, coverage, and the widening needed."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.left_out import STRIDE, LeftOut
+from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
+from crashfuse.approaches.nearness import nearness
+from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
+from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, kinematics, motion
+from crashfuse.signals.thinning import in_full
 
 LEVEL = 0.95
 LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
 """Nominal levels at which the coverage of bands is checked."""
 
-CHECK_STRIDE = 5
-"""Samples between those at which pulses are checked: at 0.4 ms the motion differs by less than draws do."""
-
+STRIDE = 10  # samples of the study grid: a CFC 60 pulse contains no finer detail
+CHECK_STRIDE = 5  # samples between those that are checked: at 0.4 ms the motion differs by less than draws do
 WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
+LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from
+
+HeldOutPredictor = Callable[[float], FloatArray]
+"""Pulses predicted for a test without some tests, as a function of their widening: the expected one, then draws."""
+
+_DRAWS = 100
 _TINY = 1e-9  # m/s²
+_MOST_CHECKED = 20  # tests; more would not change the widening
+_STEP = "Check of the band"
+_FAR_UNCHECKED = 1.5  # widening far from tests at a single speed, which cannot tell: from random vehicles
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LeftOut:
+    """Pulses predicted for left-out tests, on every tenth sample of the study grid."""
+
+    numbers: np.ndarray  # shape (n,): indices of these tests in the campaign
+    mean_mps2: FloatArray  # shape (n, n_times)
+    draws_mps2: np.ndarray  # float32, shape (n, n_draws, n_times)
+
+    @classmethod
+    def of(cls, pulses_mps2: Mapping[int, FloatArray]) -> "LeftOut":
+        """Thin out pulses, given by test number: row 0 is the expected pulse, then draws.
+
+        They are given on every k-th sample of the study grid, shape (1 + m, 1250 / k), where k divides 10.
+        """
+        thin = [pulses[: 1 + _DRAWS, :: STRIDE * pulses.shape[1] // N_SAMPLES] for pulses in pulses_mps2.values()]
+        return cls(
+            np.array(list(pulses_mps2), dtype=np.int64),
+            np.array([pulses[0] for pulses in thin], dtype=np.float64),
+            np.array([pulses[1:] for pulses in thin], dtype=np.float32),
+        )
+
+    def widened(self, factors: Mapping[int, float]) -> "LeftOut":
+        """The same with each test's draws moved away from its expected pulse by the factor under its number."""
+        by = np.array([factors[int(number)] for number in self.numbers])[:, None, None]
+        mean = self.mean_mps2[:, None]
+        return LeftOut(self.numbers, self.mean_mps2, (mean + by * (self.draws_mps2 - mean)).astype(np.float32))
+
+    def predictions(self, campaign: Campaign) -> dict[str, Prediction]:
+        """The predictions on the study grid, by test id; the campaign is the one that was learned from."""
+        rows = zip(self.numbers, self.mean_mps2, self.draws_mps2, strict=True)
+        return {test.id: predicted(test, mean, draws) for n, mean, draws in rows for test in [campaign.tests[n]]}
+
+    def learned(self) -> FittedState:
+        """These predictions as a state to store."""
+        return FittedState({}, {"numbers": self.numbers, "mean": self.mean_mps2, "draws": self.draws_mps2})
+
+    @classmethod
+    def restored(cls, learned: FittedState) -> "LeftOut":
+        """Restore that state."""
+        return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
+
+
+def speed_groups(campaign: Campaign) -> list[tuple[int, ...]]:
+    """For each test, the numbers of the tests of its speed group, itself included."""
+    number = {test_id: i for i, test_id in enumerate(campaign.test_ids)}
+    return [tuple(number[member] for member in campaign.speed_group(test_id)) for test_id in campaign.test_ids]
+
+
+def predicted(test: CrashTest, mean_mps2: FloatArray, draws_mps2: FloatArray) -> Prediction:
+    """A test's prediction from every tenth sample of its expected pulse and of draws."""
+    return Prediction(test.condition, in_full(mean_mps2, STRIDE), in_full(draws_mps2.astype(np.float64), STRIDE))
 
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Coverage of one left-out test by the 95 % band of its prediction.
+    """Coverage of one left-out test by the 95 % band of its prediction."""
 
-    Attributes
-    ----------
-    accel, velocity : float
-        Shares of the time up to zero velocity at which the measured a(t) and v(t) lie inside.
-    rebound : float
-        Share of the time after zero velocity at which a(t) lies inside; NaN if the vehicle does not stop in the record.
-    crush, peak : bool
-        Whether the measured maximum dynamic crush and peak deceleration lie inside their intervals.
-    """
-
-    accel: float
-    velocity: float
-    rebound: float
-    crush: bool
-    peak: bool
+    accel: float  # share of the time up to zero velocity at which a(t) lies inside
+    velocity: float  # the same of v(t)
+    rebound: float  # the same of a(t) after zero velocity; NaN if the vehicle does not stop in the record
+    crush: bool  # maximum dynamic crush lies inside its interval
+    peak: bool  # so does the peak deceleration
 
     @classmethod
     def of(cls, test: CrashTest, draws_mps2: FloatArray) -> Self:
-        """Compare a test with equally likely pulses that were drawn without it.
-
-        They are given on every k-th sample of the study grid, shape (n_draws, 1250 / k).
-        """
+        """Compare a test with draws of pulses without it, at every k-th sample of the grid, (n_draws, 1250 / k)."""
         stride = N_SAMPLES // draws_mps2.shape[1]
         dt_s, time = stride * DT_S, GRID_S[::stride]
         speed, accel = test.condition.speed_mps, test.pulse.accel_mps2[::stride]
@@ -93,24 +145,12 @@ def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Check of a band on tests left out one by one, and the widening that resulted.
+    """Check of a band on tests left out one by one, and the widening that resulted."""
 
-    Attributes
-    ----------
-    widening : float
-        Factor on every draw's deviation; 1 if the band held without widening.
-    tests : tuple of Coverage
-        One for each left-out test, with the widened band.
-    late_widening : float, optional
-        Factor after the time of zero velocity, if different.
-    far : float
-        Further factor far from all tests, where tests left out one by one say little.
-    """
-
-    widening: float
-    tests: tuple[Coverage, ...]
-    late_widening: float | None = None
-    far: float = 1.0
+    widening: float  # factor on every draw's deviation
+    tests: tuple[Coverage, ...]  # of each left-out test by the widened band
+    late_widening: float | None = None  # factor after the time of zero velocity, if different
+    far: float = 1.0  # further factor far from all tests, where tests left out one by one say little
 
     def further(self, nearness: float) -> float:
         """Factor on top of ``widening`` and ``late_widening`` at a condition of this nearness to a test."""
@@ -133,8 +173,8 @@ class Calibration:
 
     def share(self, name: str) -> float:
         """Mean share of ``accel``, ``velocity`` or ``rebound`` over the tests that have a value."""
-        values = np.array([getattr(test, name) for test in self.tests])
-        known = values[~np.isnan(values)]
+        shares = np.array([getattr(test, name) for test in self.tests])
+        known = shares[~np.isnan(shares)]
         return float(known.mean()) if known.size else float("nan")
 
     @property
@@ -148,16 +188,18 @@ class Calibration:
             **{f"{name}_inside": self.count(name) for name in ("crush", "peak")},
         }
 
-    @property
-    def inside(self) -> FloatArray:
-        """The coverages as an array, one row for each test, shape (n_tests, 5)."""
-        return np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 5)
+    def learned(self) -> FittedState:
+        """The factors, and the coverages as an array of shape (n_tests, 5), as a state to store."""
+        inside = np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 5)
+        values = {"widening": self.widening, "late_widening": self.late_widening, "far": self.far}
+        return FittedState(values, {"inside": inside})
 
     @classmethod
-    def of(cls, widening: float, inside: FloatArray, late_widening: float | None = None, far: float = 1.0) -> Self:
-        """Create the calibration from rows as :attr:`inside` returns them."""
-        tests = tuple(Coverage(a, v, after, bool(crush), bool(peak)) for a, v, after, crush, peak in inside.tolist())
-        return cls(widening, tests, late_widening, far)
+    def restored(cls, learned: FittedState) -> Self:
+        """Restore that state."""
+        rows = learned.arrays["inside"].tolist()
+        tests = tuple(Coverage(a, v, after, bool(crush), bool(peak)) for a, v, after, crush, peak in rows)
+        return cls(tests=tests, **learned.values)
 
     @property
     def state(self) -> dict[str, object]:
@@ -167,10 +209,9 @@ class Calibration:
 
 
 def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[float] = WIDENINGS) -> Calibration:
-    """Find the smallest widening with which a band holds on left-out tests; the largest one if none suffices.
+    """Find the first widening with which a band holds on left-out tests; the last one if none suffices.
 
-    ``check`` takes a factor on every draw's deviation and returns the resulting coverage of each left-out test;
-    ``widenings`` are the factors to try, in ascending order.
+    ``check`` takes a factor on every draw's deviation and returns the resulting coverage of each left-out test.
     """
     for widening in widenings:
         calibration = Calibration(widening, tuple(check(widening)))
@@ -193,6 +234,89 @@ def widening_far(measured_mps2: FloatArray, speeds_mps: FloatArray, left_out: Le
         off = measured[::STRIDE] - mean
         reach.append(np.maximum(off / np.maximum(upper, _TINY), off / np.minimum(lower, -_TINY))[loading])
     for widening in WIDENINGS if reach else ():
-        if np.mean([(own <= widening).mean() for own in reach]) >= LEVEL:
+        if np.mean([(factors <= widening).mean() for factors in reach]) >= LEVEL:
             return widening
     return WIDENINGS[-1] if reach else 1.0
+
+
+class BandedApproach(Approach):
+    """An approach whose band is calibrated on left-out tests.
+
+    Attributes
+    ----------
+    calibration_ : Calibration
+        On tests left out one by one.
+    left_out_, left_out_groups_ : LeftOut
+        The predictions of these tests, and of each test with all at about its speed left out (its prediction in
+        ``left_out_`` where no other is); the latter is empty if all tests are at one speed.
+    """
+
+    calibration_: Calibration
+    left_out_: LeftOut
+    left_out_groups_: LeftOut
+
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
+        """Predictions of the tests from the check of the band."""
+        self._require("left_out_")
+        return self.left_out_.predictions(campaign.evenly_over_speed(MOST_TESTS))
+
+    def _learned_band(self) -> dict[str, FittedState]:
+        left_out = {"left_out": self.left_out_.learned(), "left_out_groups": self.left_out_groups_.learned()}
+        return {"band": self.calibration_.learned(), **left_out}
+
+    def _restore_band(self, learned: FittedState) -> None:
+        self.calibration_ = Calibration.restored(learned.part("band"))
+        self.left_out_ = LeftOut.restored(learned.part("left_out"))
+        self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
+
+
+def check_band(
+    campaign: Campaign, without: Callable[[int, Sequence[int]], HeldOutPredictor], watch: Watch
+) -> tuple[Calibration, LeftOut, LeftOut]:
+    """Widen a band until it holds on left-out tests; ``without`` takes a test's number and those left out with it.
+
+    Also returned are these tests' predictions from all others, and from those at other speeds, if there are any.
+    """
+    tests = campaign.tests
+    numbers = np.unique(np.linspace(0, len(tests) - 1, min(len(tests), _MOST_CHECKED)).astype(int)).tolist()
+    predictors = {}
+    for done, number in enumerate(numbers):
+        watch.report(_STEP, done, len(numbers))
+        predictors[number] = without(number, [number])
+    alone: dict[int, FloatArray] = {}
+
+    def check(widening: float) -> list[Coverage]:
+        for number, predictor in predictors.items():
+            watch.report(_STEP, len(numbers), len(numbers))  # makes it cancellable
+            alone[number] = predictor(widening)
+        return [Coverage.of(tests[number], pulses[1:]) for number, pulses in alone.items()]
+
+    calibration, groups = calibrate(check), speed_groups(campaign)
+    apart = {}
+    for number in alone:
+        watch.report(_STEP, len(alone), len(alone))
+        if len(groups[number]) == 1:
+            apart[number] = alone[number]
+        elif len(groups[number]) < len(tests):
+            apart[number] = without(number, groups[number])(calibration.widening)
+    return calibration, LeftOut.of(alone), LeftOut.of(apart)
+
+
+def check_band_far(
+    campaign: Campaign, near: Calibration, alone: LeftOut, apart: LeftOut
+) -> tuple[Calibration, LeftOut, LeftOut]:
+    """Widen a band far from all tests, too, until it holds on tests predicted from other speeds.
+
+    Also returned are the predictions of left-out tests, each as wide as that far from the others.
+    """
+    measured = np.array([test.pulse.accel_mps2 for test in campaign.tests])
+    speeds = np.array([test.condition.speed_mps for test in campaign.tests])
+    far = widening_far(measured, speeds, apart) if apart.numbers.size else _FAR_UNCHECKED
+    calibration = replace(near, far=far)
+
+    def further(left_out: Sequence[Sequence[int]]) -> dict[int, float]:
+        nearest = (nearness(speeds[number], np.delete(speeds, out)) for number, out in enumerate(left_out))
+        return {number: calibration.further(near_by) for number, near_by in enumerate(nearest)}
+
+    singly = [(number,) for number in range(len(speeds))]
+    return calibration, alone.widened(further(singly)), apart.widened(further(speed_groups(campaign)))

@@ -16,9 +16,7 @@ from crashfuse.execution.progress import SILENT, Watch
 
 A = TypeVar("A", bound=Approach)
 
-FITS = "fits"
-"""Kind of their cache entries."""
-
+FITS = "fits"  # kind of their cache entries
 _TEXT = "text"  # name of the array that holds everything else as JSON
 
 
@@ -56,7 +54,7 @@ def _key(approach: Approach, campaign: Campaign) -> dict[str, object]:
 
 
 def settings(approach: Approach) -> dict[str, object]:
-    """Everything besides the data that determines an approach's numbers."""
+    """All that determines an approach's numbers besides the data."""
     return {
         "code": code_digest(type(approach).__module__),
         "approach": approach.name,

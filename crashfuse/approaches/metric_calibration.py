@@ -1,7 +1,7 @@
 """Distribution of one number at a single test, such as a metric, calibrated on left-out tests.
 
 Draws of whole pulses say how a metric is spread at a condition; left-out tests say how much wider or narrower it has to
-be. Each metric has a scale of its own, because the same draws can be too wide in one metric and too narrow in another.
+be, for each metric by itself, as the same draws can be too wide in one metric and too narrow in another.
 """
 
 import math
@@ -43,36 +43,24 @@ Errors = Mapping[str, FloatArray]
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """Distribution of a positive number at a single test: Student's t.
-
-    Parameters
-    ----------
-    centre, scale : float
-        Location, in the unit of the number, and scale; 0 if there is no doubt.
-    freedom : float
-        Degrees of freedom.
-    lowest, highest : float
-        Probability that it is smaller, or larger, than the record can show.
-    most : float
-        The largest value that there is: no time within a pulse is later than its end.
-    """
+    """Distribution of a positive number at a single test: Student's t."""
 
     centre: float
-    scale: float
+    scale: float  # 0 if there is no doubt
     freedom: float
-    lowest: float = 0.0
-    highest: float = 0.0
-    most: float = np.inf
+    lowest: float = 0.0  # probability that it is smaller than the record can show
+    highest: float = 0.0  # probability that it is larger than the record can show
+    most: float = np.inf  # the largest value that there is: no time within a pulse is later than its end
 
     @classmethod
     def of(cls, values: FloatArray, errors: FloatArray, metric: str = "") -> Self | None:
         """Calibrate draws, shape (n_draws,), by the standardised errors of left-out tests, shape (n_tests,).
 
         The draws' median moves by the mean error of the left-out tests, the half width of their central 80 % is scaled
-        by the size of these errors; both are shrunk as if 8 more tests had come out as draws usually do.
-        The half width is no smaller than by what repeats of a test usually differ.
-        A single value has no spread of its own: its error is a share of it, and left-out tests alone tell how large.
-        None if the record ends too early for more than one draw in ten, or a single value has no left-out tests.
+        by the size of these errors; both are shrunk as if 8 more tests had come out as draws usually do. The half width
+        is no smaller than by what repeats of a test usually differ. The error of a single value is a share of it, as
+        left-out tests show. None if the record ends too early for more than one draw in ten, or a single value has no
+        left-out tests.
         """
         spread = _spread(values, metric)
         known = np.clip(errors[~np.isnan(errors)], -_WORST, _WORST)
@@ -113,10 +101,8 @@ class Distribution:
         """
         lower, upper = self.quantile((1 - _LEVEL) / 2), self.quantile((1 + _LEVEL) / 2)
         if value is not None:
-            lower, upper = (
-                (None if lower is None else min(lower, value)),
-                (None if upper is None else max(upper, value)),
-            )
+            lower = None if lower is None else min(lower, value)
+            upper = None if upper is None else max(upper, value)
         return (None if upper is None and lower == 0 else lower), upper
 
 
@@ -139,25 +125,23 @@ def metric_errors(left_out: Mapping[str, Prediction], campaign: Campaign) -> Err
     measured = metric_values(accel, speeds, occupant=campaign.occupant)
     drawn = _drawn_together(list(left_out.values()), campaign.occupant)
     return {
-        name: np.array([standardised_error(own[name], value, name) for own, value in zip(drawn, values, strict=True)])
+        name: np.array([standardised_error(draws[name], v, name) for draws, v in zip(drawn, values, strict=True)])
         for name, values in measured.items()
     }
 
 
 def _drawn_together(predictions: Sequence[Prediction], occupant: OccupantModel) -> list[dict[str, FloatArray]]:
     """:func:`drawn_metrics` of each prediction, computed for many draws at once, in a third of the time."""
-    found: list[dict[str, FloatArray]] = []
-    rest = [_drawn(prediction) for prediction in predictions]
-    while rest:
-        ends = np.cumsum([len(draws) for draws in rest])
+    metrics: list[dict[str, FloatArray]] = []
+    while left := predictions[len(metrics) :]:
+        ends = np.cumsum([len(_drawn(prediction)) for prediction in left])
         n = max(int(np.searchsorted(ends, _MOST_DRAWS, side="right")), 1)
-        some, rest = rest[:n], rest[n:]
-        own = [prediction.condition.speed_mps for prediction in predictions[len(found) : len(found) + n]]
-        speeds = np.repeat(own, [len(draws) for draws in some])
-        values = metric_values(np.concatenate(some, dtype=np.float64), speeds, occupant=occupant, predicted=True)
-        split = {name: np.split(each, ends[: n - 1]) for name, each in values.items()}
-        found += [{name: each[i] for name, each in split.items()} for i in range(n)]
-    return found
+        draws = [_drawn(prediction) for prediction in left[:n]]
+        speeds = np.repeat([prediction.condition.speed_mps for prediction in left[:n]], [len(rows) for rows in draws])
+        values = metric_values(np.concatenate(draws, dtype=np.float64), speeds, occupant=occupant, predicted=True)
+        split = {name: np.split(rows, ends[: n - 1]) for name, rows in values.items()}
+        metrics += [{name: rows[i] for name, rows in split.items()} for i in range(n)]
+    return metrics
 
 
 def drawn_metrics(prediction: Prediction, occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, FloatArray]:
@@ -184,17 +168,19 @@ def calibrated_metrics(
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
-    found = metric_distributions(prediction, errors, occupant)
-    intervals = {
-        m.name: (None, None) if own is None else own.interval(m.value) for m in metrics for own in [found[m.name]]
-    }
-    return tuple(Metric(m.name, m.value, *intervals[m.name], m.unit, drawn=True) for m in metrics)
+    distributions = metric_distributions(prediction, errors, occupant)
+
+    def interval(metric: Metric) -> tuple[float | None, float | None]:
+        distribution = distributions[metric.name]
+        return (None, None) if distribution is None else distribution.interval(metric.value)
+
+    return tuple(Metric(m.name, m.value, *interval(m), m.unit, drawn=True) for m in metrics)
 
 
 def _spread(values: FloatArray, metric: str) -> tuple[float, float] | None:
-    """Median of draws, and normal scale of their central 80 % and repeats; None if that reaches beyond the record.
+    """Median of draws, and normal scale of their central 80 % and repeats, or a single value twice.
 
-    The scale of a single value is the value itself.
+    None if that reaches beyond the record.
     """
     if values.size == 1:
         value = float(values[0])

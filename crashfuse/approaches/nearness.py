@@ -1,9 +1,16 @@
-"""How near tests are to a condition, in speed: what was checked beside a test need not hold far from all of them."""
+"""How near tests and CAE runs are to a condition: what was checked at a test need not hold far from all of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MPH
+from crashfuse.wording import Sentence, joined, speed, weight
 
 _REACH_MPS = 3 * MPH  # speed difference at which a test is neither near nor far
 
@@ -11,3 +18,57 @@ _REACH_MPS = 3 * MPH  # speed difference at which a test is neither near nor far
 def nearness(speed_mps: float, tests_mps: FloatArray) -> float:
     """Nearness in speed to the nearest of these tests: 0 far from all of them, 1 beside one."""
     return float(np.exp(-np.abs(tests_mps - speed_mps).min() / _REACH_MPS)) if tests_mps.size else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """A test or a CAE run near a condition."""
+
+    id: str
+    condition: Condition
+
+    def differences(self, condition: Condition) -> str:
+        """Differences from a condition, in words."""
+        faster, *heavier = (self.condition.vector - condition.vector).tolist()
+        front, rear = (weight(kg, form="+.0f") for kg in heavier)
+        return Sentence("{} ({}, front {}, rear {})", self.id, speed(faster, form="+.1f"), front, rear)
+
+
+def nearest_tests(campaign: Campaign, condition: Condition, n: int = 3) -> tuple[Neighbour, ...]:
+    """The tests nearest to a condition, nearest first: speeds differ by shares of its speed, weights of its mass."""
+    conditions = [test.condition for test in campaign.tests]
+    order = _order(np.array([c.vector for c in conditions]), condition)[:n]
+    return tuple(Neighbour(campaign.tests[i].id, conditions[i]) for i in order)
+
+
+def nearest_run(campaign: Campaign, condition: Condition) -> Neighbour:
+    """The CAE run nearest to a condition, measured as for :func:`nearest_tests`."""
+    nearest = _order(campaign.cae.vectors, condition)[0]
+    return Neighbour(campaign.cae.ids[nearest], campaign.cae.conditions[nearest])
+
+
+def nearest_sentences(campaign: Campaign, condition: Condition) -> tuple[str, str]:
+    """Sentences on the nearest tests and the nearest CAE run, and their differences."""
+    tests = joined([test.differences(condition) for test in nearest_tests(campaign, condition)], ", ")
+    run = nearest_run(campaign, condition).differences(condition)
+    return Sentence("Nearest tests by speed and weights: {}.", tests), Sentence("Nearest CAE run: {}.", run)
+
+
+def doubtful_tests(campaign: Campaign, condition: Condition) -> tuple[Sentence, ...]:
+    """Sentences on tests whose sensor failed and that decide a prediction: the nearest, and all at about its speed."""
+    doubtful = [test for test in campaign.tests if test.faults]
+    nearest = [near.id for near in nearest_tests(campaign, condition)] if doubtful else []
+    return tuple(
+        Sentence(
+            "{} is near this condition and decides the prediction, but {}. Leave it out of use, or mend its record.",
+            test.id,
+            joined([fault.text for fault in test.faults], "; "),
+        )
+        for test in doubtful
+        if test.id in nearest or abs(test.condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
+    )
+
+
+def _order(vectors: np.ndarray, condition: Condition) -> Sequence[int]:
+    away = (vectors - condition.vector) / [condition.speed_mps, condition.mass_kg, condition.mass_kg]
+    return [int(i) for i in np.argsort(np.sum(away**2, axis=1), kind="stable")]

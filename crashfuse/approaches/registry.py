@@ -1,7 +1,6 @@
-"""All approaches by name. A new one needs its own module and an entry here, or an entry point of another package.
+"""All approaches by name: ours, then those of other packages (entry points ``crashfuse.approaches``).
 
-Its class defines the rest. Those with networks are listed by what they say of themselves (an abstract base of their
-class), so that whoever only names or draws approaches does not wait for PyTorch.
+Those with networks are listed by an abstract base of their class, so that naming and drawing wait for no PyTorch.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,9 +11,9 @@ from math import inf
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fused.about import AboutFused
+from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.settings import Settings
-from crashfuse.approaches.time_domain.about import AboutLfTcn, AboutTimeDomain
+from crashfuse.approaches.time_domain.config import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
 from crashfuse.extensions import NO_FAULTS, Broken, load, said
 
@@ -28,37 +27,36 @@ _ALL: tuple[type[Approach], ...] = (
 
 
 def _with_networks() -> tuple[type[Approach], ...]:
-    """The classes behind those that are listed by what they say: imported when one is created."""
-    from crashfuse.approaches.fused.approach import Fused
+    """The classes behind the abstract bases above, imported when one is created."""
+    from crashfuse.approaches.fused import Fused
     from crashfuse.approaches.time_domain.approach import TimeDomain
     from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 
     return LfTcn, TimeDomain, Fused
 
 
-def _checked(name: str, found: object) -> type[Approach]:
-    """An approach of another package, if it says all that is shown of it and takes no name of ours."""
-    if not (isinstance(found, type) and issubclass(found, Approach)):
+def _checked(name: str, loaded: object) -> type[Approach]:
+    """An approach of another package, if it has all that is shown of it and takes no name of ours."""
+    if not (isinstance(loaded, type) and issubclass(loaded, Approach)):
         raise ValueError("expected a subclass of crashfuse.approaches.base.Approach")
-    if getattr(found, "name", None) != name:
-        raise ValueError(f"its name is {getattr(found, 'name', None)!r}, its entry point's {name!r}")
+    if getattr(loaded, "name", None) != name:
+        raise ValueError(f"its name is {getattr(loaded, 'name', None)!r}, its entry point's {name!r}")
     if name in (approach.name for approach in _ALL):
         raise ValueError("crashfuse has an approach of this name")
     kinds = dict.fromkeys(("label", "in_words", "description", "colour"), str) | {"preference": (int, float)}
-    if missing := [name for name, kind in kinds.items() if not isinstance(getattr(found, name, None), kind)]:
+    if missing := [name for name, kind in kinds.items() if not isinstance(getattr(loaded, name, None), kind)]:
         raise ValueError(f"it does not say its {', '.join(missing)}")
-    return found
+    return loaded
 
 
-_FOUND = tuple(load("crashfuse.approaches", "approach", _checked))
-_BROKEN = {each.name: each.sentence for each in _FOUND if isinstance(each, Broken)}
-
-_USABLE = [each for each in _FOUND if not isinstance(each, Broken)]
+_LOADED = tuple(load("crashfuse.approaches", "approach", _checked))
+_BROKEN = {entry.name: entry.sentence for entry in _LOADED if isinstance(entry, Broken)}
+_USABLE = [entry for entry in _LOADED if not isinstance(entry, Broken)]
 
 CLASSES: dict[str, type[Approach]] = {approach.name: approach for approach in _ALL} | {
     name: approach for name, approach, _ in _USABLE
 }
-"""All approaches by name; those that other packages add (entry points ``crashfuse.approaches``) come last."""
+"""All approaches by name; those of other packages come last."""
 
 PACKAGES: dict[str, str] = {name: package for name, _, package in _USABLE}
 """The package of each approach that is not ours."""
@@ -86,22 +84,17 @@ def require_approach(name: str) -> type[Approach]:
 
 
 def create(name: str, settings: Settings) -> Approach:
-    """Create an unfitted approach.
-
-    Parameters
-    ----------
-    name : str
-        One of :data:`APPROACHES`.
+    """Create an unfitted approach, one of :data:`APPROACHES`.
 
     Raises
     ------
     UsageError
         If there is no approach with that name, or another package's cannot be used.
     """
-    known = require_approach(name)
-    if isabstract(known):
-        known = next((each for each in _with_networks() if issubclass(each, known)), known)
-    return known.create(settings)
+    approach = require_approach(name)
+    if isabstract(approach):
+        approach = next((network for network in _with_networks() if issubclass(network, approach)), approach)
+    return approach.create(settings)
 
 
 @contextmanager

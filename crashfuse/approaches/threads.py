@@ -1,18 +1,19 @@
-"""One thread for torch: the same numbers on any machine, under any load.
+"""Threads for torch: one for a small network, several networks side by side, the same numbers under any load."""
 
-Torch has a number of threads for each thread that computes, and one for those that begin: to set the first sets both.
-"""
-
+import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import cache
 from typing import TypeVar
 
 import torch
 
+S = TypeVar("S")
 T = TypeVar("T")
 
+_SMALL = 1_000_000  # weights of a network; above this, threads within a product pay off
 _lock = threading.Lock()
 _within = 0
 _usual = 1
@@ -20,7 +21,11 @@ _usual = 1
 
 @contextmanager
 def single_thread() -> Iterator[None]:
-    """Context in which torch computes with one thread; threads may enter and leave in any order."""
+    """Context in which torch computes with one thread; threads may enter and leave in any order.
+
+    Torch has a number of threads for each thread that computes, and one for those that begin: setting the first sets
+    both.
+    """
     global _within, _usual
     with _lock:
         if not _within:
@@ -42,3 +47,23 @@ def single_thread() -> Iterator[None]:
 def _in_a_new_thread(function: Callable[..., T], *arguments: int) -> T:
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(function, *arguments).result()
+
+
+def quick_threads(n_weights: int) -> AbstractContextManager[None]:
+    """Context in which a single thread computes a network of so few weights that several would wait for each other."""
+    return single_thread() if n_weights < _SMALL else nullcontext()
+
+
+def side_by_side(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
+    """Do the work for all networks in parallel; returns the results in their order.
+
+    A single one is done by the caller's thread. The work itself must not call this function.
+    """
+    items = list(items)
+    return list((_crew().map if len(items) > 1 else map)(work, items))
+
+
+@cache
+def _crew() -> ThreadPoolExecutor:
+    """One thread for each core, once for all: to start them takes as long as their work in a prediction."""
+    return ThreadPoolExecutor(os.cpu_count(), initializer=torch.set_num_threads, initargs=(1,))

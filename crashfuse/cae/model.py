@@ -5,18 +5,187 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import minimize
+from scipy.spatial.distance import cdist
 
-from crashfuse.cae.emulator import Emulator
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
-from crashfuse.execution.cache import Cache, Entry
+from crashfuse.errors import DataError, Problem
+from crashfuse.execution.cache import Cache, Entry, finite
 from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.one_thread import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import LoadingPhase, loading_phase
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.pulse import N_SAMPLES, FloatArray
+
+_NOISE = np.geomspace(1e-6, 2.0, 30)  # candidate ratios of a mode's noise variance to its signal variance
+_LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
+_LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed matters more than weight
+_ENOUGH = {"ftol": 1e-8, "gtol": 1e-2, "maxiter": 40}
+_LEAST_SHARE = 1e-6  # of the largest mode: smaller ones are noise of single-precision pulses
+_LEAST_MPS = 0.5  # slower runs are divided by this speed, as their pulses are almost zero
+_LIKE = 30  # number of nearby runs whose errors represent the error at a condition
+_LEARNED = (
+    *("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "residuals_", "speed_range_", "spread_"),
+    "weights_",
+)
 
 _FASTER = 1.1  # speed ratio of successive crashes that continue a loading curve
 _JOIN_M = 0.03  # displacement over which the step between two of them fades
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatorConfig:
+    """Training settings of the emulator: the most modes and runs, as time grows with the cube of their number."""
+
+    modes: int = 40
+    max_runs: int = 1200  # larger libraries are thinned evenly
+    max_length_runs: int = 300  # to find the length scales from
+
+
+class Emulator:
+    """Emulator of the CAE model for conditions without a run, learned from the runs of a library.
+
+    The pulses, divided by impact speed so that slow crashes count as much as fast ones, are decomposed into principal
+    modes in time. The score of each mode is a Gaussian process over (v0, front weight, rear weight): the modes share
+    one Matérn-5/2 correlation, and each has a variance and noise, so that a mode that does not vary smoothly with the
+    condition is averaged, not interpolated.
+
+    Attributes
+    ----------
+    length_scales_ : ndarray, shape (3,)
+        Length scales of v0, front and rear weight, in standard deviations of the library.
+    noise_ : ndarray, shape (n_modes,)
+        Noise variance of each mode over its signal variance.
+    residuals_ : ndarray, shape (n_runs, n_modes)
+        Leave-one-out residual of each run, at fixed length scales and noise.
+    """
+
+    def __init__(self, config: EmulatorConfig = EmulatorConfig()) -> None:
+        self.config = config
+
+    def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
+        """Train on all runs of the library.
+
+        Raises
+        ------
+        DataError
+            If there is no run.
+        Cancelled
+            If the watch was told to stop.
+        """
+        if not len(cae):
+            raise DataError(Problem("CAE runs", "at least one run", "none", "add CAE runs to the campaign"))
+        watch.report("CAE emulator", 0, 1)
+        rows = np.linspace(0, len(cae) - 1, min(len(cae), self.config.max_runs)).astype(int)
+        vectors = cae.vectors[rows]
+        self.speed_range_ = np.array([vectors[:, 0].min(), vectors[:, 0].max()])
+        self.centre_ = vectors.mean(axis=0)
+        self.spread_ = np.where((spread := vectors.std(axis=0)) > 0, spread, 1.0)
+        self.inputs_ = (vectors - self.centre_) / self.spread_
+        pulses = cae.accel_mps2[rows] / np.maximum(vectors[:, :1], _LEAST_MPS)
+        self.mean_ = pulses.mean(axis=0)
+        with one_thread():
+            self._fit_modes(pulses - self.mean_)
+        watch.report("CAE emulator", 1, 1)
+        return self
+
+    def _fit_modes(self, pulses: FloatArray) -> None:
+        n = len(pulses)
+        squares, left = eigh(pulses @ pulses.T, subset_by_index=[max(n - self.config.modes, 0), n - 1])
+        size, left = np.sqrt(np.maximum(squares[::-1], 0.0)), left[:, ::-1]
+        keep = int((size > _LEAST_SHARE * size[0]).sum()) if size[0] > 0 else 0
+        size, left = size[:keep], left[:, :keep]
+        scale = size / np.sqrt(n)
+        scores = left * np.sqrt(n)  # each of unit variance
+        rows = np.linspace(0, n - 1, min(n, self.config.max_length_runs)).astype(int)
+        x, y = self.inputs_[rows], scores[rows]
+
+        def loss(log_length: FloatArray) -> tuple[float, FloatArray]:
+            _, evidence, slope = _evidence(x, y, np.exp(log_length))
+            away = log_length - _LOG_LENGTH_PRIOR
+            return float(0.5 * away @ away) - evidence, away - slope
+
+        best = minimize(loss, _LOG_LENGTH_PRIOR, jac=True, method="L-BFGS-B", options=_ENOUGH)
+        self.length_scales_ = np.exp(best.x)
+        self.noise_ = _evidence(x, y, self.length_scales_)[0]
+        values, vectors = _eigen(_correlation(_distance(self.inputs_, self.inputs_, self.length_scales_)))
+        inverse = 1 / (values[:, None] + self.noise_)
+        weights = vectors @ ((vectors.T @ scores) * inverse)
+        self.weights_ = weights * scale  # weights of the correlations with each run, shape (n_runs, n_modes)
+        self.residuals_ = (weights / (vectors**2 @ inverse)) * scale  # of each run, leaving it out
+        self.modes_ = (left / size).T @ pulses
+
+    def predict(self, condition: Condition) -> FloatArray:
+        """Predict the CAE pulse at a condition, in m/s², shape (1250,).
+
+        Outside the library the pulse at its boundary is used, as a Gaussian process falls back to its mean there.
+        Outside its speeds that pulse is scaled with the speed, like the change of velocity.
+        """
+        x = (condition.vector[None] - self.centre_) / self.spread_
+        x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
+        correlation = _correlation(_distance(x, self.inputs_, self.length_scales_))
+        pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
+        return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
+
+    def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
+        """Draw errors of :meth:`predict` at a condition: leave-one-out residuals of similar runs, with either sign.
+
+        Whole curves in m/s², shape (n, 1250).
+        """
+        x = (condition.vector - self.centre_) / self.spread_
+        away = np.sum(((self.inputs_ - x) / self.length_scales_) ** 2, axis=1)
+        chosen = rng.choice(np.argsort(away, kind="stable")[:_LIKE], size=n)
+        signs = rng.choice([-1.0, 1.0], size=(n, 1))
+        return np.asarray(max(condition.speed_mps, _LEAST_MPS) * signs * (self.residuals_[chosen] @ self.modes_))
+
+    def arrays(self) -> Entry:
+        """The fitted state, for the cache."""
+        return {name: getattr(self, name) for name in _LEARNED}
+
+    def restore(self, learned: Entry, cae: CaeLibrary) -> Self:
+        """Restore a fitted state; raises if it cannot be that of this library."""
+        for name in _LEARNED:
+            setattr(self, name, finite(learned, name, *(None,) * learned[name].ndim))
+        pulse, largest = self.predict(cae.conditions[0]), 10 * np.abs(cae.accel_mps2).max()
+        if self.speed_range_.shape != (2,) or pulse.shape != (N_SAMPLES,) or not (np.abs(pulse) <= largest).all():
+            raise ValueError("not the emulator of this library")
+        return self
+
+
+def _distance(x: FloatArray, z: FloatArray, length_scales: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(5) * cdist(x / length_scales, z / length_scales))
+
+
+def _correlation(u: FloatArray) -> FloatArray:
+    return np.asarray((1 + u + u**2 / 3) * np.exp(-u))  # Matérn-5/2
+
+
+def _eigen(correlation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    values, vectors = np.linalg.eigh(correlation)
+    return np.maximum(values, 0.0), vectors
+
+
+def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+    """Most probable noise of each mode, the log marginal likelihood of all, and its slope by each log length scale.
+
+    The variance of each mode is the optimal one (Rasmussen & Williams, Eqs. 2.30 and 5.9). In the eigenbasis of the
+    correlation matrix, noise only adds to the eigenvalues: one decomposition serves all candidates.
+    """
+    u = _distance(x, x, length_scales)
+    values, vectors = _eigen(_correlation(u))
+    turned, n = vectors.T @ y, len(x)
+    variance = values[:, None] + _NOISE
+    misfit = (turned**2).T @ (1 / variance)
+    evidence = -0.5 * (n * np.log(misfit / n) + np.log(variance).sum(axis=0)) + _LOG_NOISE_PRIOR
+    best, modes = evidence.argmax(axis=1), np.arange(y.shape[1])
+    inverse = 1 / variance[:, best]
+    alpha = vectors @ (turned * inverse) * np.sqrt(n / misfit[modes, best])
+    by_correlation = alpha @ alpha.T - (vectors * inverse.sum(axis=1)) @ vectors.T
+    by_share = by_correlation * (5 / 3 * (1 + u) * np.exp(-u))
+    slope = [0.5 * np.sum(by_share * np.subtract.outer(column, column) ** 2) for column in (x / length_scales).T]
+    return _NOISE[best], float(evidence[modes, best].sum()), np.array(slope)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -29,18 +198,10 @@ class CaePulse:
 
 @dataclass(frozen=True, eq=False)
 class LoadingCurve:
-    """The CAE model over displacement at one condition, G_a(s, x) of Eq. 10.
+    """The CAE model over displacement at one condition, G_a(s, x) of Eq. 10."""
 
-    Parameters
-    ----------
-    own : LoadingPhase
-        Loading phase of the CAE pulse at this condition.
-    faster : sequence of LoadingPhase
-        Loading phases of successively faster crashes at these weights, which continue the curve at larger crush.
-    """
-
-    own: LoadingPhase
-    faster: Sequence[LoadingPhase] = ()
+    phase: LoadingPhase  # of the CAE pulse at this condition
+    faster: Sequence[LoadingPhase] = ()  # of successively faster crashes, which continue the curve at larger crush
 
     def accel_at(self, displacement_m: FloatArray, end_share: float = 0.0) -> FloatArray:
         """Acceleration at displacements, in m/s².
@@ -48,42 +209,36 @@ class LoadingCurve:
         Each pulse is used until its vehicle has slowed to ``end_share`` of its impact speed (0: until it stops). The
         next faster one then continues it without a jump; after the last one the curve is constant.
         """
-        reached = self.own.displacement_at_speed(end_share)
-        level = float(self.own.accel_at(np.array(reached)))
-        curve = np.where(displacement_m < reached, self.own.accel_at(displacement_m), level)
-        for phase in self.faster:
-            if (end := phase.displacement_at_speed(end_share)) <= reached:
+        reached = self.phase.displacement_at_speed(end_share)
+        level = float(self.phase.accel_at(np.array(reached)))
+        curve = np.where(displacement_m < reached, self.phase.accel_at(displacement_m), level)
+        for faster in self.faster:
+            if (end := faster.displacement_at_speed(end_share)) <= reached:
                 continue
             beyond = displacement_m > reached
-            step = level - phase.accel_at(np.array(reached))
+            step = level - faster.accel_at(np.array(reached))
             at = np.minimum(displacement_m[beyond], end)
-            curve[beyond] = phase.accel_at(at) + step * np.exp(-(at - reached) / _JOIN_M)
-            level = float(phase.accel_at(np.array(end)) + step * np.exp(-(end - reached) / _JOIN_M))
+            curve[beyond] = faster.accel_at(at) + step * np.exp(-(at - reached) / _JOIN_M)
+            level = float(faster.accel_at(np.array(end)) + step * np.exp(-(end - reached) / _JOIN_M))
             reached = end
         return curve
 
     def stopping_accel(self, speed_share: FloatArray, end_share: float) -> FloatArray:
         """Additional acceleration of the CAE vehicle while it stops, in m/s², over shares v/v0 of its impact speed.
 
-        Force changes there with the crush rate, over hardly any displacement, so it depends on velocity: a vehicle that
-        crushes further or less stops at another displacement. Added to ``accel_at(s, end_share)`` this gives the CAE
-        pulse. It is zero above the share of the impact speed at which stopping begins.
+        Force changes there with the crush rate, over hardly any displacement: a vehicle that crushes further or less
+        stops at another displacement. Added to ``accel_at(s, end_share)`` this gives the CAE pulse. It is zero above
+        the share of the impact speed at which stopping begins.
         """
-        own = self.own
-        extra = own.accel_mps2 - self.accel_at(own.displacement_m, end_share)
-        order = np.argsort(own.speed_share)
-        extra = np.interp(speed_share, own.speed_share[order], extra[order])
+        phase = self.phase
+        extra = phase.accel_mps2 - self.accel_at(phase.displacement_m, end_share)
+        order = np.argsort(phase.speed_share)
+        extra = np.interp(speed_share, phase.speed_share[order], extra[order])
         return np.where(speed_share < end_share, extra, 0.0)
 
 
 class CaeModel:
-    """The CAE model at any condition.
-
-    Parameters
-    ----------
-    cache : Cache, optional
-        Storage for the trained emulator, by fingerprint of the library.
-    """
+    """The CAE model at any condition; the cache keeps the trained emulator by fingerprint of the library."""
 
     def __init__(self, *, cache: Cache | None = None) -> None:
         self.cache = cache
@@ -111,13 +266,13 @@ class CaeModel:
 
     def loading_curve(self, condition: Condition) -> LoadingCurve:
         """The CAE model over displacement, continued by the emulator up to the speed of the library's fastest run."""
-        own = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
+        phase = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
         top = self.emulator_.speed_range_[1]
         speed, faster = condition.speed_mps, []
         while speed < top:
             speed = min(_FASTER * speed, top)
             faster.append(loading_phase(self.emulator_.predict(replace(condition, speed_mps=speed)), speed))
-        return LoadingCurve(own, tuple(faster))
+        return LoadingCurve(phase, tuple(faster))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
         """Draw errors of :meth:`pulse`, shape (n, 1250); zero if there is a run."""

@@ -50,7 +50,7 @@ class QualityVerdict:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The verdict in words; what is not recorded is said, and never counts as passed."""
+        """The verdict in words; what is not recorded never counts as passed."""
         return (self.summary, *map(self._quantity, self.table.to_dict("records")), *self.named)
 
     @property
@@ -95,12 +95,12 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
 
     >>> judge_quality(campaign.cae, campaign.quality_limits).sentences           # doctest: +SKIP
     """
-    kept = library.quality or (RunQuality(),) * len(library)
-    judged = [*zip(library.ids, kept, strict=True), *library.left_out]
+    in_use = library.quality or (RunQuality(),) * len(library)
+    judged = [*zip(library.ids, in_use, strict=True), *library.left_out]
     by = limits or QualityLimits("")
-    failing = [(run, told, failed) for run, told in judged if (failed := by.exceeded(told))]
-    unknown = sum(not by.exceeded(told) and bool(by.missing(told)) for _, told in judged) if limits else len(judged)
-    told = any(quality.recorded for _, quality in judged)
+    failing = [(run, quality, failed) for run, quality in judged if (failed := by.exceeded(quality))]
+    unknown = sum(not by.exceeded(own) and bool(by.missing(own)) for _, own in judged) if limits else len(judged)
+    is_recorded = any(quality.recorded for _, quality in judged)
     return QualityVerdict(
         limits,
         len(judged),
@@ -109,7 +109,7 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
         unknown,
         bool(library.left_out),
         pd.DataFrame(
-            [_row(name, judged, by) for name in QUANTITIES] if told else [],
+            [_row(name, judged, by) for name in QUANTITIES] if is_recorded else [],
             columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"],
         ),
         pd.DataFrame(
@@ -123,12 +123,11 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
 
 
 def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits) -> tuple[object, ...]:
-    """The row of one quantity in the verdict's table."""
-    recorded = [(run, value) for run, told in judged if (value := getattr(told, name)) is not None]
+    recorded = [(run, value) for run, quality in judged if (value := getattr(quality, name)) is not None]
     limit = getattr(limits, name)
-    failed = sum(name in limits.exceeded(told) for _, told in judged)
+    failed = sum(name in limits.exceeded(quality) for _, quality in judged)
     passed = len(recorded) - failed if limit is not None else 0
-    run, worst = max(recorded, key=lambda each: abs(each[1]), default=("", None))
+    run, worst = max(recorded, key=lambda row: abs(row[1]), default=("", None))
     return QUANTITIES[name], limit, passed, failed, len(judged) - len(recorded), worst, run
 
 

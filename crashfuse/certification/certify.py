@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, Self
 
-from crashfuse.approaches.fused.about import AboutFused
+from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria
@@ -27,8 +27,7 @@ from crashfuse.certification.verdict import (
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.study.config import StudyConfig
-from crashfuse.study.plan import check_window
+from crashfuse.study.config import StudyConfig, check_window
 from crashfuse.study.running import workers_at
 
 APPROACH = AboutFused.name

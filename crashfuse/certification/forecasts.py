@@ -26,7 +26,7 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.rating_distribution import RatingDistribution, agreement
-from crashfuse.study.tasks import prepare
+from crashfuse.study.running import prepare
 
 _UNKNOWN = (np.nan,) * len(fields(Distribution))
 

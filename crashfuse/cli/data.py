@@ -32,10 +32,10 @@ def sample(arguments: argparse.Namespace) -> None:
 
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
+    from crashfuse.approaches.nearness import nearest_run
     from crashfuse.campaign_folder.folder import unread_files
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.study.facts import campaign_facts
-    from crashfuse.study.nearest import nearest_run
 
     campaign = load_campaign(arguments.campaign)
     tests = f"{n} tests" if (n := len(campaign.tests)) > 1 else "1 test"

@@ -14,8 +14,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.watched import watching
     from crashfuse.study import learning_curve as curves
-    from crashfuse.study.cost import Cost
-    from crashfuse.study.one_more_test import sentences
+    from crashfuse.study.one_more_test import Cost, sentences
 
     require_output(arguments.out, arguments.campaign, "learning curve")
     cost = None if arguments.cost_per_test is None else Cost.of(arguments.cost_per_test)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from crashfuse.campaign import Campaign
     from crashfuse.reporting.report import ReportOptions
-    from crashfuse.study.plan import StudyPlan
+    from crashfuse.study.config import StudyPlan
 
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
 
@@ -90,8 +90,7 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
 def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str], resumed: Path | None) -> "StudyPlan":
     """Plan of a study, with settings not given taken from the study to be resumed; raises if it can't be resumed."""
     from crashfuse.reporting.results import read_record
-    from crashfuse.study.config import StudyConfig
-    from crashfuse.study.plan import StudyPlan
+    from crashfuse.study.config import StudyConfig, StudyPlan
 
     if resumed is None:
         whole = not held_out and given.get("preset") != "paper"  # a paper-preset fit takes minutes, or a GPU

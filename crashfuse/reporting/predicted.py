@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Unpack
 import pandas as pd
 import plotly.graph_objects as go
 
+from crashfuse.approaches.nearness import Neighbour, nearest_sentences, nearest_tests
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -23,11 +24,9 @@ from crashfuse.reporting.result_tables import metrics_table, pulses_table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, Fit, estimates_at
-from crashfuse.study.estimate_cache import estimate_at
+from crashfuse.study.estimate import Estimate, Fit, estimate_at, estimates_at
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
 from crashfuse.study.facts import campaign_facts, condition_facts
-from crashfuse.study.nearest import Neighbour, nearest_sentences, nearest_tests
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.units import KPH
 

@@ -3,17 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 
+from crashfuse.approaches.nearness import nearest_sentences
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.provenance import provenance
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.nearest import nearest_sentences
-from crashfuse.study.one_more_test import gains, one_more, sentences
+from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
 from crashfuse.study.recommendation import recommend, recommend_for, recommend_without
 from crashfuse.study.study import Study
 

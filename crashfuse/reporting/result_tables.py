@@ -12,10 +12,9 @@ from crashfuse.cae.quality import QualityVerdict
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import Metric
-from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.one_more_test import gains, plus_minus, summary
+from crashfuse.study.one_more_test import Cost, gains, plus_minus, summary
 from crashfuse.study.study import Study
 from crashfuse.study.sweep import Sweep
 from crashfuse.units import MPH, MS, G
@@ -121,7 +120,7 @@ def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:
             "Tests": f"{step.before} → {step.after}",
             "Gain of rating": signed(step.gain, 3) + plus_minus(step.error),
             "Per test": signed(step.per_test, 4),
-            **({} if cost is None else {"Cost of 0.01": cost.times(0.01 / step.per_test) if step.told else "–"}),
+            **({} if cost is None else {"Cost of 0.01": cost.times(0.01 / step.per_test) if step.is_clear else "–"}),
         }
         for step in gains(curve)
     )

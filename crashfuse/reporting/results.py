@@ -33,11 +33,10 @@ from crashfuse.reporting.report import (
 )
 from crashfuse.reporting.report.page import ReportForm, ReportOptions
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.study.config import StudyConfig
-from crashfuse.study.cost import Cost
+from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.plan import StudyPlan
+from crashfuse.study.one_more_test import Cost
 from crashfuse.study.study import Study
 
 Content = bytes | dict[str, bytes] | None

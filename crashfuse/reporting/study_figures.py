@@ -9,8 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.calibration import LEVELS
-from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.registry import by_preference
 from crashfuse.campaign_folder.notes import Note
@@ -30,8 +29,7 @@ from crashfuse.reporting.plots.ratings import (
     rating_spread,
 )
 from crashfuse.study.config import require_rated
-from crashfuse.study.fold import Fold
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 
 _STEP_M = 0.004  # grid of the parts of a bias
 _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it
@@ -152,7 +150,7 @@ def _bias_parts(own: _Shown) -> go.Figure:
         )
     unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=config.seed, cache=Cache())
     domain, _ = fitted(unfitted, config.training_campaign(own.study.campaign, test.id), Cache())
-    grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).own.crush_m, _STEP_M)
+    grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).phase.crush_m, _STEP_M)
     measured = measured_bias(test, domain.model_) if own.curves.measured is not None else None
     return bias_parts(domain.bias_parts(test.condition, grid), grid, measured, own.display)
 

@@ -14,11 +14,10 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.departure import LEAST, Departure, departure
-from crashfuse.study.estimate_cache import find_estimate
+from crashfuse.study.estimate import find_estimate
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
-from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import recommend, recommend_for
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.wording import Sentence, joined, speed
 
 _CHANGED = 0.02  # in rating: less is no difference

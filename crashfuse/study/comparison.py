@@ -21,8 +21,8 @@ _SAME = 1e-6  # records are rounded to six digits
 def telling_pair(studies: Sequence[PastResult]) -> tuple[PastResult, PastResult] | None:
     """The two of one campaign with most ratings in common that can differ, the latest of these; the earlier first.
 
-    They can differ if they rest on other data, another preset, seed or device, or if each left out in its own way. Of
-    one name with another test under each id, they are perhaps of two vehicles, and do not count.
+    They can differ in data, preset, seed, device, or in what was left out together. Two that are perhaps of two
+    vehicles do not count.
     """
     best, most = None, 0
     latest_first = sorted(studies, key=lambda study: study.date, reverse=True)
@@ -36,13 +36,7 @@ def telling_pair(studies: Sequence[PastResult]) -> tuple[PastResult, PastResult]
 
 @dataclass(frozen=True, eq=False)
 class StudyComparison:
-    """Ratings of the tests, by the approaches and over the windows that two studies of one vehicle have in common.
-
-    Raises
-    ------
-    UsageError
-        If they have nothing in common, or are of two vehicles.
-    """
+    """Ratings that two studies of one vehicle have in common; a UsageError if none, or if they are of two vehicles."""
 
     first: PastResult
     second: PastResult
@@ -67,12 +61,12 @@ class StudyComparison:
     def ratings(self) -> pd.DataFrame:
         """One row per way of leaving out, test, approach and window: both ratings, and second minus first."""
         rows = [
-            (way, test, approach, window, rating, other[test][approach][window])
-            for way, (own, other) in self._by_way.items()
-            for test, by_approach in own.items()
+            (way, test, approach, window, rating, second[test][approach][window])
+            for way, (first, second) in self._by_way.items()
+            for test, by_approach in first.items()
             for approach, by_window in by_approach.items()
             for window, rating in by_window.items()
-            if window in other.get(test, {}).get(approach, {})
+            if window in second.get(test, {}).get(approach, {})
         ]
         table = pd.DataFrame(rows, columns=["left_out", "held_out", "approach", "window_ms", "first", "second"])
         return table.assign(difference=table["second"] - table["first"])
@@ -99,17 +93,15 @@ class StudyComparison:
     def means(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:
         """One row per approach, over one window, by default the longest, and one way of leaving out.
 
-        Means over the common tests, their difference with its standard error over the tests (NaN of a single one), and
-        in how many tests the second rates higher or lower.
+        Means over the common tests, their difference with its standard error (NaN of a single test), and in how many
+        tests the second rates higher or lower.
         """
         rows = []
-        for approach, own in self.over(window_ms, left_out).groupby("approach", sort=False):
-            gain = own["difference"].to_numpy()
+        for approach, part in self.over(window_ms, left_out).groupby("approach", sort=False):
+            gain, means = part["difference"].to_numpy(), (part["first"].mean(), part["second"].mean())
             error = gain.std(ddof=1) / np.sqrt(gain.size) if gain.size > 1 else np.nan
-            rows.append(
-                (approach, gain.size, own["first"].mean(), own["second"].mean(), gain.mean(), error,
-                 int((gain > 0).sum()), int((gain < 0).sum()))
-            )  # fmt: skip
+            counts = int((gain > 0).sum()), int((gain < 0).sum())
+            rows.append((approach, gain.size, *means, gain.mean(), error, *counts))
         names = ["approach", "tests", "first", "second", "difference", "standard_error", "higher", "lower"]
         return pd.DataFrame(rows, columns=names)
 
@@ -123,21 +115,21 @@ class StudyComparison:
     def cautions(self) -> tuple[str, ...]:
         """What the two differ in beside their settings, if anything."""
         first, second = self.first, self.second
-        said = []
+        cautions = []
         if self.ways[0] not in first.by_way:  # both
             harder = "second" if "speed group" in second.by_way else "first"
-            said.append(
+            cautions.append(
                 f"Each left tests out in its own way, the {harder} with all tests at about their speed: the harder "
                 "question."
             )
         if first.fingerprint != second.fingerprint:
-            said.append(f"Their data differ: {self._what_differs}")
+            cautions.append(f"Their data differ: {self._what_differs}")
         if first.basis != second.basis:
-            said.append(f"Their ratings rest on different things: {first.basis}; {second.basis}.")
+            cautions.append(f"Their ratings rest on different things: {first.basis}; {second.basis}.")
         for one, other, which in ((first, second, "first"), (second, first, "second")):
             if alone := [test for test in one.tests if test not in other.tests]:
-                said.append(f"Rated in the {which} only: {', '.join(alone)}.")
-        return tuple(said)
+                cautions.append(f"Rated in the {which} only: {', '.join(alone)}.")
+        return tuple(cautions)
 
     def over(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:
         """The ratings over one window (default: the longest) and one way of leaving out (default: the first)."""
@@ -147,12 +139,12 @@ class StudyComparison:
 
     @property
     def _by_way(self) -> dict[str, tuple[Ratings, Ratings]]:
-        """Ratings of both by each way of leaving out that both have; if they have none in common, each by its own."""
+        """Ratings of both by each common way of leaving out; if there is none, each by its first."""
         first, second = self.first.by_way, self.second.by_way
         if common := [way for way in first if way in second]:
             return {way: (first[way], second[way]) for way in common}
-        (way, own), (other_way, other) = *first.items(), *second.items()
-        return {f"{way}, {other_way}": (own, other)}
+        (way, ratings), (other_way, others) = *first.items(), *second.items()
+        return {f"{way}, {other_way}": (ratings, others)}
 
     @cached_property
     def _alike(self) -> dict[str, bool]:
@@ -162,8 +154,8 @@ class StudyComparison:
     def _of_one_vehicle(self) -> bool:
         """True for one campaign, and for a changed copy: named otherwise, but some test and CAE run are the same."""
         first, second = self.first, self.second
-        named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
-        return named or any(self._alike.values())
+        is_named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
+        return is_named or any(self._alike.values())
 
     @property
     def _what_differs(self) -> str:
@@ -180,21 +172,19 @@ class StudyComparison:
 
 
 def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
-    label, gain, error, n = (
-        LABELS.get(str(row["approach"]), row["approach"]),
-        *(row[name] for name in ("difference", "standard_error", "tests")),
-    )
+    label = LABELS.get(str(row["approach"]), row["approach"])
+    gain, error, n = row["difference"], row["standard_error"], row["tests"]
     if not table["difference"].any():
         return f"{label}: the same in both, {'mean ' * (n > 1)}{row['first']:.3f}."
-    told = f"{row['first']:.3f} in the first, {row['second']:.3f} in the second"
+    ratings = f"{row['first']:.3f} in the first, {row['second']:.3f} in the second"
     by = difference(row["second"], row["first"], 3)
     if n == 1:
-        return f"{label}: {told}, a difference of {by} in one test."
+        return f"{label}: {ratings}, a difference of {by} in one test."
     higher = "second" if gain > 0 else "first"
     verdict = f"clearly higher in the {higher}" if abs(gain) > _CLEARLY * error else "no clear difference"
     most = table.loc[table["difference"].abs().idxmax()]
     return (
-        f"{label}: {verdict}; mean {told} ({by} ± {error:.3f} over {n} tests). The second is higher in "
+        f"{label}: {verdict}; mean {ratings} ({by} ± {error:.3f} over {n} tests). The second is higher in "
         f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} "
         f"({difference(most['second'], most['first'], 3)})."
     )
@@ -212,21 +202,20 @@ def _rated(study: PastResult) -> frozenset[tuple[str, str, float]]:
 def _can_differ(one: PastResult, other: PastResult) -> bool:
     if one.campaign != other.campaign:
         return False
-    asked = [(each.fingerprint, each.config.preset, each.config.seed, each.config.device) for each in (one, other)]
+    asked = [(r.fingerprint, r.config.preset, r.config.seed, r.config.device) for r in (one, other)]
     return asked[0] != asked[1] or not {*one.by_way} & {*other.by_way}
 
 
 def _are_perhaps_two_vehicles(one: PastResult, other: PastResult) -> bool:
-    """True if they rest on different data, and no test that both rated the raw CAE model in is the same."""
     alike = _alike(one, other) if one.fingerprint != other.fingerprint else {}
     return bool(alike) and not any(alike.values())
 
 
 def _alike(one: PastResult, other: PastResult) -> dict[str, bool]:
     """Whether the raw CAE model, which learns from no test, rates equally: then test and CAE run are the same."""
-    found = {}
+    alike = {}
     for test in one.ratings:
-        own, others = (each.ratings.get(test, {}).get(Cae.name, {}) for each in (one, other))
-        if common := own.keys() & others.keys():
-            found[test] = all(abs(own[window] - others[window]) <= _SAME for window in common)
-    return found
+        first, second = (result.ratings.get(test, {}).get(Cae.name, {}) for result in (one, other))
+        if common := first.keys() & second.keys():
+            alike[test] = all(abs(first[window] - second[window]) <= _SAME for window in common)
+    return alike

@@ -1,4 +1,4 @@
-"""Configuration of a study: approaches, preset, seed, windows, and which tests are left out together."""
+"""Configuration and plan of a study: approaches, preset, seed, windows, and which tests are left out."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -6,15 +6,21 @@ from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import Any, Literal, Self, cast, get_args
 
+import numpy as np
+
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.registry import APPROACHES, create, require_approach
 from crashfuse.approaches.settings import DEVICES, PRESETS, Device, Preset, Settings
 from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError, one_of, printable, several
+from crashfuse.crash_test import CrashTest
+from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, several
 from crashfuse.execution.cache import Cache
+from crashfuse.signals.pulse import DT_S
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
 LeaveOut = Literal["test", "speed group", "both"]
+
+_SLOWEST_S = 1e-3  # longest sampling step of a record, which its last sample covers
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +80,7 @@ class StudyConfig:
         ValueError, TypeError
             If they are none.
         """
-        given: dict[str, Any] = {name: tuple(own) if isinstance(own, list) else own for name, own in values.items()}
+        given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
         try:
             return cls(**given)
         except UsageError as error:
@@ -122,3 +128,73 @@ def require_rated(what: str, window_ms: float, known: Sequence[float]) -> None:
     if window_ms not in known:
         windows = ", ".join(f"{window:g}" for window in known)
         raise UsageError(f"The {what} was rated over 0 to {windows} ms, not to {window_ms:g} ms.")
+
+
+@dataclass(frozen=True, eq=False)
+class StudyPlan:
+    """Which tests of a campaign to leave out in turn (empty: all), and how; checked, so any plan can be run.
+
+    Raises
+    ------
+    UsageError
+        If a name, a window or the number of tests makes the study impossible.
+    DataError
+        If a held-out test cannot be rated over a window: it is constant there, or its record is too short.
+    """
+
+    campaign: Campaign
+    config: StudyConfig = StudyConfig()
+    held_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        campaign, config = self.campaign, self.config
+        require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+        require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+        campaign.without(self.held_out)
+        object.__setattr__(self, "held_out", tuple(dict.fromkeys(self.held_out or campaign.test_ids)))
+        if len(campaign.tests) < 2:
+            raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
+        config.check()
+        if config.leave_out == "speed group" and not has_speed_groups(campaign):
+            raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
+        for window in config.windows_ms:
+            for test_id in self.held_out:
+                check_window(campaign.test(test_id), window)
+
+    @property
+    def configs(self) -> tuple[StudyConfig, ...]:
+        """One config for each way of leaving tests out; if both were requested, only the possible ones."""
+        ways = self.config.split_configs
+        return ways if has_speed_groups(self.campaign) else ways[:1]
+
+
+def has_speed_groups(campaign: Campaign) -> bool:
+    """Whether tests remain when a speed group is left out."""
+    return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
+
+
+def check_window(test: CrashTest, window_ms: float) -> None:
+    """Raise if a test cannot be rated over a window."""
+    if window_ms / 1e3 > test.recorded_s + _SLOWEST_S:
+        length, advice = f"{test.recorded_s * 1e3:.4g} ms", "rate a shorter window, or hold out other tests"
+        raise DataError(Problem(test.id, f"a record over 0–{window_ms:g} ms", length, advice))
+    if np.ptp(test.pulse.accel_mps2[: round(window_ms / 1e3 / DT_S)]) == 0:
+        advice = "check its time zero or rate a longer window"
+        raise DataError(Problem(test.id, f"a pulse that varies over 0–{window_ms:g} ms", "no change at all", advice))
+
+
+def telling_test(campaign: Campaign) -> CrashTest:
+    """The test to leave out first: the nearest to the middle of the speeds with slower and faster tests beside it.
+
+    Beyond the slowest or the fastest test an approach has to extrapolate. Tests of its speed group are no neighbours.
+    Where no test lies between others, the one nearest to the middle is taken; of equal ones, the first.
+    """
+    speeds = np.array([test.condition.speed_mps for test in campaign.tests])
+    middle = (speeds.min() + speeds.max()) / 2
+
+    def outside(test: CrashTest) -> bool:
+        others = campaign.without(campaign.speed_group(test.id)).tests
+        faster = [other.condition.speed_mps - test.condition.speed_mps for other in others]
+        return not (faster and min(faster) < 0 < max(faster))
+
+    return min(campaign.tests, key=lambda test: (outside(test), abs(test.condition.speed_mps - middle)))

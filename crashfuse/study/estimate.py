@@ -1,10 +1,11 @@
-"""Fits of approaches to a campaign, which are cached, and their predictions at a condition."""
+"""Fits of approaches to a campaign and their predictions at a condition, both kept in the cache."""
 
+import json
 import time
 from collections.abc import Hashable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
@@ -12,29 +13,31 @@ import numpy as np
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fit_cache import fitted, settings
 from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, metric_errors
+from crashfuse.approaches.nearness import doubtful_tests
 from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a
-from crashfuse.execution.cache import Cache, Entry, numbers
+from crashfuse.execution.cache import Cache, Entry, finite, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.one_thread import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.nearest import doubtful_tests
 from crashfuse.study.rating_distribution import agreement
-from crashfuse.wording import Sentence, speed, weight
+from crashfuse.wording import Sentence, packed, speed, unpacked, weight
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
-"""Upper limits of the conditions predicted, far beyond any barrier test."""
+"""Upper limits of the conditions predicted, far beyond any barrier test; below in words."""
 
 BOUNDS = Sentence("at most {} and {} in all", speed(FASTEST_MPS, form=".0f"), weight(HEAVIEST_KG))
-"""The same in words."""
 
 _JUDGED = "metric errors"  # the kind of a cache entry
+
+_KIND = "predictions"  # of cache entries
+_LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of a metric, in the names of arrays there
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,25 +46,19 @@ class Estimate:
 
     Attributes
     ----------
-    state : dict
-        Fit results as plain JSON values.
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
-        Prediction for each test that it learned from, as if that test had not been run; empty if unknown.
+        Prediction for each test that it learned from, left out; empty if unknown.
     agreements : mapping of str to float
         How well the draws of each of these agree with it: :func:`crashfuse.study.rating_distribution.agreement`.
-    metric_errors : mapping of str to ndarray
-        Standardised errors of these predictions, by metric.
-    occupant : OccupantModel
-        That of the campaign.
     """
 
     approach: str
     prediction: Prediction
-    state: dict[str, object]
+    state: dict[str, object]  # fit results as plain JSON values
     seconds: float
     left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
     agreements: Mapping[str, float] = field(default_factory=dict)
-    metric_errors: Errors = field(default_factory=dict)
+    metric_errors: Errors = field(default_factory=dict)  # of these predictions
     occupant: OccupantModel = USUAL_OCCUPANT
 
     def __repr__(self) -> str:
@@ -75,11 +72,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """An approach fitted to a campaign, with the duration of the fit; it predicts at any condition.
-
-    ``left_out`` are its predictions for the tests that it learned from, as if each had not been run; ``metric_errors``
-    are as in :class:`Estimate`.
-    """
+    """An approach fitted to a campaign, with the duration of the fit and its predictions of left-out tests."""
 
     approach: Approach
     config: StudyConfig
@@ -131,12 +124,12 @@ class Fit:
 
     @cached_property
     def agreements(self) -> Mapping[str, float]:
-        """How well the draws of each prediction for a left-out test agree with it."""
+        """As in :class:`Estimate`."""
         return {test: agreement(prediction) for test, prediction in self.left_out.items()}
 
     @cached_property
     def state(self) -> dict[str, object]:
-        """Fit results as plain JSON values; computing the uncertainties takes longer than a prediction."""
+        """Fit results as plain JSON values; they take longer than a prediction."""
         with blamed_on(self.approach.name), one_thread():
             return self.approach.state
 
@@ -169,12 +162,12 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     made: dict[Hashable, tuple[Prediction, float]] = {}
 
     def predict(approach: Approach) -> tuple[Prediction, float]:
-        key = _key(approach)
+        key = tuple(settings(approach).values())  # equal for approaches that predict the same, of one campaign
         if key not in made:
             parts = [predict(part) for part in approach.parts]
             start = time.perf_counter()
             with blamed_on(approach.name), one_thread():
-                prediction = approach.predict_from(condition, [own for own, _ in parts])
+                prediction = approach.predict_from(condition, [part for part, _ in parts])
             made[key] = prediction, time.perf_counter() - start + sum(seconds for _, seconds in parts)
         return made[key]
 
@@ -193,17 +186,92 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
             prediction = replace(prediction, notes=(*prediction.notes, *doubtful_tests(fit.campaign, condition)))
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
-        left_out_mps2 = {test: own.accel_mps2 for test, own in fit.left_out.items()}
-        known = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *known))
+        left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
+        judged = left_out_mps2, fit.agreements, fit.metric_errors, fit.campaign.occupant
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *judged))
     return estimates
 
 
-def _key(approach: Approach) -> Hashable:
-    """Equal for approaches that predict the same, of one campaign."""
-    return tuple(settings(approach).values())
-
-
 def _single_parts(approach: Approach) -> list[Approach]:
-    """The approaches of which it is a mixture in the end; itself if it is none."""
     return [single for part in approach.parts for single in _single_parts(part)] or [approach]
+
+
+def estimate_at(
+    campaign: Campaign,
+    condition: Condition,
+    approach: str,
+    config: StudyConfig = StudyConfig(),
+    *,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+) -> Estimate:
+    """Fit an approach to the whole campaign as given and predict at a condition; cached.
+
+    Raises as :meth:`Fit.of` and :func:`estimates_at`.
+    """
+    cache = cache or Cache()
+
+    def compute() -> tuple[Estimate, Entry]:
+        estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
+        return estimate, _entry(estimate)
+
+    restore = partial(_restored, condition, approach, campaign.occupant)
+    return cache.get_or_compute(_KIND, _cache_key(campaign, condition, approach, config), compute, restore, watch)
+
+
+def find_estimate(
+    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
+) -> Estimate | None:
+    """The cached estimate for these settings and exactly this campaign (without the held-out test), or None."""
+    return cache.find(
+        _KIND,
+        _cache_key(campaign, condition, approach, config),
+        partial(_restored, condition, approach, campaign.occupant),
+    )
+
+
+def is_estimate_cached(
+    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
+) -> bool:
+    """Whether :func:`find_estimate` would find one, without reading it."""
+    return cache.is_cached(_KIND, _cache_key(campaign, condition, approach, config))
+
+
+def store_estimate(estimate: Estimate, campaign: Campaign, config: StudyConfig, cache: Cache) -> None:
+    """Store an estimate from this campaign, for :func:`find_estimate`."""
+    cache.put(_KIND, _cache_key(campaign, estimate.prediction.condition, estimate.approach, config), _entry(estimate))
+
+
+def _entry(estimate: Estimate) -> Entry:
+    prediction = estimate.prediction
+    values = {"notes": [packed(note) for note in prediction.notes], "agreements": dict(estimate.agreements)}
+    text = json.dumps({**values, "state": estimate.state, "seconds": estimate.seconds})
+    entry = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
+    entry |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
+    entry |= {f"{_ERRORS}{metric}": errors for metric, errors in estimate.metric_errors.items()}
+    if prediction.draws_mps2 is not None:
+        entry["draws_mps2"] = prediction.draws_mps2
+    return entry
+
+
+def _restored(condition: Condition, approach: str, occupant: OccupantModel, entry: Entry) -> Estimate:
+    text = json.loads(str(entry["text"]))
+    draws = finite(entry, "draws_mps2", None, N_SAMPLES) if "draws_mps2" in entry else None
+    notes = tuple(map(unpacked, text["notes"]))
+    prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes)
+    left_out, errors = (
+        {name.removeprefix(prefix): check(entry, name, length) for name in entry if name.startswith(prefix)}
+        for prefix, check, length in ((_LEFT_OUT, finite, N_SAMPLES), (_ERRORS, numbers, None))
+    )
+    if not isinstance(text["state"], dict) or errors.keys() != METRIC_LABELS.keys():
+        raise ValueError("no estimate")
+    agreements = {test: float(value) for test, value in text["agreements"].items()}
+    seconds = float(text["seconds"])
+    return Estimate(approach, prediction, text["state"], seconds, left_out, agreements, errors, occupant)
+
+
+def _cache_key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
+    fit = settings(config.create(approach))
+    key = {**fit, "campaign": campaign.fingerprint, "condition": condition, "code": code_digest(__name__)}
+    doubts = doubtful_tests(campaign, condition)  # seen in the records, of which the campaign keeps what it learns from
+    return {**key, "doubts": [str(doubt) for doubt in doubts]} if doubts else key

@@ -1,14 +1,13 @@
 """What was computed on this machine: a small record of every study and prediction, kept beside the cache.
 
-A record holds ratings and settings, no pulses: enough to list results, to compare two studies, and to ask for one
-again. Each is a file of its own, written whole or not at all, by one process at a time.
+A record holds ratings and settings, no pulses, in a file written whole or not at all, by one process at a time.
 """
 
 import hashlib
 import json
 import logging
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
@@ -16,14 +15,15 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
+from crashfuse.approaches.fit_cache import settings
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.execution.cache import default_folder
+from crashfuse.execution.cache import Cache, default_folder
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.claim import sole_writer
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
+from crashfuse.study.estimate import Estimate, is_estimate_cached
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
 
@@ -32,11 +32,8 @@ Ratings = Mapping[str, Mapping[str, Mapping[float, float]]]
 
 log = logging.getLogger(__name__)
 
-MOST = 300
-"""Records that are kept; the oldest make room."""
-
-LONGEST_NOTE = 200
-"""Characters of a note."""
+MOST = 300  # records that are kept; the oldest make room
+LONGEST_NOTE = 200  # characters
 
 _LARGEST = 1_000_000  # bytes of a record; one of 40 tests has 40,000
 _PATIENCE_S = 10.0  # to wait for another process that writes a record
@@ -49,31 +46,23 @@ class PastResult:
 
     Attributes
     ----------
-    campaign, fingerprint : str
-        Name of the campaign and SHA-256 of its content.
-    basis : str
-        What its ratings rest on.
-    approach : str
-        The recommended one.
-    date : str
-        When it was computed, UTC.
     ratings, speed_groups : mapping
         Of a study: by each test left out alone (or, if only that was asked for, with its speed group), and with whole
         speed groups left out if both were asked for.
     condition : Condition, optional
         Of a prediction.
     expected : str
-        Rating that is to be expected of a prediction, as told: ``0.78 to 0.93``, ``less than 0.97``; empty if none is.
+        Rating to expect of a prediction: ``0.78 to 0.93``, ``less than 0.97``; or empty.
     note : str
         What somebody has written on it.
     """
 
     campaign: str
-    fingerprint: str
+    fingerprint: str  # SHA-256 of the campaign's content
     config: StudyConfig
-    basis: str
-    approach: str
-    date: str
+    basis: str  # what its ratings rest on
+    approach: str  # the recommended one
+    date: str  # UTC
     ratings: Ratings = field(default_factory=dict)
     speed_groups: Ratings = field(default_factory=dict)
     condition: Condition | None = None
@@ -120,23 +109,23 @@ class PastResult:
     @property
     def windows_ms(self) -> tuple[float, ...]:
         """Windows over which it was rated."""
-        return tuple(sorted({w for own in self.ratings.values() for by_window in own.values() for w in by_window}))
+        return tuple(sorted({w for test in self.ratings.values() for by_window in test.values() for w in by_window}))
 
     def mean(self, approach: str, window_ms: float) -> float:
         """Mean rating over the tests."""
-        values = [own[approach][window_ms] for own in self.ratings.values()]
-        return sum(values) / len(values)
+        overall = [test[approach][window_ms] for test in self.ratings.values()]
+        return sum(overall) / len(overall)
 
     def worst(self, approach: str, window_ms: float) -> tuple[str, float]:
         """The test that was predicted worst, and its rating."""
-        overall = {test: own[approach][window_ms] for test, own in self.ratings.items()}
+        overall = {test_id: test[approach][window_ms] for test_id, test in self.ratings.items()}
         return min(overall.items(), key=lambda rated: rated[1])
 
 
 def keep(result: PastResult, folder: Path | None = None) -> None:
     """Keep a record, by default among those of this machine; where nothing can be written, none is kept.
 
-    A result that is found again, in the cache say, keeps the date of its computation, and its note.
+    A result that is computed again keeps its date and its note.
     """
     folder = _home() if folder is None else folder
     try:
@@ -164,12 +153,12 @@ def annotate(result: PastResult, note: str, folder: Path | None = None) -> None:
     folder = _home() if folder is None else folder
     text = printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
     with sole_writer(folder, _PATIENCE_S):
-        kept = _read(folder / f"{result.id}.json")
-        if kept is None or kept.note not in (result.note, text):
-            found = "none: it was taken off the list" if kept is None else f"“{kept.note}”, which was written since"
+        before = _read(folder / f"{result.id}.json")
+        if before is None or before.note not in (result.note, text):
+            found = "none: it was taken off the list" if before is None else f"“{before.note}”, which was written since"
             expected = f"the note “{result.note}”" if result.note else "a result without a note"
             raise DataError(Problem(result.campaign, expected, found, "look at the list, and write yours again"))
-        _write(replace(kept, note=text), folder)
+        _write(replace(before, note=text), folder)
 
 
 def forget(result: PastResult, folder: Path | None = None) -> None:
@@ -179,18 +168,19 @@ def forget(result: PastResult, folder: Path | None = None) -> None:
 
 
 def _write(result: PastResult, folder: Path) -> None:
-    write_atomically(folder / f"{result.id}.json", json.dumps(_values(result), ensure_ascii=False).encode())
+    values = {**asdict(result), "condition": result.condition and result.condition.text}
+    write_atomically(folder / f"{result.id}.json", json.dumps(values, ensure_ascii=False).encode())
     with suppress(OSError):  # a record was forgotten between two looks
-        found = sorted((path.stat().st_mtime, path) for path in folder.glob("*.json"))
-        for _, oldest in found[: max(len(found) - MOST, 0)]:
+        files = sorted((path.stat().st_mtime, path) for path in folder.glob("*.json"))
+        for _, oldest in files[: max(len(files) - MOST, 0)]:
             oldest.unlink()
 
 
 def past_results(folder: Path | None = None) -> list[PastResult]:
     """All that was kept, the latest first; what is no record, or is damaged, is passed over."""
-    read = [_read(path) for path in (_home() if folder is None else folder).glob("*.json")]
-    found = [result for result in read if result is not None]
-    return sorted(found, key=lambda result: result.date, reverse=True)[:MOST]
+    records = [_read(path) for path in (_home() if folder is None else folder).glob("*.json")]
+    results = [record for record in records if record is not None]
+    return sorted(results, key=lambda result: result.date, reverse=True)[:MOST]
 
 
 def parsed(values: Mapping[str, Any]) -> PastResult:
@@ -214,9 +204,9 @@ def parsed(values: Mapping[str, Any]) -> PastResult:
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")
     config = StudyConfig.parse(values["config"])
-    told = expected if isinstance(expected, str) else ""  # earlier versions kept a mean
+    expected = expected if isinstance(expected, str) else ""  # earlier versions kept a mean
     note = printable(str(values.get("note", "")), LONGEST_NOTE)
-    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, told, note)
+    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, expected, note)
 
 
 def _read(path: Path) -> PastResult | None:
@@ -233,13 +223,13 @@ def _read(path: Path) -> PastResult | None:
 def _ratings(values: Mapping[str, Any], approach: str) -> Ratings:
     """Ratings by test, approach and window; of each test by the same approaches over the same windows."""
     ratings = {
-        test: {name: {float(w): float(rated) for w, rated in own.items()} for name, own in by_approach.items()}
+        test: {name: {float(w): float(r) for w, r in by_window.items()} for name, by_window in by_approach.items()}
         for test, by_approach in values.items()
     }
-    kinds = {tuple((name, *own) for name, own in by_approach.items()) for by_approach in ratings.values()}
-    if len(kinds) > 1 or any(not own.get(approach) for own in ratings.values()):
+    kinds = {tuple((name, *windows) for name, windows in by_approach.items()) for by_approach in ratings.values()}
+    if len(kinds) > 1 or any(not by_approach.get(approach) for by_approach in ratings.values()):
         raise ValueError("ratings that differ in their approaches or windows")
-    if not all(isfinite(r) for own in ratings.values() for by_window in own.values() for r in by_window.values()):
+    if not all(isfinite(r) for test in ratings.values() for by_window in test.values() for r in by_window.values()):
         raise ValueError("a rating that is no number")
     return ratings
 
@@ -247,16 +237,11 @@ def _ratings(values: Mapping[str, Any], approach: str) -> Ratings:
 def _overall(study: Study) -> Ratings:
     return {
         fold.held_out: {
-            name: {window: round(rating.overall, 6) for window, rating in own.items()}
-            for name, own in fold.ratings.items()
+            name: {window: round(rating.overall, 6) for window, rating in by_window.items()}
+            for name, by_window in fold.ratings.items()
         }
         for fold in study.folds
     }
-
-
-def _values(result: PastResult) -> dict[str, object]:
-    """A record as plain JSON values."""
-    return {**asdict(result), "condition": result.condition and result.condition.text}
 
 
 def _home() -> Path:
@@ -265,3 +250,43 @@ def _home() -> Path:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def earlier_settings(
+    results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig, cache: Cache
+) -> list[StudyConfig]:
+    """Settings of past results with another prediction of a test by an approach, still in the cache, than those shown.
+
+    They differ in preset, seed or what was left out with the test, and the approach takes notice of that.
+    """
+    condition = campaign.test(test_id).condition
+
+    def identity(config: StudyConfig) -> str:
+        return repr((settings(config.create(approach)), config.left_out(campaign, test_id)))
+
+    distinct = {identity(shown): shown}
+    for config in past_settings(results, campaign, test_id, approach, shown):
+        training = config.training_campaign(campaign, test_id)
+        if is_estimate_cached(training, condition, approach, config, cache):
+            distinct.setdefault(identity(config), config)
+    return list(distinct.values())[1:]
+
+
+def past_settings(
+    results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig
+) -> list[StudyConfig]:
+    """Settings of past results with a prediction of a test by an approach, otherwise like those that are shown.
+
+    The cache is not looked up: that takes seconds where networks have to be imported.
+    """
+    ways = (
+        way
+        for result in results
+        if result.fingerprint == campaign.fingerprint
+        and test_id in result.tests
+        and approach in result.config.approaches
+        for way in result.config.split_configs
+    )
+    return list(
+        dict.fromkeys(replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out) for way in ways)
+    )

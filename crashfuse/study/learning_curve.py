@@ -1,11 +1,15 @@
 """Learning curve: how well tests are predicted from fewer of the others.
 
-Parts of the tests (:mod:`crashfuse.study.subsets`) take the place of the campaign in turn, and all other tests are
-predicted from each and rated. A fit sees the tests of its part and nothing of the others. The largest parts leave out
-one test each: these are the predictions of a study, and are shared with it.
+Parts of the tests, evenly spaced over speed or at random, take the place of the campaign in turn; all other tests are
+predicted from each and rated. The largest parts leave out one test each: these predictions are shared with a study.
+
+Sorted by speed, an even choice of k of n tests takes one test of each kth part of the list (systematic sampling). The
+place within the parts moves from choice to choice, in as many steps as it takes for each test to be left out at least
+once.
 """
 
 import json
+import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -13,11 +17,12 @@ from dataclasses import astuple, dataclass, replace
 from functools import partial
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import pandas as pd
 
+from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.approaches.registry import APPROACHES
@@ -30,14 +35,9 @@ from crashfuse.execution.one_thread import one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
-from crashfuse.study.config import StudyConfig, require_rated
-from crashfuse.study.cost import Cost
-from crashfuse.study.estimate import Estimate, Fit, estimates_at
-from crashfuse.study.estimate_cache import find_estimate, store_estimate
-from crashfuse.study.plan import StudyPlan
-from crashfuse.study.running import workers_at
-from crashfuse.study.subsets import Subset, subsets
-from crashfuse.study.tasks import prepare
+from crashfuse.study.config import StudyConfig, StudyPlan, require_rated
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
+from crashfuse.study.running import prepare, workers_at
 from crashfuse.units import G
 
 if TYPE_CHECKING:
@@ -47,6 +47,11 @@ if TYPE_CHECKING:
 
     from crashfuse.certification.criteria import CriteriaGiven
     from crashfuse.reporting.plots.display import DisplayOptions
+
+Choice = Literal["even", "random"]
+
+_SIZES = (1, 2, 3, 4, 6, 8, 10, 12, 16, 20, 24, MOST_TESTS)
+_LEAST = 3  # even choices of a size, where there are as many
 
 REPEATS = 3
 """Random choices of each number of tests."""
@@ -60,6 +65,44 @@ _FORECAST = "forecast"  # column of what is kept, but not of the table
 _Row = dict[str, Any]
 
 
+@dataclass(frozen=True, slots=True)
+class Subset:
+    """Tests to learn from, and how they were chosen."""
+
+    choice: Choice
+    chosen: tuple[str, ...]  # ids in the order of the campaign
+
+    def held_out(self, campaign: Campaign) -> tuple[str, ...]:
+        """Ids of all other tests."""
+        return tuple(test_id for test_id in campaign.test_ids if test_id not in self.chosen)
+
+
+def subsets(campaign: Campaign, repeats: int, seed: int) -> tuple[Subset, ...]:
+    """Choices of 1, 2, 3, 4, 6, 8, 10 … and of all but one of a campaign's tests.
+
+    Of each size ``repeats`` are random; of all tests but one, the even choices are all that there are.
+    """
+    n = len(campaign.tests)
+    by_speed = sorted(range(n), key=lambda i: (campaign.tests[i].condition.speed_mps, i))
+    choices: list[tuple[Choice, list[int]]] = []
+    for size in sorted({size for size in _SIZES if size < n - 1} | {n - 1} - {0}):
+        even = list(dict.fromkeys(_evenly(n, size)))
+        choices += [("even", [by_speed[place] for place in places]) for places in even]
+        if len(even) < math.comb(n, size):
+            rng = np.random.default_rng([seed, size])
+            drawn = {tuple(sorted(rng.choice(n, size, replace=False).tolist())): None for _ in range(repeats)}
+            choices += [("random", list(numbers)) for numbers in drawn]
+    return tuple(Subset(way, tuple(campaign.test_ids[i] for i in sorted(numbers))) for way, numbers in choices)
+
+
+def _evenly(n: int, size: int) -> Iterator[tuple[int, ...]]:
+    """Places of the tests of each even choice in the order of speed."""
+    # A test is left out by a share 1 - size / n of all places within the parts, so this many leave out each of them.
+    choices = max(_LEAST, math.ceil(n / (n - size)))
+    for number in range(choices):
+        yield tuple((2 * (part * choices + number) + 1) * n // (2 * choices * size) for part in range(size))
+
+
 @dataclass(frozen=True, eq=False)
 class LearningCurve:
     """How well tests are predicted from fewer of the others.
@@ -70,7 +113,7 @@ class LearningCurve:
         One row for each part of the tests, held-out test, approach and window: n_tests, chosen (ids of the tests that
         were learned from, separated by spaces), choice (``even`` or ``random``), held_out, approach, window_ms,
         overall (ISO/TS 18571 rating), inside (share of a(t) over the window inside the 95 % band), half_width_g
-        (half the mean width of that band in g) and basis (what the rating rests on). Without a band its two are NaN.
+        (half the mean width of that band in g; both NaN without a band) and basis (what the rating rests on).
     repeats : int
         Random choices of each number of tests.
     forecasts : tuple of dict
@@ -103,25 +146,17 @@ class LearningCurve:
         """Ratings over the longest window: one row for each held-out test, one column for each number of tests.
 
         Each is a mean over the even choices that leave the test out. So means over the rows count every test once, and
-        differences between columns compare the same tests.
-
-        Raises
-        ------
-        UsageError
-            If the curve is not of this approach.
+        differences between columns compare the same tests. A UsageError if the curve is not of this approach.
         """
         one_of("approach of this learning curve", approach, dict.fromkeys(self.config.approaches))
         table = self.table
-        own = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
-        return table[own].pivot_table(index="held_out", columns="n_tests", values="overall")
+        rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
+        return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
     def decided(self, criteria: "CriteriaGiven") -> "LearningCurve":
         """The same curve with the share of verdicts that each prediction decides, as ``crashfuse learning-curve`` adds.
 
-        Parameters
-        ----------
-        criteria : path, DataFrame, mapping or sequence of mappings, or Criteria
-            As in :func:`crashfuse.reporting.verdicts.certify`, which raises the same.
+        ``criteria`` are as in :func:`crashfuse.reporting.verdicts.certify`, which raises the same.
         """
         from crashfuse.certification.criteria import criteria_given
         from crashfuse.certification.verdict import with_decided
@@ -131,8 +166,7 @@ class LearningCurve:
     def plot(self, **display: "Unpack[DisplayOptions]") -> "go.Figure":
         """Rating and width of the band over the number of tests, as the page Study shows them.
 
-        ``display`` takes ``window_ms``, by default the longest, ``unit`` and the other options of
-        :class:`crashfuse.reporting.plots.display.DisplayOptions`.
+        ``display`` are the options of :class:`crashfuse.reporting.plots.display.DisplayOptions`.
         """
         from crashfuse.reporting.plots.display import Display
         from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
@@ -141,12 +175,7 @@ class LearningCurve:
         return over_number_of_tests(self.over(shown.window_ms), shown)
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[DisplayOptions]") -> None:
-        """Write what ``crashfuse learning-curve`` writes: its tables and ``report.html``.
-
-        Parameters
-        ----------
-        cost : str, optional
-            Of one test, such as ``60,000 EUR``.
+        """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``.
 
         Raises
         ------
@@ -157,6 +186,7 @@ class LearningCurve:
         """
         from crashfuse.reporting.plots.display import Display
         from crashfuse.reporting.results import write_learning_curve
+        from crashfuse.study.one_more_test import Cost
 
         shown = Display.of(self.campaign.units, **display)
         write_learning_curve(self, folder, shown, None if cost is None else Cost.of(cost))
@@ -191,16 +221,7 @@ def learning_curve(
     repeats : int
         Random choices of each number of tests, beside the even ones.
     cache, watch, workers, scheduler
-        As in :func:`crashfuse.study.running.run_study`.
-
-    Raises
-    ------
-    UsageError, DataError
-        If there are fewer than two tests, the settings are wrong or a test cannot be rated.
-    Cancelled
-        If the watch was told to stop.
-    CrashfuseError
-        If workers die repeatedly, or the cluster cannot be reached or has other versions.
+        As in :func:`crashfuse.study.running.run_study`, which raises the same.
     """
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     if not (isinstance(repeats, Integral) and repeats >= 0):
@@ -241,7 +262,6 @@ def is_curve_cached(campaign: Campaign, config: StudyConfig, cache: Cache, repea
 def _predicted(
     campaign: Campaign, chosen: tuple[str, ...], cache: Cache, watch: Watch, *, config: StudyConfig
 ) -> list[tuple[tuple[str, ...], list[_Row]]]:
-    """Learn from the chosen tests, and predict and rate all others."""
     held_out = [test for test in campaign.tests if test.id not in chosen]
     training = campaign.without([test.id for test in held_out])
     as_in_studies = len(held_out) == 1
@@ -263,7 +283,7 @@ def _predicted(
 def _measured(estimate: Estimate, test: CrashTest, windows_ms: Sequence[float]) -> Iterator[_Row]:
     """One row for each window, with the forecast as plain JSON values."""
     forecast = metric_distributions(estimate.prediction, estimate.metric_errors, estimate.occupant)
-    plain = {name: None if own is None else astuple(own) for name, own in forecast.items()}
+    plain = {name: None if metric is None else astuple(metric) for name, metric in forecast.items()}
     for window in windows_ms:
         yield {**measure(estimate, test, window), _FORECAST: plain}
 
@@ -278,14 +298,8 @@ def measure(estimate: Estimate, test: CrashTest, window_ms: float) -> _Row:
         measured = test.pulse.accel_mps2[:n]
         inside = float(((measured >= lower) & (measured <= upper)).mean())
         half_width_g = float((upper - lower).mean()) / 2 / G
-    return {
-        "held_out": test.id,
-        "approach": estimate.approach,
-        "window_ms": float(window_ms),
-        "overall": rating.overall,
-        "inside": inside,
-        "half_width_g": half_width_g,
-    }
+    asked = {"held_out": test.id, "approach": estimate.approach, "window_ms": float(window_ms)}
+    return {**asked, "overall": rating.overall, "inside": inside, "half_width_g": half_width_g}
 
 
 def _table(
@@ -293,12 +307,13 @@ def _table(
 ) -> tuple[pd.DataFrame, tuple[dict[str, Distribution | None], ...]]:
     def rows() -> Iterator[_Row]:
         for part in parts:
-            about = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
-            yield from ({**about, **row} for row in known[part.chosen])
+            subset = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
+            yield from ({**subset, **row} for row in known[part.chosen])
 
     table = pd.DataFrame(rows()).astype({"inside": float, "half_width_g": float})
     forecasts = tuple(
-        {name: None if own is None else Distribution(*own) for name, own in row.items()} for row in table.pop(_FORECAST)
+        {name: None if metric is None else Distribution(*metric) for name, metric in row.items()}
+        for row in table.pop(_FORECAST)
     )
     return table, forecasts
 

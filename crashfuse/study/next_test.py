@@ -1,10 +1,9 @@
 """Next test: where one more test would shrink the displacement domain's band most, over a range of conditions.
 
-The bias is a Gaussian process, whose variance depends on where tests were run and not on their results. So the amount
-by which a test would shrink the band is known before it is run, and the next test is the one that shrinks its mean
-over a range most. This is the sequential design of Sacks et al., Statistical Science 4 (1989), or Cohn, Neural Networks
-9 (1996), but with the mean standard deviation, which is what an engineer sees, instead of the mean variance, which a
-few wide spots dominate.
+The bias is a Gaussian process, whose variance depends on where tests were run and not on their results: how much a test
+would shrink the band is known before it is run. This is the sequential design of Sacks et al., Statistical Science 4
+(1989), or Cohn, Neural Networks 9 (1996), but with the mean standard deviation, which is what an engineer sees, instead
+of the mean variance, which a few wide spots dominate.
 """
 
 from collections import Counter
@@ -29,12 +28,7 @@ _N_TARGETS = 48
 
 @dataclass(frozen=True, slots=True)
 class ConditionRange:
-    """The range of speeds and weights of interest, each of equal weight.
-
-    Parameters
-    ----------
-    low, high : Condition
-        Lowest and highest speed, front and rear weight; equal values keep one fixed. Both have the same factors.
+    """The range of speeds and weights of interest, for one combination of factors; equal limits keep a value fixed.
 
     Raises
     ------
@@ -56,13 +50,7 @@ class ConditionRange:
 
     @classmethod
     def of(cls, tests: Sequence[CrashTest]) -> Self:
-        """Create the range of speeds and weights of some tests, with the combination of factors tested most often.
-
-        Raises
-        ------
-        UsageError
-            If there is no test.
-        """
+        """The range of tests, with the combination of factors tested most often; a UsageError without tests."""
         if not tests:
             raise UsageError("A range needs a test at least, or limits of your own.")
         vectors = np.array([test.condition.vector for test in tests])
@@ -93,20 +81,12 @@ class ConditionRange:
 
 @dataclass(frozen=True, slots=True)
 class NextTest:
-    """A possible next test, and its effect on the band.
-
-    Parameters
-    ----------
-    before_mps2, after_mps2 : float
-        Half the width of the 95 % band of the bias in m/s², mean over the range: now, and after this test.
-    extrapolation : tuple of str
-        Notes on its inputs outside the CAE runs' range.
-    """
+    """A possible next test, and its effect on half the width of the 95 % band of the bias, mean over the range."""
 
     condition: Condition
     before_mps2: float
     after_mps2: float
-    extrapolation: tuple[str, ...] = ()
+    extrapolation: tuple[str, ...] = ()  # notes on its inputs outside the CAE runs' range
 
     def __repr__(self) -> str:
         return f"<NextTest at {self.condition}: {100 * self.gain:.1f} % narrower>"
@@ -126,18 +106,17 @@ def rank_next_tests(
     """Rank conditions by how much a test there would shrink the band over a range.
 
     The band is that of a new test's bias, including its specific deviation and stop. It is averaged over conditions
-    spread over the range and, for each, over displacement up to the crush of its CAE pulse: all stages of the crash
-    count equally, regardless of duration. A candidate is assumed to crush like its CAE pulse, and to scatter as tests
-    do. Hyperparameters stay those of the tests that were run; Student's t gets narrower too, as one more test shows
-    better how much tests differ. Other contributions to the band (rebound, emulator) are left out.
+    spread over the range and, for each, over displacement up to the crush of its CAE pulse. A candidate is assumed to
+    crush like its CAE pulse, and to scatter as tests do. Hyperparameters stay those of the tests that were run;
+    Student's t gets narrower too. Other contributions to the band (rebound, emulator) are left out.
 
     Parameters
     ----------
     domain : DisplacementDomain
         Fitted to all tests that were run, with the hierarchical bias.
     candidates : sequence of Condition, optional
-        By default 14 speeds at the middle weights: gains hardly depend on weight, and middle weights are most typical.
-        Candidates may lie outside the range, and outside that of the CAE runs.
+        By default 14 speeds at the middle weights: gains hardly depend on weight. Candidates may lie outside the range,
+        and outside that of the CAE runs.
     planned : sequence of Condition
         Tests that will be run anyway, treated as already run. To choose several tests, add the best one each time.
 

@@ -1,4 +1,4 @@
-"""What one more test would buy: gains along a learning curve, and the law that carries it one test further.
+"""What one more test would buy, and cost: gains along a learning curve, and the law that carries it one test further.
 
 Gains compare the same held-out tests. Beyond the campaign, the mean rating with n tests is taken to be
 
@@ -10,17 +10,22 @@ it, and beyond both by the 95 % of Student's t, from the scatter about the law a
 """
 
 import math
+import re
 from dataclasses import dataclass
 from itertools import pairwise, takewhile
+from typing import Self
 
 import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
 from crashfuse.approaches.registry import CLASSES
-from crashfuse.study.cost import Cost
+from crashfuse.errors import UsageError
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.wording import Quantity, Sentence, signed
+
+_NUMBER = r"\d{1,3}(?:,\d{3})+(?:\.\d+)?|\d+(?:\.\d+)?"
+_AMOUNT = re.compile(rf"(?P<before>[^\d\s.,+-]*)\s*(?P<number>{_NUMBER})\s*(?P<after>[^\d.,+-]*)")
 
 EXPONENTS = (0.5, 1.0, 2.0)
 """Of the law: the middle one for what is expected, all for its interval."""
@@ -30,19 +35,47 @@ _NOTHING = 0.0005  # a gain that is rounded to nothing
 
 
 @dataclass(frozen=True, slots=True)
-class Gain:
-    """Gain of mean rating from one number of tests to a higher one.
+class Cost:
+    """Cost of one test: an amount that the user enters, and its currency or an empty string."""
 
-    Attributes
-    ----------
-    gain, error : float
-        Mean and standard error of the difference over the held-out tests; the error is NaN for fewer than two.
-    """
+    amount: float
+    currency: str = ""
+
+    @classmethod
+    def of(cls, text: str) -> Self:
+        """Read an amount such as ``60000``, ``60,000 EUR`` or ``$60000``.
+
+        Raises
+        ------
+        UsageError
+            If it is no number above 0.
+        """
+        match = _AMOUNT.fullmatch(str(text).strip())
+        amount = float(match["number"].replace(",", "")) if match else 0.0
+        if match is None or not 0 < amount < math.inf:
+            raise UsageError(
+                f"The cost of a test is a number above 0, with a currency or without (60000, 60,000 EUR), not {text!r}."
+            )
+        return cls(amount, (match["before"] or match["after"]).strip())
+
+    def times(self, factor: float) -> str:
+        """A multiple of it, to two digits."""
+        value = self.amount * factor
+        digits = 1 - math.floor(math.log10(value))
+        return f"{round(value, digits):,.0f} {self.currency}".rstrip() if value >= 10 else f"{value:.2g}"
+
+    def __str__(self) -> str:
+        return f"{self.amount:,.10g} {self.currency}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """Gain of mean rating over the held-out tests from one number of tests to a higher one."""
 
     before: int
     after: int
     gain: float
-    error: float
+    error: float  # standard error; NaN for fewer than two held-out tests
 
     @property
     def per_test(self) -> float:
@@ -50,28 +83,20 @@ class Gain:
         return self.gain / (self.after - self.before)
 
     @property
-    def told(self) -> bool:
+    def is_clear(self) -> bool:
         """Whether the gain is above its standard error."""
         return self.gain > self.error
 
 
 @dataclass(frozen=True, slots=True)
 class OneMore:
-    """Gain of mean rating expected of one test beyond the campaign, with its 95 % interval.
+    """Gain of mean rating expected of one test beyond the campaign, with its 95 % interval."""
 
-    Attributes
-    ----------
-    n_tests : int
-        Number of tests of the campaign.
-    rating : float
-        Mean rating expected with one test more.
-    """
-
-    n_tests: int
+    n_tests: int  # of the campaign
     gain: float
     lower: float
     upper: float
-    rating: float
+    rating: float  # mean rating expected with one test more
 
 
 def gains(curve: LearningCurve) -> tuple[Gain, ...]:
@@ -84,10 +109,7 @@ def gains(curve: LearningCurve) -> tuple[Gain, ...]:
 
 
 def enough(curve: LearningCurve) -> Gain | None:
-    """The gain from the fewest tests from which all but one of them gain no more than twice the standard error.
-
-    None if the gain over any fewer tests is larger.
-    """
+    """The gain from the fewest tests beyond which all but one gain at most twice the standard error; None if more."""
     ratings = curve.by_test(curve.judged)
     *fewer, most = ratings.columns.tolist()
     steps = [_gain(ratings, size, most) for size in fewer]
@@ -111,7 +133,7 @@ def one_more(curve: LearningCurve) -> OneMore | None:
 
 
 def _law(ratings: pd.DataFrame, exponent: float) -> tuple[float, float]:
-    """The law's a by least squares, and its standard error: scatter about the law, and between the tests."""
+    """The law's a and its standard error: from scatter about the law, and between the tests."""
     means = ratings.mean().to_numpy()
     x = -(ratings.columns.to_numpy(dtype=np.float64) ** -exponent)
     x = x - x.mean()
@@ -126,74 +148,67 @@ def _law(ratings: pd.DataFrame, exponent: float) -> tuple[float, float]:
 def summary(curve: LearningCurve) -> pd.DataFrame:
     """One row for each approach, choice and number of tests, over the longest window.
 
-    Columns: approach, choice, n_tests, predictions (their number), rating and error (mean over the held-out tests, each
-    counted once, and its standard error), low and high (the central 80 % of the single predictions), inside and
-    half_width_g (means); decided too, if the curve has it.
+    Columns: approach, choice, n_tests, predictions (their number), rating and error (mean over the held-out tests and
+    its standard error), low and high (the central 80 % of the single predictions), inside, half_width_g and, if the
+    curve has it, decided (means).
     """
     shares = [name for name in ("inside", "half_width_g", "decided") if name in curve.table]
-    own = curve.table[curve.table["window_ms"] == curve.window_ms]
+    table, keys = curve.table[curve.table["window_ms"] == curve.window_ms], ["approach", "choice", "n_tests"]
     rows = []
-    for (approach, choice, n_tests), part in own.groupby(["approach", "choice", "n_tests"], sort=False):
+    for group, part in table.groupby(keys, sort=False):
         by_test = part.groupby("held_out")[["overall", *shares]].mean()
         low, high = part["overall"].quantile([0.1, 0.9])
-        rows.append(
-            {
-                "approach": approach,
-                "choice": choice,
-                "n_tests": n_tests,
-                "predictions": len(part),
-                "rating": by_test["overall"].mean(),
-                "error": _error(by_test["overall"]),
-                "low": low,
-                "high": high,
-                **{name: by_test[name].mean() for name in shares},
-            }
-        )
+        rating, error = by_test["overall"].mean(), _error(by_test["overall"])
+        means = {name: by_test[name].mean() for name in shares}
+        row = {"predictions": len(part), "rating": rating, "error": error, "low": low, "high": high, **means}
+        rows.append(dict(zip(keys, group, strict=True)) | row)
     return pd.DataFrame(rows)
 
 
 def sentences(curve: LearningCurve, cost: Cost | None = None) -> tuple[str, ...]:
     """Where the campaign stands, and what one more test would buy."""
     name, n = curve.judged, len(curve.campaign.tests)
-    said = [_standing(curve, name, n)]
+    statements = [_standing(curve, name, n)]
     if not CLASSES[name].learns_from_tests:
-        return (*said, f"{_capital(CLASSES[name].in_words)} learns from no test, so further tests change nothing.")
-    if found := gains(curve):
-        last = found[-1]
+        in_words = CLASSES[name].in_words
+        subject = in_words[:1].upper() + in_words[1:]
+        return (*statements, f"{subject} learns from no test, so further tests change nothing.")
+    if steps := gains(curve):
+        last = steps[-1]
         change = "gained" if last.gain >= 0 else "lost"
-        said.append(
+        statements.append(
             f"From {last.before} to {_count(last.after)} it {change} {abs(last.gain):.3f}{plus_minus(last.error)}"
-            f"{_price(last.per_test, cost) if last.told else ': no gain that can be told from scatter'}."
+            f"{_price(last.per_test, cost) if last.is_clear else ': no gain that can be told from scatter'}."
         )
-        said.append(_enough(curve))
-    said.append(_outlook(one_more(curve), n, cost))
-    return tuple(said)
+        statements.append(_enough(curve))
+    statements.append(_outlook(one_more(curve), n, cost))
+    return tuple(statements)
 
 
 def _standing(curve: LearningCurve, name: str, n: int) -> str:
     ratings, last = curve.by_test(name).iloc[:, -1], summary(curve).query("approach == @name").iloc[-1]
-    said = (
+    standing = (
         f"With {n - 1} of {n} tests {CLASSES[name].in_words} rates {ratings.mean():.3f}{plus_minus(_error(ratings))}"
         f" over 0–{curve.window_ms:g} ms (mean of {len(ratings)} held-out tests ± standard error)"
     )
     if "cae" in curve.config.approaches and name != "cae":
-        said += f"; the raw CAE model, without any test, {curve.by_test('cae').iloc[:, -1].mean():.3f}"
+        standing += f"; the raw CAE model, without any test, {curve.by_test('cae').iloc[:, -1].mean():.3f}"
     if not math.isnan(last.get("decided", math.nan)):
-        said += f". It decides {100 * last['decided']:.0f} % of the verdicts on metrics, counted over these tests"
+        standing += f". It decides {100 * last['decided']:.0f} % of the verdicts on metrics, counted over these tests"
     if math.isnan(last["half_width_g"]):
-        return f"{said}."
+        return f"{standing}."
     band, inside = Quantity((last["half_width_g"],), "g"), f"{100 * last['inside']:.0f} %"
-    return Sentence("{}. Its 95 % band is ± {} wide on average and holds {} of a(t).", said, band, inside)
+    return Sentence("{}. Its 95 % band is ± {} wide on average and holds {} of a(t).", standing, band, inside)
 
 
 def _enough(curve: LearningCurve) -> str:
     most = len(curve.campaign.tests) - 1
-    found = enough(curve)
-    if found is None:
+    gain = enough(curve)
+    if gain is None:
         return f"No fewer tests, chosen evenly over speed, rate as well as {most}."
     return (
-        f"{found.before} of these tests, chosen evenly over speed, may rate as well: with {most} it rates "
-        f"{signed(found.gain, 3)}{plus_minus(found.error)}, within twice the standard error."
+        f"{gain.before} of these tests, chosen evenly over speed, may rate as well: with {most} it rates "
+        f"{signed(gain.gain, 3)}{plus_minus(gain.error)}, within twice the standard error."
     )
 
 
@@ -233,7 +248,3 @@ def plus_minus(error: float) -> str:
 
 def _count(n: int) -> str:
     return f"{n} test{'s' * (n != 1)}"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -22,7 +22,7 @@ _LEAST_LACK = 1e-4  # of a rating to 1
 def agreement(prediction: Prediction) -> float:
     """How well a prediction's draws agree with it, 0 to 1: their median score over 0–60 ms; NaN without draws.
 
-    It is what they would be rated by corridor and slope, whose scores take no search for shifts and warps.
+    By corridor and slope, whose scores take no search for shifts and warps.
     """
     if prediction.draws_mps2 is None:
         return float("nan")
@@ -42,11 +42,7 @@ class RatingDistribution(Distribution):
 
     @classmethod
     def learned(
-        cls,
-        ratings: FloatArray,
-        away_mps: FloatArray,
-        agreements: FloatArray | float = np.nan,
-        here: float = np.nan,
+        cls, ratings: FloatArray, away_mps: FloatArray, agreements: FloatArray | float = np.nan, here: float = np.nan
     ) -> Self:
         """From ratings of left-out tests; three of them say little of their spread, so that of other campaigns counts.
 
@@ -55,12 +51,11 @@ class RatingDistribution(Distribution):
         ratings : ndarray, shape (n_tests,)
             Of left-out tests, one at least.
         away_mps : ndarray, shape (n_tests,)
-            Difference of their speeds from that of the test whose rating is asked for: the nearer, the more they count.
+            Difference of their speeds from the one asked for: the nearer, the more they count.
         agreements : ndarray, shape (n_tests,), optional
             The :func:`agreement` of the prediction of each; NaN without draws.
         here : float, optional
-            The same of the prediction whose rating is asked for. Bands are wider where less is known, and ratings
-            lower, by about half as much.
+            The same of the prediction whose rating is asked for: where less is known, ratings are lower.
         """
         weights = np.exp((away_mps.min() - away_mps) / _REACH_MPS)  # the nearest test counts once
         surer = np.nan_to_num(_logs(here) - _logs(agreements)) * np.ones_like(ratings)

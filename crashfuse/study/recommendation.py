@@ -12,10 +12,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from crashfuse.approaches.fused.weights import Scores
-from crashfuse.approaches.left_out import STRIDE
+from crashfuse.approaches.calibration import STRIDE
+from crashfuse.approaches.mixture import Scores
 from crashfuse.approaches.registry import BASELINE, CLASSES, by_preference
-from crashfuse.approaches.time_domain.about import AboutTimeDomain
+from crashfuse.approaches.time_domain.config import AboutTimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import require_a
@@ -23,8 +23,7 @@ from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import grade
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
-from crashfuse.study.fold import Fold
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.units import MPH, G
 from crashfuse.wording import Quantity, Sentence, joined, speed
 

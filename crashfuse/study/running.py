@@ -1,26 +1,181 @@
-"""Running a leave-one-out study: from a campaign to rated predictions.
+"""Running a leave-one-out study: hold out → fit → predict → rate.
 
-hold out → fit → predict → rate. The held-out test's pulse is used in the last step only, and after it for how well
-tests repeat: everything before works on ``campaign.without(test)``, whose fingerprint is also the key under which the
-prediction is cached.
+The held-out test's pulse is used in the last step only, and after it for how well tests repeat: everything before works
+on ``campaign.without(test)``, whose fingerprint is also the key under which the prediction is cached. Tests predicted
+from the same others are one task of a worker; what needs no network is computed first, or while the networks train.
 """
 
-from collections.abc import Hashable, Mapping, MutableMapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Mapping, MutableMapping, Sequence, Set
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, closing, nullcontext
+from dataclasses import dataclass, field, replace
+from functools import partial
 from numbers import Integral
 
+from crashfuse.approaches.fit_cache import FITS
+from crashfuse.approaches.registry import APPROACHES, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError, printable, several
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.memory import give_back
+from crashfuse.execution.one_thread import one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.workers import Local, Workers
-from crashfuse.study.config import StudyConfig
-from crashfuse.study.fold import Fold
-from crashfuse.study.plan import StudyPlan
+from crashfuse.study.config import StudyConfig, StudyPlan
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.repeatability import Repeatability, repeatability
-from crashfuse.study.study import Study
-from crashfuse.study.tasks import Computation, Wanted, found_in
+from crashfuse.study.study import Fold, Study
+
+_EARLY, _LATE = "Held-out predictions", "Held-out predictions by networks"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """One prediction of a study: of a test, by an approach that learned from all tests but those left out.
+
+    A speed group of one test is the same as that test left out alone, so it is predicted once.
+    """
+
+    left_out: tuple[str, ...]
+    test: str
+    approach: str
+
+
+Estimates = dict[Wanted, Estimate]
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Predictions that share their fits; without any, the repeatability of tests."""
+
+    wanted: tuple[Wanted, ...] = ()
+    repeated: tuple[str, ...] = ()
+
+
+def prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
+    """Compute once, on all cores, what no test's pulse affects; returns a new Cache on that folder."""
+    cae_only = campaign.without(campaign.test_ids)
+    conditions = [test.condition for test in campaign.tests]
+    shared = Cache(cache.folder)
+    for name in sorted(approaches):
+        config.create(name, shared).prepare(cae_only, conditions, watch)
+    give_back()
+    return shared
+
+
+def found_in(cache: Cache, campaign: Campaign, wanted: Sequence[Wanted], config: StudyConfig) -> Estimates:
+    """Those of these estimates that are in the cache."""
+    training = {left_out: campaign.without(left_out) for left_out in {one.left_out for one in wanted}}
+
+    def find(one: Wanted) -> Estimate | None:
+        return find_estimate(training[one.left_out], campaign.test(one.test).condition, one.approach, config, cache)
+
+    return {one: estimate for one in wanted if (estimate := find(one)) is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class Computation:
+    """Computes the estimates of a study that are not in the cache."""
+
+    campaign: Campaign
+    config: StudyConfig
+    cache: Cache
+    watch: Watch
+    workers: Workers
+    known: Estimates  # new ones are added
+    on_more: Callable[[], None]  # called each time that more is known
+    seconds: dict[str, float] = field(default_factory=dict)  # duration of the training, and of all
+
+    def run(self, wanted: Sequence[Wanted], repeated: tuple[str, ...]) -> None:
+        """Compute these; and the repeatability of these tests, where workers have time for it."""
+        start = time.perf_counter()
+        missing = [one for one in wanted if one not in self.known]
+        late = [one for one in missing if CLASSES[one.approach].trains_networks]
+        early = [one for one in missing if not CLASSES[one.approach].trains_networks]
+        tasks = _tasks(early)
+        shared = self._prepared(missing, trained=False)
+        elsewhere = self.workers.are_elsewhere(tasks)
+        if elsewhere:  # what is not known of repeatability in the end is computed there
+            tasks.append(Task(repeated=repeated))
+        if elsewhere and late:
+            trained = self._train_beside(tasks, late, shared, early)
+            self._compute(_tasks(late), trained, _LATE, late)
+        else:  # here, one after the other: what can be shown first is not delayed by training
+            self._compute(tasks, shared, _EARLY, early)
+            if late:
+                self._compute(_tasks(late), self._prepared(late), _LATE, late)
+        self.seconds["held_out_tests"] = time.perf_counter() - start
+
+    def _train_beside(
+        self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Cache, early: Sequence[Wanted]
+    ) -> Cache:
+        """Train the networks in a thread of this process, while the workers compute what needs none."""
+        stop = threading.Event()
+        with ThreadPoolExecutor(1, "training") as thread:
+            try:
+                training = thread.submit(self._prepared, late, watch=self.watch.also_cancelled_by(stop))
+                self._compute(tasks, shared, _EARLY, early)
+                trained = training.result()
+            finally:
+                stop.set()
+        trained.used |= {name for name in shared.used if name.startswith(FITS)}  # mixtures are made of them
+        return trained
+
+    def _prepared(self, wanted: Sequence[Wanted], *, trained: bool = True, watch: Watch | None = None) -> Cache:
+        start = time.perf_counter()
+        names = {one.approach for one in wanted if trained or not CLASSES[one.approach].trains_networks}
+        shared = prepare(self.campaign, names, self.config, self.cache, watch or self.watch)
+        self.seconds["prepare"] = time.perf_counter() - start
+        return shared
+
+    def _compute(self, tasks: Sequence[Task], shared: Cache, step: str, wanted: Sequence[Wanted]) -> None:
+        """Compute tasks; progress is that of fits, which take the time however many tests each of them predicts."""
+        work, fits = partial(_computed, config=self.config.on_this_device), _fits(wanted)
+        with closing(self.workers.completed(work, self.campaign, tasks, shared, self.watch)) as completed:
+            for estimates in completed:
+                self.known.update(estimates)
+                if fits:
+                    left = _fits([one for one in wanted if one not in self.known])
+                    self.watch.report(step, len(fits - left), len(fits))
+                if estimates:
+                    self.on_more()
+
+
+def _fits(wanted: Sequence[Wanted]) -> set[tuple[tuple[str, ...], str]]:
+    return {(one.left_out, one.approach) for one in wanted}
+
+
+def _tasks(wanted: Sequence[Wanted]) -> list[Task]:
+    """One task for each set of tests left out."""
+    by_left_out = defaultdict[tuple[str, ...], list[Wanted]](list)
+    for one in wanted:
+        by_left_out[one.left_out].append(one)
+    return [Task(tuple(shared)) for shared in by_left_out.values()]
+
+
+def _computed(
+    campaign: Campaign, task: Task, cache: Cache, watch: Watch, *, config: StudyConfig
+) -> list[tuple[Wanted, Estimate]]:
+    """Compute a task; what it finds is in the cache, too."""
+    if task.repeated:
+        repeatability(campaign, config.windows_ms, task.repeated, seed=config.seed, cache=cache, watch=watch)
+        return []
+    training = campaign.without(task.wanted[0].left_out)
+    estimates: list[tuple[Wanted, Estimate]] = []
+    with one_thread_throughout():
+        # mixtures come last, so that they find the fits of the others in the cache
+        names = sorted({one.approach for one in task.wanted}, key=APPROACHES.index)
+        fits = {name: Fit.of(training, name, config, cache=cache, watch=watch) for name in names}
+        for test in dict.fromkeys(one.test for one in task.wanted):
+            wanted = [one for one in task.wanted if one.test == test]
+            predicted = estimates_at([fits[one.approach] for one in wanted], campaign.test(test).condition)
+            for estimate in predicted:
+                store_estimate(estimate, training, config, cache)
+            estimates += zip(wanted, predicted, strict=True)
+    return estimates
 
 
 def run_study(
@@ -39,29 +194,24 @@ def run_study(
 
     Parameters
     ----------
-    held_out : sequence of str, or str
-        Ids of the tests to leave out in turn; empty for all.
-    approaches : sequence of str, or str
-        Names of the approaches; empty for those of the config.
+    held_out, approaches : sequence of str, or str
+        Ids of the tests to leave out in turn, and names of the approaches; empty for all, and for those of the config.
     cache : Cache, optional
-        Finished predictions are read from it and stored in it, so an interrupted study continues where it stopped.
+        Keeps finished predictions: an interrupted study continues where it stopped.
     watch : Watch, optional
         It is shown a study of what is known each time that more is: of the tests predicted so far, by the approaches
-        that are known for all of them, or for some (see ``Fold.ratings``). What needs no network comes first.
-        Repeatability is not known then.
+        known for all of them, without repeatability. What needs no network comes first.
     workers : int, optional
         Number of processes for the folds; default one per core. The results do not depend on it.
     scheduler : str, optional
-        Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds:
-        :class:`crashfuse.execution.cluster.Cluster`.
+        Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds.
     folds : mutable mapping, optional
-        Finished folds by their :func:`fold_key`: folds found here are not computed or rated again, and new ones are
-        added.
+        Finished folds by their :func:`fold_key`, which are not computed or rated again; new ones are added.
 
     Raises
     ------
     UsageError, DataError
-        If the study is impossible, see :class:`crashfuse.study.plan.StudyPlan`.
+        If the study is impossible, see :class:`crashfuse.study.config.StudyPlan`.
     Cancelled
         If the watch was told to stop.
     CrashfuseError
@@ -90,28 +240,28 @@ def run_plan(
         for test in plan.held_out
     }
     finished = {key: fold for key in by_fold if (fold := (folds or {}).get(key)) is not None}
-    wanted = [each for key, own in by_fold.items() if key not in finished for each in own]
+    wanted = [one for key, fold in by_fold.items() if key not in finished for one in fold]
     known = found_in(cache, campaign, wanted, config)
 
     rated: dict[tuple[Wanted, ...], Fold] = {}
 
     def known_of(key: Hashable) -> Fold | None:
         """What is known of a fold, rated; None if nothing is."""
-        own = tuple(each for each in by_fold[key] if each in known)
-        if key not in finished and own and own not in rated:
-            rated[own] = Fold.of(campaign.test(own[0].test), [known[each] for each in own], config.windows_ms)
-        return finished.get(key) or rated.get(own)
+        part = tuple(one for one in by_fold[key] if one in known)
+        if key not in finished and part and part not in rated:
+            rated[part] = Fold.of(campaign.test(part[0].test), [known[one] for one in part], config.windows_ms)
+        return finished.get(key) or rated.get(part)
 
     def show_part() -> None:
-        some = {key: own for key in by_fold if (own := known_of(key)) is not None} if watch.wants_parts else {}
-        names = tuple(name for name in config.approaches if all(name in own.ratings for own in some.values()))
-        if names and any(fold_key(campaign, plan.configs[0], test) in some for test in plan.held_out):
-            watch.show_part(_joined(plan, replace(config, approaches=names), some, {}, {}))
+        parts = {key: fold for key in by_fold if (fold := known_of(key)) is not None} if watch.wants_parts else {}
+        names = tuple(name for name in config.approaches if all(name in fold.ratings for fold in parts.values()))
+        if names and any(fold_key(campaign, plan.configs[0], test) in parts for test in plan.held_out):
+            watch.show_part(_joined(plan, replace(config, approaches=names), parts, {}, {}))
 
     with workers_at(scheduler, workers) as place:
         computation = Computation(campaign, config, cache, watch, place, known, show_part)
         computation.run(wanted, plan.held_out)
-    finished |= {key: own for key in by_fold if key not in finished and (own := known_of(key)) is not None}
+    finished |= {key: fold for key in by_fold if key not in finished and (fold := known_of(key)) is not None}
     if folds is not None:
         folds.update(finished)
     repeats = repeatability(campaign, config.windows_ms, plan.held_out, seed=config.seed, cache=cache, watch=watch)
@@ -125,7 +275,6 @@ def _joined(
     seconds: dict[str, float],
     repeats: Mapping[str, Mapping[float, Repeatability]],
 ) -> Study:
-    """The study of these folds with these approaches, that of speed groups within it if there is one."""
 
     def study(way: StudyConfig) -> Study:
         keys = [fold_key(plan.campaign, way, test) for test in plan.held_out]
@@ -138,7 +287,7 @@ def _joined(
 
 
 def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
-    """Key of everything that determines the fold of a test; the config is one of ``split_configs``."""
+    """Key of all that determines the fold of a test; the config is one of ``split_configs``."""
     return campaign.fingerprint, replace(config, leave_out="test"), config.left_out(campaign, test_id), test_id
 
 

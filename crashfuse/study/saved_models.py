@@ -1,7 +1,7 @@
 """Files of fitted approaches: arrays as safetensors, the rest as JSON in the header, no code.
 
 A model belongs to the data that it learned from: it contains their fingerprint, and is loaded together with them. Its
-predictions are bit-identical to those when it was saved, so campaign and model suffice to check published results.
+predictions are bit-identical to those when it was saved.
 """
 
 import hashlib
@@ -76,12 +76,7 @@ def model_bytes(fit: Fit, campaign: Campaign) -> bytes:
 
 
 def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = None) -> Fit:
-    """Load a model together with the campaign that it learned from.
-
-    Parameters
-    ----------
-    cache : Cache, optional
-        Storage for the trained emulator of the CAE model.
+    """Load a model together with the campaign that it learned from; the cache keeps the emulator of the CAE model.
 
     Raises
     ------
@@ -106,13 +101,12 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
 
 
 def _check(path: Path, record: dict[str, Any], campaign: Campaign) -> None:
-    """Raise if the model has the name of another, comes from other versions, or learned from other data."""
     approach = record["approach"]
     if approach in CLASSES and path.stem != approach and path.name in map(model_file, CLASSES):
         raise DataError(Problem(str(path), f"a model of {path.stem}", f"one of {approach}", "give it its name back"))
     made, here = record["versions"], versions()
     if differing := [name for name in here if made.get(name) != here[name]]:
-        expected, found = (", ".join(f"{name} {own.get(name)}" for name in differing) for own in (here, made))
+        expected, found = (", ".join(f"{name} {there.get(name)}" for name in differing) for there in (here, made))
         raise DataError(Problem(str(path), f"a model made with {expected}", f"one made with {found}", _AGAIN))
     if record["fingerprint"] != campaign.fingerprint:
         expected = f"a model of the data in {campaign.name} (fingerprint {campaign.fingerprint[:12]}…)"

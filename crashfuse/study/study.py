@@ -1,21 +1,27 @@
-"""What a leave-one-out study found: its folds, and what they say together."""
+"""A leave-one-out study (cross-validation): a fold for each test left out, and what the folds say together."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from crashfuse.approaches.calibration import Calibration, shares_inside
+from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
 from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.metrics import checked_metrics
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
+from crashfuse.signals.rating import Ratings, rate_many, rate_windows
+from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.fold import Fold
+from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
+
+_RATED_DRAWS = 100
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -30,15 +36,97 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
+class Fold:
+    """One held-out test with the prediction of each approach: the only place where both are compared."""
+
+    test: CrashTest
+    estimates: tuple[Estimate, ...]
+    ratings: dict[str, Ratings]  # by approach, then by window in ms
+    _drawn: dict[tuple[str, float], FloatArray] = field(default_factory=dict, repr=False)
+    _explained: dict[tuple[str, float], RatingExplanation] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, test: CrashTest, estimates: Sequence[Estimate], windows_ms: Sequence[float]) -> Self:
+        """Rate the predictions for a test, whose pulse is first used here."""
+        ratings = {
+            estimate.approach: rate_windows(test.pulse, Pulse(GRID_S, estimate.prediction.accel_mps2), windows_ms)
+            for estimate in estimates
+        }
+        return cls(test, tuple(estimates), ratings)
+
+    def __repr__(self) -> str:
+        window_ms = max(next(iter(self.ratings.values()), {0.0: None}))
+        rated = ", ".join(f"{name} {by_window[window_ms].overall:.3f}" for name, by_window in self.ratings.items())
+        return f"<Fold of {self.held_out}: {rated} (0–{window_ms:g} ms)>"
+
+    @property
+    def held_out(self) -> str:
+        """Id of the held-out test."""
+        return self.test.id
+
+    @property
+    def with_band(self) -> tuple[str, ...]:
+        """Names of the approaches whose predictions have a band."""
+        return tuple(e.approach for e in self.estimates if e.prediction.draws_mps2 is not None)
+
+    def coverage(self, approach: str) -> Coverage | None:
+        """Whether the test lies inside an approach's band, its crush and peak inside calibrated intervals; or None.
+
+        The band counts for crush and peak where their intervals are unknown.
+        """
+        estimate = self.estimate(approach)
+        draws, speed_mps = estimate.prediction.draws_mps2, self.test.condition.speed_mps
+        if draws is None:
+            return None
+        band, intervals = Coverage.of(self.test, draws), {metric.name: metric for metric in estimate.metrics}
+        measured = {m.name: m.value for m in checked_metrics(self.test.pulse.accel_mps2, speed_mps)}
+        crush, peak = (intervals[name].holds(measured[name]) for name in ("max_crush", "peak"))
+        return replace(band, crush=band.crush if crush is None else crush, peak=band.peak if peak is None else peak)
+
+    def estimate(self, approach: str) -> Estimate:
+        """The estimate of this approach; a UsageError if the study is without it."""
+        return one_of("prediction of this test by", approach, {e.approach: e for e in self.estimates})
+
+    def explained(self, approach: str, window_ms: float) -> RatingExplanation:
+        """What the rating of an approach's prediction over [0, window_ms) is made of."""
+        key = approach, window_ms
+        if key not in self._explained:
+            predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
+            self._explained[key] = explain_rating(self.test.pulse, predicted, window_ms)
+        return self._explained[key]
+
+    def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
+        """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,).
+
+        If the band is right, these are plausible ratings of a repeated test.
+        """
+        key = approach, window_ms
+        if key not in self._drawn:  # a hundred ratings: computed on request, and once
+            draws = self.estimate(approach).prediction.draws_mps2
+            if draws is None:
+                raise UsageError(f"{approach} has no band to draw pulses from.")
+            n = round(window_ms / 1e3 / DT_S)
+            chosen = draws[:: -(-len(draws) // _RATED_DRAWS), :n]
+            rated = rate_many(self.test.pulse.accel_mps2[:n], chosen, dt_s=DT_S)
+            self._drawn[key] = np.array([rating.overall for rating in rated])
+        return self._drawn[key]
+
+    def rating_interval(self, approach: str, window_ms: float) -> tuple[float, float]:
+        """Central 95 % interval of the ratings of drawn pulses."""
+        lower, upper = np.quantile(self.rating_draws(approach, window_ms), [0.025, 0.975])
+        return float(lower), float(upper)
+
+
+@dataclass(frozen=True, eq=False)
 class Study:
     """A finished study: one fold for each held-out test, in the order of the campaign.
 
     Attributes
     ----------
     speed_groups : Study, optional
-        The same tests, each left out with all others at about its speed, if both were requested and are possible.
+        The same tests, each left out with all others at about its speed, if both ways were requested.
     repeatability : mapping of str to mapping of float to Repeatability
-        By test, then window in ms, see :func:`crashfuse.study.repeatability.repeatability`.
+        By test, then window in ms.
     """
 
     campaign: Campaign
@@ -49,13 +137,7 @@ class Study:
     repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)
 
     def fold(self, held_out: str) -> Fold:
-        """The fold with this test held out.
-
-        Raises
-        ------
-        UsageError
-            If there is none.
-        """
+        """The fold with this test held out; a UsageError if there is none."""
         for fold in self.folds:
             if fold.held_out == held_out:
                 return fold
@@ -187,8 +269,8 @@ class Study:
 
     def repeats(self, window_ms: float) -> dict[str, Repeatability]:
         """What a repeat of each held-out test would rate over one window, where it is known."""
-        found = {fold.held_out: self.repeatability.get(fold.held_out, {}).get(window_ms) for fold in self.folds}
-        return {test: repeat for test, repeat in found.items() if repeat is not None}
+        known = {fold.held_out: self.repeatability.get(fold.held_out, {}).get(window_ms) for fold in self.folds}
+        return {test: repeat for test, repeat in known.items() if repeat is not None}
 
     def rating_spread(self, window_ms: float) -> dict[str, dict[str, tuple[float, float, float]]]:
         """Overall rating over one window and interval of single draws, by test and approach with a band."""
@@ -203,12 +285,11 @@ class Study:
     @cached_property
     def coverage(self) -> dict[str, Calibration]:
         """Coverage of the held-out tests by the 95 % bands and intervals of each approach that has them."""
-        found: dict[str, Calibration] = {}
-        for name in self.config.approaches:
-            inside = tuple(own for fold in self.folds if (own := fold.coverage(name)) is not None)
-            if inside:
-                found[name] = Calibration(1.0, inside)
-        return found
+        by_approach = {
+            name: tuple(own for fold in self.folds if (own := fold.coverage(name)) is not None)
+            for name in self.config.approaches
+        }
+        return {name: Calibration(1.0, coverages) for name, coverages in by_approach.items() if coverages}
 
     @cached_property
     def reliability(self) -> dict[str, FloatArray]:
@@ -218,4 +299,4 @@ class Study:
             for estimate in fold.estimates:
                 if (draws := estimate.prediction.draws_mps2) is not None:
                     shares[estimate.approach].append(shares_inside(fold.test, draws))
-        return {name: np.mean(own, axis=0) for name, own in shares.items()}
+        return {name: np.mean(rows, axis=0) for name, rows in shares.items()}

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,29 +26,19 @@ _GAP_MPS = 3 * MPH  # widest gap between speeds of CAE runs that counts as cover
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sweep:
-    """Metrics predicted by one approach over impact speed.
-
-    Attributes
-    ----------
-    condition : Condition
-        Condition with the weights and factors used at all speeds.
-    speeds_mps : ndarray, shape (n,)
-        Impact speeds, ascending.
-    metrics : tuple of tuple of Metric
-        All metrics of the pulse at each speed.
-    """
+    """Metrics predicted by one approach over impact speed."""
 
     approach: str
-    condition: Condition
-    speeds_mps: FloatArray
-    metrics: tuple[tuple[Metric, ...], ...]
+    condition: Condition  # weights and factors at all speeds
+    speeds_mps: FloatArray  # ascending, shape (n,)
+    metrics: tuple[tuple[Metric, ...], ...]  # all metrics of the pulse at each speed
 
     def __repr__(self) -> str:
         return f"<Sweep by {self.approach} over {len(self.metrics)} speeds>"
 
     def over_speed(self, metric: str) -> tuple[Metric, ...]:
         """One metric at each speed."""
-        return tuple(own for metrics in self.metrics for own in metrics if own.name == metric)
+        return tuple(value for metrics in self.metrics for value in metrics if value.name == metric)
 
 
 def sweep_speed(
@@ -60,15 +51,8 @@ def sweep_speed(
 ) -> tuple[Sweep, ...]:
     """Predict at several impact speeds (such as :func:`usual_speeds`), all else equal: one sweep for each fit.
 
-    All fits are of one campaign; shared parts are computed once. The condition's own speed is ignored. ``each`` is
-    called with the estimates at each speed; the sweep itself keeps their metrics only.
-
-    Raises
-    ------
-    UsageError
-        If a speed or a weight is not above 0.
-    Cancelled
-        If the watch was told to stop.
+    All fits are of one campaign. ``each`` is called with the estimates at each speed; the sweep keeps their metrics
+    only. Raises as :func:`crashfuse.study.estimate.estimates_at`, and Cancelled if the watch was told to stop.
     """
     speeds = np.unique(speeds_mps)
     rows = []
@@ -87,8 +71,7 @@ def sweep_speed(
 def usual_speeds(campaign: Campaign) -> FloatArray:
     """Every full mph in the range of a campaign's CAE runs and tests, and the ends of that range, in m/s.
 
-    The range begins and ends with a run or test whose vehicle stops within the record, as most metrics need that;
-    those slower than 5 mph are ignored.
+    The ends are runs or tests of 5 mph at least whose vehicle stops within the record, as most metrics need.
     """
     runs = zip(campaign.cae.vectors[:, 0].tolist(), campaign.cae.accel_mps2, strict=True)
     crashes = [*runs, *((test.condition.speed_mps, test.pulse.accel_mps2) for test in campaign.tests)]
@@ -114,9 +97,7 @@ def _stops(accel_mps2: FloatArray, speed_mps: float) -> bool:
 def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tuple[tuple[float, float], ...]:
     """Parts of a range of speeds without CAE runs, as (from, to) in m/s: beyond all runs, or in wide gaps."""
     speeds = np.unique(library.vectors[:, 0])
-    inner = [
-        pair for pair in zip(speeds[:-1].tolist(), speeds[1:].tolist(), strict=True) if pair[1] - pair[0] > _GAP_MPS
-    ]
+    inner = [(low, high) for low, high in pairwise(speeds.tolist()) if high - low > _GAP_MPS]
     parts = [(low_mps, float(speeds[0])), *inner, (float(speeds[-1]), high_mps)]
     clipped = ((max(start, low_mps), min(end, high_mps)) for start, end in parts)
     return tuple((start, end) for start, end in clipped if start < end)
@@ -124,26 +105,21 @@ def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tu
 
 def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
     """Sentences on the speeds at which a metric has no value, and on what the record is too short for there."""
-    said = []
+    missing = []
     for sweep in sweeps:
-        gaps = [
-            (v0, own)
-            for v0, own in zip(sweep.speeds_mps.tolist(), sweep.over_speed(metric), strict=True)
-            if own.value is None
-        ]
-        if gaps:
-            (low, own), (high, _) = gaps[0], gaps[-1]
+        over_speed = zip(sweep.speeds_mps.tolist(), sweep.over_speed(metric), strict=True)
+        if gaps := [(v0, value) for v0, value in over_speed if value.value is None]:
+            (low, first), (high, _) = gaps[0], gaps[-1]
             where = f"{{}} ({len(gaps)} of {len(sweep.metrics)} speeds, from {{}})"
-            said.append((Sentence(where, LABELS[sweep.approach], speed(low, high, between=" to ")), [own]))
-    return missing_sentences(said)
+            missing.append((Sentence(where, LABELS[sweep.approach], speed(low, high, between=" to ")), [first]))
+    return missing_sentences(missing)
 
 
 def weights_sentence(condition: Condition, tests: Sequence[CrashTest]) -> str:
     """A sentence on the weights of a sweep, and on the different ones of the tests."""
-    own = weight(condition.front_weight_kg), weight(condition.rear_weight_kg)
-    said = Sentence("Swept at front {}, rear {}.", *own)
+    swept = Sentence("Swept at front {}, rear {}.", weight(condition.front_weight_kg), weight(condition.rear_weight_kg))
     if not tests:
-        return said
+        return swept
     weights = np.array([test.condition.vector[1:] for test in tests])
     front, rear = (weight(*ends) for ends in zip(weights.min(axis=0), weights.max(axis=0), strict=True))
-    return Sentence("{} The tests were run with weights of their own: front {}, rear {}.", said, front, rear)
+    return Sentence("{} The tests were run with weights of their own: front {}, rear {}.", swept, front, rear)

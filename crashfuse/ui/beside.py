@@ -12,6 +12,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.nearness import nearest_tests
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -19,7 +20,6 @@ from crashfuse.reporting.figures import RUN, Further, prediction_name, pulse_nam
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
-from crashfuse.study.nearest import nearest_tests
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
 from crashfuse.ui.earlier import EARLIER, Earlier, earlier_of_test

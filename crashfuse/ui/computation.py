@@ -23,14 +23,12 @@ from crashfuse.files.archive import zipped
 from crashfuse.reporting.earlier_prediction import otherwise
 from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, Fit, estimates_at
-from crashfuse.study.estimate_cache import is_estimate_cached
-from crashfuse.study.fold import Fold
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.study.running import fold_key, run_study
 from crashfuse.study.saved_models import model_bytes, model_file
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.study.sweep import sweep_speed, usual_speeds
 from crashfuse.ui import address
 from crashfuse.ui.jobs import Job, Jobs

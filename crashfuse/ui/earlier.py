@@ -14,10 +14,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.earlier_prediction import LEFT_OUT, EarlierPrediction, earlier_name, otherwise
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.earlier_settings import earlier_settings, past_settings
-from crashfuse.study.estimate import Estimate
-from crashfuse.study.estimate_cache import find_estimate
-from crashfuse.study.history import past_results
+from crashfuse.study.estimate import Estimate, find_estimate
+from crashfuse.study.history import earlier_settings, past_results, past_settings
 from crashfuse.ui import address, explanations
 from crashfuse.ui.computation import StudyRequest, chosen_config, jobs
 from crashfuse.ui.panel import result_or_none

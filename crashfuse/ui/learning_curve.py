@@ -14,9 +14,8 @@ from crashfuse.reporting.report import learning_curve_report
 from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
 from crashfuse.reporting.result_tables import curve_table, gains_table
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.cost import Cost
 from crashfuse.study.learning_curve import CURVE_CONFIG, LearningCurve, is_curve_cached, learning_curve
-from crashfuse.study.one_more_test import sentences
+from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import Request, said_of
 from crashfuse.ui.downloads import download_report, download_table

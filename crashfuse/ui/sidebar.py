@@ -5,8 +5,7 @@ import streamlit as st
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem
 from crashfuse.reporting.plots.display import Display
-from crashfuse.study.config import WINDOWS_MS
-from crashfuse.study.telling_test import telling_test
+from crashfuse.study.config import WINDOWS_MS, telling_test
 from crashfuse.ui import address, campaigns, login
 from crashfuse.ui.chosen import ASKED, NOT_FOUND, View, choose_held_out, forget
 from crashfuse.ui.computation import jobs

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from crashfuse.approaches.calibration import Calibration, Coverage, calibrate, shares_inside, widening_far
-from crashfuse.approaches.left_out import LeftOut
+from crashfuse.approaches.calibration import Calibration, Coverage, LeftOut, calibrate, shares_inside, widening_far
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -103,8 +102,9 @@ def test_what_is_kept_of_a_check_is_the_check() -> None:
     """A row of five numbers a test, and the factors, give it back; what it tells is plain and rounded."""
     tests = (Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False), Coverage(0.93, 1.0, 0.5, False, True))
     check = Calibration(1.3, tests, 1.5, 1.25)
-    np.testing.assert_array_equal(check.inside, [[0.91, 0.97236, np.nan, 1, 0], [0.93, 1.0, 0.5, 0, 1]])
-    again = Calibration.of(check.widening, check.inside, check.late_widening, check.far)
+    learned = check.learned()
+    np.testing.assert_array_equal(learned.arrays["inside"], [[0.91, 0.97236, np.nan, 1, 0], [0.93, 1.0, 0.5, 0, 1]])
+    again = Calibration.restored(learned)
     assert (again.widening, again.late_widening) == (1.3, 1.5)
     assert again.state == check.state == {
         "widening": 1.3,
@@ -119,7 +119,7 @@ def test_what_is_kept_of_a_check_is_the_check() -> None:
         "peak_inside": 1,
     }  # fmt: skip
     assert list(again.state)[-5:] == [f"{name}_inside" for name in ("accel", "velocity", "rebound", "crush", "peak")]
-    nothing = Calibration.of(1.0, Calibration(1.0, ()).inside)
+    nothing = Calibration.restored(Calibration(1.0, ()).learned())
     assert (nothing.tests, nothing.late_widening) == ((), None)
     assert "late_widening" not in nothing.state
 

@@ -15,8 +15,7 @@ from crashfuse.reporting.plots.palette import IN_THE_DARK, PAPER
 from crashfuse.reporting.report import ReportForm, ReportOptions, study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.fold import Fold
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.units import G
 from tests.browser.conftest import CURVES, FIGURE, MAIN, PAIRED, PILL, press_tool, rows
 from tests.conftest import ROOT

@@ -23,7 +23,7 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate_cache import estimate_at
+from crashfuse.study.estimate import estimate_at
 from crashfuse.units import KPH, MPH, G
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]

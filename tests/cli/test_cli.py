@@ -26,7 +26,7 @@ from crashfuse.cli.output import display_of
 from crashfuse.reporting.results import RESULT_FILES
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.signals.pulse import GRID_S
-from crashfuse.study.plan import StudyPlan
+from crashfuse.study.config import StudyPlan
 from crashfuse.testing import small_campaign
 from crashfuse.units import MS
 from crashfuse.version import __version__

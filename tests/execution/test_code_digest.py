@@ -9,10 +9,10 @@ from crashfuse.execution.code_digest import code_digest
 from tests.conftest import ROOT
 
 EMULATOR, TIME, DISPLACEMENT, PREDICTION = (
-    "crashfuse.cae.emulator",
+    "crashfuse.cae.model",
     "crashfuse.approaches.time_domain.lf_tcn",
     "crashfuse.approaches.displacement_domain.approach",
-    "crashfuse.study.estimate_cache",
+    "crashfuse.study.estimate",
 )
 CODE = "\n\ndef another() -> int:\n    return 1\n"
 
@@ -46,7 +46,7 @@ def test_what_is_only_read_by_people_counts_for_nothing(tmp_path: Path, added: s
     ("file", "changed"),
     [
         ("signals/pulse.py", {EMULATOR, TIME, DISPLACEMENT, PREDICTION}),
-        ("cae/emulator.py", {EMULATOR, DISPLACEMENT, PREDICTION}),
+        ("cae/model.py", {EMULATOR, DISPLACEMENT, PREDICTION}),
         ("approaches/time_domain/network.py", {TIME, PREDICTION}),
         ("approaches/displacement_domain/gaussian_process.py", {DISPLACEMENT, PREDICTION}),
         ("study/config.py", {PREDICTION}),
@@ -62,7 +62,7 @@ def test_a_docstring_that_is_rewritten_counts_for_nothing(tmp_path: Path) -> Non
     """Even one within a class."""
     package = tmp_path / "crashfuse"
     shutil.copytree(ROOT / "crashfuse", package)
-    path = package / "cae" / "emulator.py"
+    path = package / "cae" / "model.py"
     text = path.read_text(encoding="utf-8")
     assert "Train on all runs of the library." in text
     path.write_text(text.replace("Train on all runs of the library.", "Learn."), encoding="utf-8")

@@ -9,8 +9,7 @@ from crashfuse.reporting.earlier_prediction import EarlierPrediction
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.fold import Fold
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.units import G
 from tests.reporting.conftest import with_and_without_band
 

@@ -8,8 +8,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.reporting.fit_explanations import coverage_table, fit_sentences, fit_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.fold import Fold
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 
 INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
 STATE = {

@@ -12,8 +12,8 @@ from crashfuse import Campaign, Condition, Study, StudyConfig
 from crashfuse.approaches.base import Prediction
 from crashfuse.reporting.notebook import card
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.fold import Fold
 from crashfuse.study.repeatability import Repeatability
+from crashfuse.study.study import Fold
 from crashfuse.wording import KPH_KG
 
 CONFIG = StudyConfig(approaches=("cae",))

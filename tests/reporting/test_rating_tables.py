@@ -22,9 +22,8 @@ from crashfuse.reporting.rating_tables import (
 from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.fold import Fold
 from crashfuse.study.repeatability import Repeatability
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from tests.signals.test_rating_explanation import TEST, bump, pulse
 
 

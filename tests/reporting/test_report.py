@@ -21,9 +21,8 @@ from crashfuse.run_quality import NAMED_LIMITS, RunQuality
 from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.fold import Fold
 from crashfuse.study.repeatability import Repeatability
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 
 CONFIG = StudyConfig(approaches=("cae",))
 

@@ -23,8 +23,7 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
-from crashfuse.study.fold import Fold
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.study.sweep import sweep_speed
 from crashfuse.units import KPH, MPH, G
 

@@ -14,7 +14,7 @@ from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.study_figures import OF_A_TEST, OF_ALL_TESTS
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.fold import Fold
+from crashfuse.study.study import Fold
 from crashfuse.units import G
 from tests.reporting.conftest import with_and_without_band
 

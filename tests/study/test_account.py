@@ -12,10 +12,9 @@ from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.account import account, worst_test
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate_cache import store_estimate
+from crashfuse.study.estimate import store_estimate
 from crashfuse.study.expected_rating import expected_rating
-from crashfuse.study.fold import Fold
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.units import G
 from tests.study.test_recommendation import estimate
 

@@ -1,4 +1,4 @@
-"""An approach at a condition: impossible ones are refused; fits are kept by all that decides them."""
+"""An approach at a condition: impossible ones are refused; fits and predictions are kept by all that decides them."""
 
 import threading
 from collections import defaultdict
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
@@ -20,8 +20,8 @@ from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import DT_S, kinematics
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Fit, estimates_at
-from crashfuse.study.estimate_cache import estimate_at
+from crashfuse.study.estimate import Fit, estimate_at, estimates_at, find_estimate, is_estimate_cached, store_estimate
+from crashfuse.study.expected_rating import expected_rating
 from crashfuse.units import G
 
 pytestmark = pytest.mark.usefixtures("quick_networks", "one_cache")
@@ -118,3 +118,32 @@ def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
     other = Fit.of(campaign, "time_domain", StudyConfig(seed=1))
     (_, together), alone = estimates_at([other, fused], condition), fused.estimate(condition)
     assert together.prediction.accel_mps2.tobytes() == alone.prediction.accel_mps2.tobytes()
+
+
+def test_what_was_stored_is_found_with_all_that_is_told_of_it(campaign: Campaign) -> None:
+    """Pulse, draws, metrics with intervals and the rating that is expected; not at another condition."""
+    rest, config, cache = campaign.without(["T2"]), StudyConfig(), Cache()
+    condition = replace(campaign.test("T2").condition, front_weight_kg=911.0)
+    own = Fit.of(rest, "displacement_domain", config, cache=cache).estimate(condition)
+    store_estimate(own, rest, config, cache)
+    found = find_estimate(rest, condition, "displacement_domain", config, cache)
+    assert found is not None
+    assert np.array_equal(found.prediction.accel_mps2, own.prediction.accel_mps2)
+    assert np.array_equal(np.asarray(found.prediction.draws_mps2), np.asarray(own.prediction.draws_mps2))
+    assert found.prediction.notes == own.prediction.notes
+    assert found.metrics == own.metrics
+    assert found.agreements == own.agreements
+    assert expected_rating(found, rest) == expected_rating(own, rest)
+    assert not is_estimate_cached(campaign, condition, "displacement_domain", config, cache)
+
+
+@pytest.mark.slow
+def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept is kept by the settings, not by the preset's name."""
+    condition = campaign.tests[0].condition
+    estimate_at(campaign, condition, "displacement_domain")
+    few = replace(DisplacementConfig.fast(), n_draws=20)
+    monkeypatch.setattr(DisplacementConfig, "fast", lambda: few)
+    draws = estimate_at(campaign, condition, "displacement_domain").prediction.draws_mps2
+    assert draws is not None
+    assert len(draws) == 20

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.displacement_domain.cae_force import CaeStop
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain.bias import CaeStop
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition

@@ -1,4 +1,4 @@
-"""What one more test would buy: gains on the same tests, a law that is known, sentences that say when it is not."""
+"""What one more test would buy: gains on the same tests, a law that is known, and the cost as people write it."""
 
 import re
 from collections.abc import Callable
@@ -10,14 +10,42 @@ import pandas as pd
 import pytest
 
 from crashfuse.campaign import Campaign
+from crashfuse.errors import UsageError
 from crashfuse.reporting.result_tables import curve_table, gains_table
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.cost import Cost
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.one_more_test import enough, gains, one_more, sentences, summary
+from crashfuse.study.one_more_test import Cost, enough, gains, one_more, sentences, summary
 
 CONFIG = StudyConfig(approaches=("cae", "fused"), windows_ms=(60.0,))
 N = 9
+
+
+@pytest.mark.parametrize(
+    ("text", "amount", "currency"),
+    [
+        ("60000", 60000.0, ""),
+        ("60,000 EUR", 60000.0, "EUR"),
+        ("€ 60000", 60000.0, "€"),
+        (" 1,250,000.50 USD ", 1250000.5, "USD"),
+    ],
+)
+def test_a_cost_is_an_amount_with_or_without_a_currency(text: str, amount: float, currency: str) -> None:
+    """As people write it."""
+    assert Cost.of(text) == Cost(amount, currency)
+
+
+@pytest.mark.parametrize("text", ["-5", "0", "", "many", "1e400", "60,00 EUR", "5 6", "nan", "inf"])
+def test_what_is_no_cost_is_a_sentence(text: str) -> None:
+    """Nothing is guessed."""
+    with pytest.raises(UsageError, match="number above 0, with a currency or without"):
+        Cost.of(text)
+
+
+def test_a_multiple_is_rounded_to_two_digits() -> None:
+    """With its currency; small amounts are not rounded away."""
+    assert Cost(60000.0, "EUR").times(4 / 3) == "80,000 EUR"
+    assert Cost(60000.0).times(0.0713) == "4,300"
+    assert Cost(0.5).times(0.25) == "0.12"
 
 
 def curve_of(campaign: Campaign, rating: Callable[[int, int], float], sizes: tuple[int, ...]) -> LearningCurve:

@@ -18,9 +18,8 @@ from crashfuse.study import recommendation
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.expected_rating import expected_rating
-from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import recommend, recommend_for
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.units import MPH, G
 
 

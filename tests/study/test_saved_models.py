@@ -73,7 +73,7 @@ def test_the_papers_models_can_be_kept_too(
     campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fitting_is_an_error: Callable[[], None]
 ) -> None:
     """Table 4's Gaussian process with a single start."""
-    from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+    from crashfuse.approaches.displacement_domain.approach import DisplacementConfig
 
     quick = replace(DisplacementConfig.paper(), restarts=0, projected_points=15)
     monkeypatch.setattr(DisplacementConfig, "paper", lambda: quick)

@@ -12,8 +12,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.study.fold import Fold
 from crashfuse.study.saved_models import load_model
+from crashfuse.study.study import Fold
 from crashfuse.ui.computation import FitRequest, Fitted, StudyRequest, _folds
 
 SOON = 60.0

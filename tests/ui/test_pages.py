@@ -29,10 +29,9 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.fold import Fold
 from crashfuse.study.learning_curve import learning_curve
 from crashfuse.study.saved_models import load_model
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.ui import computation
 from crashfuse.ui import learning_curve as panel
 from crashfuse.ui.sent_figure import SentFigure

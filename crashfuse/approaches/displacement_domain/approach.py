@@ -2,29 +2,35 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Self, cast
+from typing import Literal, Self, cast
 
 import numpy as np
 
-from crashfuse.approaches.band_check import LEAST_CHECKED, Unseen, checked
-from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.calibration import CHECK_STRIDE, Calibration
+from crashfuse.approaches.base import FittedState, Prediction
+from crashfuse.approaches.calibration import (
+    CHECK_STRIDE,
+    LEAST_CHECKED,
+    BandedApproach,
+    Calibration,
+    HeldOutPredictor,
+    LeftOut,
+    check_band,
+)
 from crashfuse.approaches.displacement_domain.bias import (
     BiasDraws,
     BiasPart,
     BiasPoints,
+    CaeForce,
+    CaeStop,
     bijective_projection,
     uniform_points,
 )
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
-from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
-from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign
@@ -37,8 +43,74 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 
+_LEAST_POINTS = 8  # bias points of a test, however many tests there are
+FINER = 8  # refinement of the CAE grid over that of a bias: the CAE curve may turn sharply where the vehicle stops
+_GRID = 200  # steps of the displacement grid on which a bias is drawn
 _SHARES = np.linspace(0.0, 1.0, 101)  # shares of the impact speed at which velocity-dependent parts are drawn
 _CHECK_DRAWS = 200  # for each test used to check the band
+
+
+@dataclass(frozen=True, slots=True)
+class DisplacementConfig:
+    """Hyperparameters of the displacement-domain approach.
+
+    Bias points are as far apart as the vehicle comes at impact speed in ``step_s``, and while it stops this time. A CFC
+    60 pulse contains little finer detail; closer points would repeat each other and count as evidence.
+    """
+
+    bias: Literal["hierarchical", "table 4"] = "hierarchical"
+    n_draws: int = 500  # whole pulses drawn for the band
+    step_s: float = 0.002
+    max_points: int = 400  # about, of all tests together: the fit's time grows with the cube of their number
+    projected_points: int = 75  # Table 4: in each of a test's two projections
+    restarts: int = 10  # Table 4: further starts of the optimiser
+
+    @classmethod
+    def fast(cls) -> Self:
+        """A hierarchical Gaussian process, about one second per fit."""
+        return cls()
+
+    @classmethod
+    def paper(cls) -> Self:
+        """Table 4 as published: minutes per fit."""
+        return cls(bias="table 4")
+
+    def points_each(self, n_tests: int) -> int:
+        """About how many bias points each of so many tests may have."""
+        return max(self.max_points // n_tests, _LEAST_POINTS)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CaeView:
+    """The CAE model at one condition, over time and over displacement."""
+
+    condition: Condition
+    accel_mps2: FloatArray  # shape (1250,)
+    curve: LoadingCurve
+    paired: bool  # there is a run at exactly this condition
+
+    @classmethod
+    def of(cls, model: CaeModel, condition: Condition) -> Self:
+        """Evaluate a model at a condition."""
+        paired = model.cae_.paired_run(condition) is not None
+        return cls(condition, model.pulse(condition).accel_mps2, model.loading_curve(condition), paired)
+
+    @property
+    def grid_m(self) -> FloatArray:
+        """Displacements from 0 to beyond the reach of any vehicle in m; a bias is drawn at every ``FINER``-th."""
+        return np.linspace(0.0, self.condition.speed_mps * DT_S * N_SAMPLES, _GRID * FINER + 1)
+
+    def at_displacement(self, curves: FloatArray, displacement_m: FloatArray) -> FloatArray:
+        """Curves over time, (n_curves, 1250), at the times the CAE vehicle reaches displacements, (n_curves, n)."""
+        phase = self.curve.phase
+        place = np.interp(displacement_m, phase.displacement_m, phase.time_s) / DT_S
+        before = np.minimum(place.astype(np.intp), N_SAMPLES - 2)
+        first = curves[:, before]
+        return np.asarray(first + (place - before) * (curves[:, before + 1] - first))
+
+    def unloading(self, test: CrashTest) -> Unloading:
+        """Pair a test at this condition with the CAE pulse, for the rebound."""
+        return Unloading(self.condition.speed_mps, test.pulse.accel_mps2, self.accel_mps2, self.curve.phase)
 
 
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
@@ -48,30 +120,11 @@ def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> Bi
     return uniform_points(condition, phase, model.loading_curve(condition), step_m / speed, HierarchicalBias.end_share)
 
 
-class DisplacementDomain(Approach):
+class DisplacementDomain(BandedApproach):
     """Bias of the CAE model over displacement, learned from the tests and integrated by Eq. 29.
 
-    Parameters
-    ----------
-    config : DisplacementConfig, optional
-        Default: :meth:`DisplacementConfig.fast`.
-    seed : int
-        Seed for the draws and the optimiser's starts.
-    cache : Cache, optional
-        Storage for the trained emulator of the CAE model.
-
-    Attributes
-    ----------
-    points_ : tuple of BiasPoints
-        Bias points, one entry for each test.
-    calibration_ : Calibration
-        Calibration of the band, on each of these tests predicted from the others.
-    left_out_ : LeftOut
-        The predictions of each test from the others.
-    left_out_groups_ : LeftOut
-        The predictions of each test from those at other speeds: all at about its own left out, as in
-        :meth:`Campaign.speed_group`. Where no other is at its speed, that is its prediction in ``left_out_``. Empty
-        if all tests are at one speed.
+    The seed is that of the draws and the optimiser's starts; the cache keeps the emulator of the CAE model. ``points_``
+    are the bias points of each test.
     """
 
     name = "displacement_domain"
@@ -115,7 +168,6 @@ class DisplacementDomain(Approach):
         return self
 
     def _seen(self, campaign: Campaign) -> Campaign:
-        """The campaign with the tests to learn from: all of them for Table 4, else thinned."""
         return campaign if self.config.bias == "table 4" else self._thinned(campaign)
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
@@ -123,23 +175,20 @@ class DisplacementDomain(Approach):
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
         self._paired = float(np.mean([view.paired for view in self._views]))
-        both = list(zip(campaign.tests, self._views, strict=True))
+        pairs = list(zip(campaign.tests, self._views, strict=True))
         by_table_4 = self.config.bias == "table 4"
         self.bias_: HierarchicalBias | Table4Bias = (
             Table4Bias(self.config.restarts, seed=self.seed) if by_table_4 else HierarchicalBias(seed=self.seed)
         )
         self._most_points = self.config.points_each(len(campaign.tests))
-        self.points_ = tuple(self._points(test, view.curve) for test, view in both)
-        return [] if by_table_4 else [view.beside(test) for test, view in both]
+        self.points_ = tuple(self._points(test, view.curve) for test, view in pairs)
+        return [] if by_table_4 else [view.unloading(test) for test, view in pairs]
 
     def learned(self) -> FittedState:
         """Fitted state: hyperparameters of bias and rebound, and the check of the band."""
         self._require("calibration_")
-        values = {"seconds": self._seconds, "widening": self.calibration_.widening}
-        parts = {"bias": self.bias_, "rebound": self.rebound_}
-        left_out = {"left_out": self.left_out_, "left_out_groups": self.left_out_groups_}
-        learned = {name: part.learned() for name, part in {**parts, **left_out}.items()}
-        return FittedState.of(values, {"inside": self.calibration_.inside}, **learned)
+        parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), **self._learned_band()}
+        return FittedState.of({"seconds": self._seconds}, {}, **parts)
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the hyperparameters, and condition on the tests again."""
@@ -147,9 +196,7 @@ class DisplacementDomain(Approach):
         with one_thread():
             self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
             self.bias_.restore(self.points_, learned.part("bias"))
-        self.calibration_ = Calibration.of(learned.values["widening"], learned.arrays["inside"])
-        self.left_out_ = LeftOut.restored(learned.part("left_out"))
-        self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
+        self._restore_band(learned)
         self._seconds = learned.values["seconds"]
         return self
 
@@ -164,8 +211,7 @@ class DisplacementDomain(Approach):
         """Points at which a test here would show the bias if it crushed like the CAE model; their bias is zero."""
         self._require("bias_")
         test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
-        own = LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps))
-        return self._points(test, own)
+        return self._points(test, LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps)))
 
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition: Eq. 29 with the mean bias, and with whole bias functions drawn."""
@@ -190,7 +236,7 @@ class DisplacementDomain(Approach):
         """Mean and draws of the bias at a condition, over displacement and over shares of the impact speed."""
         grid = cae.grid_m[::FINER]
         force = CaeForce.at(grid, partial(cae.curve.accel_at, end_share=model.end_share))
-        stop = CaeStop(_SHARES, cae.curve.stopping_accel(_SHARES, model.end_share), cae.curve.own.crush_m)
+        stop = CaeStop(_SHARES, cae.curve.stopping_accel(_SHARES, model.end_share), cae.curve.phase.crush_m)
         bias = model.sample(cae.condition, grid, force, stop, n_draws, rng)
         if not cae.paired and self._paired:
             # The bias of tests without a paired run already includes the emulator's error, in each test's own part.
@@ -220,34 +266,27 @@ class DisplacementDomain(Approach):
             dt_s=stride * DT_S,
             n_times=N_SAMPLES // stride,
         )
-        return rebound.follow(motion, cae.accel_mps2, curve.own, speed, rng, widening)
+        return rebound.follow(motion, cae.accel_mps2, curve.phase, speed, rng, widening)
 
     def _calibrate(self, campaign: Campaign, watch: Watch) -> Calibration:
-        """Check the band on each test, predicted from the others with the same hyperparameters; widen it if needed."""
         if isinstance(self.bias_, Table4Bias) or len(campaign.tests) < LEAST_CHECKED:
             self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             return Calibration(1.0, ())
-        calibration, self.left_out_, self.left_out_groups_ = checked(campaign, self._without, watch)
+        calibration, self.left_out_, self.left_out_groups_ = check_band(campaign, self._without, watch)
         return calibration
 
-    def _without(self, number: int, left_out: Sequence[int]) -> Unseen:
-        """Prediction of a test from all but these, hyperparameters kept: a function of the widening."""
+    def _without(self, number: int, left_out: Sequence[int]) -> HeldOutPredictor:
+        """Prediction of a test from all but these, hyperparameters kept."""
         view, rng = self._views[number], np.random.default_rng([self.seed, number])
         model = cast(HierarchicalBias, self.bias_).without(*left_out)  # Table 4 is not checked
         bias = self._sample(view, model, _CHECK_DRAWS, rng)
         rebound = self.rebound_.without(*left_out)
 
         def pulses(widening: float) -> FloatArray:
-            return self._simulate(
-                view, bias, rebound, np.random.default_rng([self.seed, number, 1]), widening, CHECK_STRIDE
-            )
+            again = np.random.default_rng([self.seed, number, 1])
+            return self._simulate(view, bias, rebound, again, widening, CHECK_STRIDE)
 
         return pulses
-
-    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
-        """Predictions of the tests from the check of the band."""
-        self._require("left_out_")
-        return self.left_out_.predictions(campaign.evenly_over_speed(MOST_TESTS))
 
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
         """Split the expected bias at a condition into its parts; empty for Table 4, which has none."""
@@ -262,5 +301,5 @@ class DisplacementDomain(Approach):
         """Fit results: hyperparameters, likelihood, bounds reached, number of points, duration in s."""
         if not hasattr(self, "bias_"):
             return {}
-        checked = {"band_check": self.calibration_.state} if self.calibration_.tests else {}
-        return {"seconds": round(self._seconds, 2), **checked, **self.bias_.state}
+        check = {"band_check": self.calibration_.state} if self.calibration_.tests else {}
+        return {"seconds": round(self._seconds, 2), **check, **self.bias_.state}

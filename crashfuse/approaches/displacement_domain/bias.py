@@ -1,70 +1,82 @@
-"""The bias of the CAE model over displacement: training points of a bias model, and functions drawn from one."""
+"""The bias of the CAE model over displacement: the CAE force, points to learn the bias from, and draws of it."""
 
-import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
+from math import ceil, inf
+from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.cae.model import LoadingCurve
 from crashfuse.condition import Condition
 from crashfuse.signals.loading import LoadingPhase
 from crashfuse.signals.pulse import FloatArray
 
+_STEP_M = 0.005
+_SMOOTH_M = 0.08  # standard deviation: folds, 0.05 to 0.15 m long, are smoothed away; a stiffer engine bay is not
+_REACH = 4.0  # in standard deviations; farther points have no weight
+
+
+class CaeForce(NamedTuple):
+    """Acceleration of the CAE vehicle at displacements (force over mass), and its trend; shape (n,) each.
+
+    A CAE model is often right about the level of the force and wrong about where the folds are. The trend can be
+    trusted where no test has crushed, whatever the tests say about the humps.
+    """
+
+    accel_mps2: FloatArray
+    trend_mps2: FloatArray  # mean over about 0.2 m
+
+    @classmethod
+    def at(cls, displacement_m: FloatArray, accel_at: Callable[[FloatArray], FloatArray]) -> Self:
+        """Evaluate a function of the displacement and its trend; before contact nothing is averaged."""
+        farthest = float(displacement_m.max()) + _REACH * _SMOOTH_M
+        grid = np.arange(0.0, farthest + _STEP_M, _STEP_M)
+        width = _SMOOTH_M / _STEP_M
+        smooth, share = (
+            gaussian_filter1d(values, width, mode="constant", truncate=_REACH)
+            for values in (accel_at(grid), np.ones_like(grid))
+        )
+        return cls(accel_at(displacement_m), np.interp(displacement_m, grid, smooth / share))
+
+
+class CaeStop(NamedTuple):
+    """What is added to the CAE vehicle's acceleration while it stops: a hump too, of which tests may show nothing."""
+
+    speed_share: FloatArray  # velocity over impact speed, shape (n,)
+    accel_mps2: FloatArray  # shape (n,)
+    crush_m: float  # where it stops
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasPoints:
-    """The bias δ = test - CAE at moments of one test's loading phase.
-
-    Attributes
-    ----------
-    displacement_m, speed_share, bias_mps2 : ndarray, shape (n,)
-        Displacement, velocity over impact speed, and the bias to add to the CAE model's acceleration.
-    cae : CaeForce
-        That acceleration, and its trend.
-    """
+    """The bias δ = test - CAE at n moments of one test's loading phase; arrays of shape (n,)."""
 
     condition: Condition
     displacement_m: FloatArray
-    speed_share: FloatArray
+    speed_share: FloatArray  # velocity over impact speed
     cae: CaeForce
-    bias_mps2: FloatArray
+    bias_mps2: FloatArray = field(default_factory=lambda: np.empty(0))  # not needed where it is to be predicted
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasDraws:
-    """Predicted bias of a crash: the mean function in row 0, then draws of whole functions.
+    """Predicted bias of a crash: the mean function in row 0, then draws of whole functions."""
 
-    Attributes
-    ----------
-    over_displacement_mps2 : ndarray, shape (1 + n_draws, n_displacements)
-    over_speed_mps2 : ndarray, shape (1 + n_draws, n_shares)
-        Added while the vehicle stops, over its velocity as a share of the impact speed.
-    """
-
-    over_displacement_mps2: FloatArray
-    over_speed_mps2: FloatArray
+    over_displacement_mps2: FloatArray  # shape (1 + n_draws, n_displacements)
+    over_speed_mps2: FloatArray  # shape (1 + n_draws, n_shares): added while the vehicle stops, over v / v0
 
     def widened(self, factor: float) -> "BiasDraws":
         """The same draws with their deviations from the mean multiplied by this factor."""
-
-        def widen(functions: FloatArray) -> FloatArray:
-            wide: FloatArray = functions[:1] + factor * (functions - functions[:1])
-            return wide
-
-        return BiasDraws(widen(self.over_displacement_mps2), widen(self.over_speed_mps2))
+        both = self.over_displacement_mps2, self.over_speed_mps2
+        return BiasDraws(*(functions[:1] + factor * (functions - functions[:1]) for functions in both))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasPart:
-    """One part of the expected bias at a condition, or the sum of the parts, with its central 95 % interval.
-
-    Attributes
-    ----------
-    mean_mps2, lower_mps2, upper_mps2 : ndarray, shape (n,)
-        Over displacement.
-    """
+    """A part of the expected bias over displacement, or the sum of all, with its central 95 % interval; shape (n,)."""
 
     name: str
     mean_mps2: FloatArray
@@ -75,11 +87,10 @@ class BiasPart:
 def bijective_projection(condition: Condition, test: LoadingPhase, curve: LoadingCurve, n_points: int) -> BiasPoints:
     """Project the CAE pulse on the test and the test on the CAE pulse (Eqs. 16 to 22).
 
-    Both are sampled at times evenly spaced in their own loading phase, the CAE pulse only up to the crush of the test,
-    which has no acceleration beyond. Returns ``n_points`` at the test's displacements (Eq. 18), then as many at the
-    CAE's (Eq. 21); the curve continues the CAE pulse where the test crushed further.
+    Both are sampled at even times of their loading phases, the CAE pulse only up to the crush of the test. Returns
+    ``n_points`` at the test's displacements (Eq. 18), then as many at the CAE's (Eq. 21).
     """
-    cae = curve.own
+    cae = curve.phase
     test_s = np.linspace(0.0, test.end_s, n_points)
     cae_s = np.linspace(0.0, np.interp(test.crush_m, cae.displacement_m, cae.time_s), n_points)
     at_test = np.interp(test_s, test.time_s, test.displacement_m)
@@ -92,19 +103,13 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
 
 
 def uniform_points(
-    condition: Condition,
-    test: LoadingPhase,
-    curve: LoadingCurve,
-    step_s: float,
-    end_share: float,
-    most: float = math.inf,
+    condition: Condition, test: LoadingPhase, curve: LoadingCurve, step_s: float, end_share: float, most: float = inf
 ) -> BiasPoints:
     """Sample the bias from contact to the test's maximum crush: evenly in displacement, while it stops in time.
 
     Points are as far apart as the vehicle comes at impact speed in ``step_s``, or farther, for about ``most`` in all.
-    Evenly in time they would pile up as the vehicle slows down. But below ``end_share`` of its impact speed it counts
-    as stopping: there acceleration changes while displacement hardly grows, so points lie as far apart in time; the
-    stopping phase of the CAE vehicle is aligned with that of the test.
+    Below ``end_share`` of its impact speed the vehicle counts as stopping: acceleration changes while displacement
+    hardly grows, so points are even in time there, and the stopping phases of CAE vehicle and test are aligned.
     """
     slow_m = test.displacement_at_speed(end_share)
     slow_s, fast_s = float(np.interp(slow_m, test.displacement_m, test.time_s)), slow_m / condition.speed_mps
@@ -119,5 +124,4 @@ def uniform_points(
 
 
 def _evenly(first: float, last: float, step: float) -> FloatArray:
-    """Both ends, and points between them at most a step apart."""
-    return np.linspace(first, last, math.ceil((last - first) / step) + 1)
+    return np.linspace(first, last, ceil((last - first) / step) + 1)

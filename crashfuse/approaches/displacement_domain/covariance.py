@@ -14,7 +14,6 @@ to rows that agree in one column, such as the test number or the powertrain.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Self
 
 import numpy as np
 
@@ -31,27 +30,13 @@ class LogNormal:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One term of the covariance.
-
-    Parameters
-    ----------
-    name : str
-        Name of what the part represents.
-    scale : LogNormal
-        Prior of its standard deviation σ, relative to the root mean square of the training output.
-    groups : tuple of tuple of (int, LogNormal)
-        Groups of columns, one correlation for each group; every column has its own length scale.
-    times : int, optional
-        Column of w, which multiplies the function.
-    same : int, optional
-        Column each of whose values has its own independent function.
-    """
+    """One term of the covariance."""
 
     name: str
-    scale: LogNormal
-    groups: tuple[tuple[tuple[int, LogNormal], ...], ...]
-    times: int | None = None
-    same: int | None = None
+    scale: LogNormal  # of its standard deviation σ, relative to the root mean square of the training output
+    groups: tuple[tuple[tuple[int, LogNormal], ...], ...]  # of columns with their length scales, a correlation each
+    times: int | None = None  # column of w, which multiplies the function
+    same: int | None = None  # column each of whose values has an independent function
 
     @property
     def priors(self) -> tuple[LogNormal, ...]:
@@ -60,19 +45,15 @@ class Part:
 
 
 class Covariance:
-    """Covariance between two sets of rows; distances and masks, which no hyperparameter changes, are computed once.
+    """Covariance between rows x, shape (n, n_columns + 1), and z, shape (m, n_columns + 1).
 
-    A part is computed between those rows only that it links: not at all between tests that share nothing of it.
-
-    Parameters
-    ----------
-    x, z : ndarray, shape (n, n_columns + 1) and (m, n_columns + 1)
+    Distances and masks, which no hyperparameter changes, are computed once, and only between rows that a part links.
     """
 
     def __init__(self, parts: Sequence[Part], x: FloatArray, z: FloatArray) -> None:
         self._shape = len(x), len(z)
         self._ends = np.cumsum([len(part.priors) for part in parts])
-        self._blocks = [_Block.of(part, x, z) for part in parts]
+        self._blocks = [_block(part, x, z) for part in parts]
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
@@ -90,42 +71,23 @@ class Covariance:
         return terms
 
     def _linked_terms(self, logs: FloatArray) -> Iterator[tuple[tuple[slice, slice], FloatArray]]:
-        """Of each part the rows and columns that it may link, and its term there."""
-        for block, own in zip(self._blocks, np.split(logs, self._ends[:-1]), strict=True):
-            yield block.where, _term(block.factor, block.squares, own)[0]
+        for (where, factor, squares), part_logs in zip(self._blocks, np.split(logs, self._ends[:-1]), strict=True):
+            yield where, _term(factor, squares, part_logs)[0]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Block:
-    """The rows and columns between which a part need not be zero, its known factor and squared distances there."""
-
-    where: tuple[slice, slice]
-    factor: FloatArray
-    squares: list[list[FloatArray]]
-
-    @classmethod
-    def of(cls, part: Part, x: FloatArray, z: FloatArray) -> Self:
-        rows, columns = _linked(part, x, z), _linked(part, z, x)
-        one, two = x[rows], z[columns]
-        squares = [
-            [np.subtract.outer(one[:, column], two[:, column]) ** 2 for column, _ in group] for group in part.groups
-        ]
-        return cls((rows, columns), _factor(part, one, two), squares)
+def _block(part: Part, x: FloatArray, z: FloatArray) -> tuple[tuple[slice, slice], FloatArray, list[list[FloatArray]]]:
+    """Rows and columns between which a part need not be zero, its known factor and squared distances there."""
+    rows, columns = _linked(part, x, z), _linked(part, z, x)
+    one, two = x[rows], z[columns]
+    squares = [[np.subtract.outer(one[:, column], two[:, column]) ** 2 for column, _ in group] for group in part.groups]
+    return (rows, columns), _factor(part, one, two), squares
 
 
 class TrainingCovariance:
-    """Covariance of rows with themselves, with its derivatives: by its lower triangle, where a part is not zero.
+    """Covariance of rows, shape (n, n_columns + 1), with themselves, and its derivatives.
 
-    Both halves are equal, and most parts link few rows (those of one test, or near the stop): a third of the work.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n, n_columns + 1)
-
-    Attributes
-    ----------
-    entries : tuple of ndarray of int
-        Rows and columns of the lower triangle.
+    Only where a part is not zero in the lower triangle (rows and columns in ``entries``): a third of the work, as most
+    parts link few rows (those of one test, or near the stop).
     """
 
     def __init__(self, parts: Sequence[Part], x: FloatArray) -> None:
@@ -142,15 +104,11 @@ class TrainingCovariance:
     def with_derivatives(
         self, log_hyperparameters: FloatArray
     ) -> tuple[FloatArray, list[tuple[np.ndarray, list[FloatArray]]]]:
-        """Covariance, shape (n, n), its upper triangle zero, and each part's derivatives.
-
-        These come with the places of their entries in the lower triangle, one array for each logarithm.
-        """
+        """Covariance, shape (n, n), its upper triangle zero, and each part's places in it with its derivatives."""
         values, derivatives = np.zeros(len(self.entries[0])), []
-        for (where, factor, squares), own in zip(
-            self._parts, np.split(log_hyperparameters, self._ends[:-1]), strict=True
-        ):
-            term, slopes = _term(factor, squares, own, slopes=True)
+        logs = np.split(log_hyperparameters, self._ends[:-1])
+        for (where, factor, squares), part_logs in zip(self._parts, logs, strict=True):
+            term, slopes = _term(factor, squares, part_logs, slopes=True)
             values[where] += term
             derivatives.append((where, [2 * term, *slopes]))
         n = int(self.entries[0][-1]) + 1
@@ -164,19 +122,19 @@ def _term(
 ) -> tuple[FloatArray, list[FloatArray]]:
     """One part's covariance from its known factor and squared distances by group, and column in it.
 
-    On request with its derivatives with respect to the logarithm of each length scale.
+    With ``slopes`` also its derivatives by the logarithm of each length scale.
     """
     scaled, inverse_squares = np.exp(2 * logs[0]) * factor, iter(np.exp(-2 * logs[1:]))
     shares = [[square * next(inverse_squares) for square in group] for group in squares]
-    distances = [np.sqrt(5 * reduce(np.add, own)) for own in shares]
+    distances = [np.sqrt(5 * reduce(np.add, group)) for group in shares]
     decays = [np.exp(-u) for u in distances]
     matern = [(1 + u + u**2 / 3) * decay for u, decay in zip(distances, decays, strict=True)]
     term = reduce(np.multiply, matern, scaled)
     derivatives: list[FloatArray] = []
-    for g, own in enumerate(shares if slopes else ()):
+    for g, group in enumerate(shares if slopes else ()):
         slope = 5 / 3 * (1 + distances[g]) * decays[g]  # -2 dk/d(r²): times a column's share of r², dk/d(log length)
         common = reduce(np.multiply, matern[:g] + matern[g + 1 :], scaled * slope)
-        derivatives.extend(common * share for share in own)
+        derivatives.extend(common * share for share in group)
     return term, derivatives
 
 

@@ -23,9 +23,9 @@ def integrate(
 ) -> Kinematics:
     """Integrate the motion for each draw of the acceleration, the sum of a function of s and one of v / v0.
 
-    Whole functions are drawn, not new noise at every step, so the spread does not depend on the time step. Eq. 29 is
-    first order in it; this is the velocity Verlet scheme, second order at the same cost, whose velocity is the
-    trapezoidal integral of the acceleration. Each motion is valid up to its time of zero velocity.
+    Whole functions are drawn, not new noise at every step, so the spread does not depend on the time step. This is the
+    velocity Verlet scheme, second order in the step (Eq. 29: first) at the same cost; its velocity is the trapezoidal
+    integral of the acceleration. Each motion is valid up to its time of zero velocity.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def integrate(
 def replay(phase: LoadingPhase) -> FloatArray:
     """Displacement in m from Eq. 29 for a pulse known over displacement only, at the times of its phase.
 
-    It should equal the pulse's own displacement, integrated over time; the difference is the round-trip error.
+    The difference from the pulse's displacement, integrated over time, is the round-trip error.
     """
     grid = np.linspace(0.0, phase.crush_m, _REPLAY_STEPS + 1)
     n_times = int(np.ceil(phase.end_s / DT_S)) + 1
@@ -88,13 +88,13 @@ def replay(phase: LoadingPhase) -> FloatArray:
 
 
 class _Sum:
-    """Sum of functions, of each draw or of all alike, sampled at even steps from 0: linear between, constant beyond."""
+    """Sum of functions, of each draw or of all alike, at even steps from 0: linear between, constant beyond."""
 
     def __init__(self, tables: Sequence[tuple[FloatArray, float]], n_draws: int) -> None:
         slopes = [np.diff(values, axis=1, append=values[:, -1:]) for values, _ in tables]
         # each line between two samples, by its slope and by its value at 0
         at_0 = [values - slope * np.arange(slope.shape[1]) for (values, _), slope in zip(tables, slopes, strict=True)]
-        self.slopes, self.values = (np.concatenate([each.ravel() for each in parts]) for parts in (slopes, at_0))
+        self.slopes, self.values = (np.concatenate([part.ravel() for part in parts]) for parts in (slopes, at_0))
         starts = np.cumsum([0, *(slope.size for slope in slopes[:-1])])
         rows = [np.arange(n_draws) * slope.shape[1] * (len(slope) > 1) for slope in slopes]
         self.first = np.array(rows) + starts[:, None]

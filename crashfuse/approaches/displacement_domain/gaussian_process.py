@@ -31,21 +31,16 @@ class GaussianProcess:
     ----------
     noise : LogNormal
         Prior of the noise's standard deviation, relative to the root mean square of the training output.
-    restarts : int
-        How often a fit that explains nothing is retried from another start.
-    seed : int
-        Seed for those starts.
+    restarts, seed : int
+        How often a fit that explains nothing is retried from another start, and the seed of those starts.
 
     Attributes
     ----------
-    theta_ : ndarray
-        Logarithms of the hyperparameters: scale and length scales part by part, then the noise.
-    touched_ : ndarray of bool
-        Which of them ended at a bound of the search range.
+    theta_, touched_ : ndarray
+        Logarithms of the hyperparameters (scale and length scales part by part, then the noise), and which of them
+        ended at a bound of the search range.
     output_scale_ : float
-        Root mean square of the training output.
-    log_marginal_likelihood_ : float
-        Value for the output in units of ``output_scale_``, without the priors.
+        Root mean square of the training output, the unit of ``log_marginal_likelihood_``.
     dead_ : bool
         Whether the fit explains no more than noise would.
     """
@@ -57,15 +52,15 @@ class GaussianProcess:
         self.seed = seed
 
     def fit(self, x: FloatArray, y: FloatArray, like: "GaussianProcess | None" = None) -> Self:
-        """Find the most probable hyperparameters and condition on the data, n rows and their output.
+        """Find the most probable hyperparameters and condition on n rows and their output.
 
         The last of the n_columns + 1 columns is the number of the test that a row belongs to. The search starts from
-        the priors' medians; for parts that a process fitted before has too, from what was found there.
+        the priors' medians, or from the result of a process fitted before (``like``) for the parts that it has too.
         """
         self._take(x, y)
         rng = np.random.default_rng(self.seed)
-        found = {} if like is None else like._by_part(like.theta_)
-        first = np.concatenate([found.get(name, own) for name, own in self._by_part(self._median).items()])
+        earlier = {} if like is None else like._by_part(like.theta_)
+        first = np.concatenate([earlier.get(name, median) for name, median in self._by_part(self._median).items()])
         best, self.retries_ = self._climb(first), 0
         while self._is_dead(best) and self.retries_ < self.restarts:
             self.retries_ += 1
@@ -74,7 +69,7 @@ class GaussianProcess:
         return self._settle(best)
 
     def restore(self, x: FloatArray, y: FloatArray, learned: FittedState) -> Self:
-        """Condition on the data that the hyperparameters were learned from, as the last step of :meth:`fit` does."""
+        """Condition on the data that the hyperparameters were learned from."""
         self._take(x, y)
         self.retries_ = learned.values["retries"]
         return self._settle(learned.arrays["theta"])
@@ -112,14 +107,13 @@ class GaussianProcess:
 
     def without(self, *tests: int) -> Self:
         """The same process with the same hyperparameters, as if these tests had not been run."""
-        rest = ~np.isin(self.x_[:, -1], tests)
-        return self._given(self.x_[rest], self._y[rest])
+        others = ~np.isin(self.x_[:, -1], tests)
+        return self._given(self.x_[others], self._y[others])
 
     def also_at(self, x: FloatArray) -> Self:
         """The same process with the same hyperparameters, as if these rows had been measured with the expected output.
 
-        The mean is unchanged. The variance is the same for any outcome, as it depends only on where was measured, not
-        on the values.
+        The mean is unchanged; the variance depends on where was measured alone, not on the values.
         """
         return self._given(np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_))
 
@@ -137,36 +131,35 @@ class GaussianProcess:
         """
         theta = self.theta_[:-1]
 
-        def known(rows: FloatArray) -> FloatArray:
+        def solved(rows: FloatArray) -> FloatArray:
             cross = Covariance(self.parts, self.x_, rows)(theta)
             return np.asarray(solve_triangular(self._lower, cross, lower=True))
 
-        at_x = known(x)
-        some = np.array_split(x, len(x) // 50 + 1)  # only the diagonal of the prior is needed
-        prior = np.concatenate([np.diag(Covariance(self.parts, rows, rows)(theta)) for rows in some])
+        at_x = solved(x)
+        chunks = np.array_split(x, len(x) // 50 + 1)  # only the diagonal of the prior is needed
+        prior = np.concatenate([np.diag(Covariance(self.parts, rows, rows)(theta)) for rows in chunks])
         now = prior - np.sum(at_x**2, axis=0)
         then = np.empty((len(further), len(x)))
         for variance, rows in zip(then, further, strict=True):
-            at_rows = known(rows)
-            own = Covariance(self.parts, rows, rows)(theta) - at_rows.T @ at_rows
-            shared = Covariance(self.parts, rows, x)(theta) - at_rows.T @ at_x
-            told = solve_triangular(self._cholesky(own, self.theta_[-1]), shared, lower=True)
-            variance[:] = now - np.sum(told**2, axis=0)
+            at_rows = solved(rows)
+            among = Covariance(self.parts, rows, rows)(theta) - at_rows.T @ at_rows
+            across = Covariance(self.parts, rows, x)(theta) - at_rows.T @ at_x
+            gain = solve_triangular(self._cholesky(among, self.theta_[-1]), across, lower=True)
+            variance[:] = now - np.sum(gain**2, axis=0)
         return self.output_scale_ * np.sqrt(np.maximum(now, 0)), self.output_scale_ * np.sqrt(np.maximum(then, 0))
 
     def left_out_log_density(self) -> FloatArray:
-        """Log density of each test's output (as scaled) given all other tests, shape (n_tests,), by ascending number.
+        """Log density of each test's scaled output given all other tests, shape (n_tests,), by ascending number.
 
-        Computed from the blocks of the inverse covariance, without refitting (Rasmussen & Williams, Sect. 5.4.2, for
-        blocks); hyperparameters stay those of all tests.
+        From the blocks of the inverse covariance (Rasmussen & Williams, Sect. 5.4.2); hyperparameters stay the same.
         """
         inverse = cho_solve((self._lower, True), np.eye(self._y.size))
         densities = []
         for test in np.unique(self.x_[:, -1]):
-            own = np.flatnonzero(self.x_[:, -1] == test)
-            lower = np.linalg.cholesky(inverse[np.ix_(own, own)])
-            away = solve_triangular(lower, self._alpha[own], lower=True)
-            constant = 0.5 * own.size * np.log(2 * np.pi)
+            rows = np.flatnonzero(self.x_[:, -1] == test)
+            lower = np.linalg.cholesky(inverse[np.ix_(rows, rows)])
+            away = solve_triangular(lower, self._alpha[rows], lower=True)
+            constant = 0.5 * rows.size * np.log(2 * np.pi)
             densities.append(np.log(np.diag(lower)).sum() - 0.5 * away @ away - constant)
         return np.array(densities)
 
@@ -185,7 +178,6 @@ class GaussianProcess:
         return np.asarray(minimize(self._loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options=_ENOUGH).x)
 
     def _loss(self, theta: FloatArray) -> tuple[float, FloatArray]:
-        """Negative logarithm of the likelihood times the priors, and its gradient."""
         value, gradient = self.log_marginal_likelihood(theta)
         away = (theta - self._median) / self._spread
         return 0.5 * float(away @ away) - value, away / self._spread - gradient
@@ -217,15 +209,12 @@ class GaussianProcess:
         diagonal = rows == columns
         noise = np.exp(2 * theta[-1]) * outer[diagonal].sum()
         outer[diagonal] /= 2  # every other entry stands for two
-        gradient = [outer[where] @ slope for where, own in derivatives for slope in own]
+        gradient = [outer[where] @ slope for where, slopes in derivatives for slope in slopes]
         gradient.append(noise)
         return float(value), np.array(gradient)
 
     def predict(self, x: FloatArray) -> FloatArray:
-        """Posterior mean of the function, shape (m,), at rows of shape (m, n_columns + 1).
-
-        A test number that occurs in no training row means a new test.
-        """
+        """Posterior mean of the function, shape (m,), at m rows; a test number of no training row means a new test."""
         if not hasattr(self, "theta_"):
             raise NotFittedError("The Gaussian process has not been fitted; call fit(x, y) first.")
         return self._mean(Covariance(self.parts, x, self.x_)(self.theta_[:-1]))
@@ -236,26 +225,23 @@ class GaussianProcess:
     def posterior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Posterior mean as from :meth:`predict`, and covariance, shape (m, m), without noise."""
         cross = Covariance(self.parts, x, self.x_)(self.theta_[:-1])
-        known = solve_triangular(self._lower, cross.T, lower=True)
+        gain = solve_triangular(self._lower, cross.T, lower=True)
         prior = Covariance(self.parts, x, x)(self.theta_[:-1])
-        return self._mean(cross), self.output_scale_**2 * (prior - known.T @ known)
+        return self._mean(cross), self.output_scale_**2 * (prior - gain.T @ gain)
 
     def prior_of(self, names: Collection[str], x: FloatArray) -> FloatArray:
         """Prior covariance, shape (m, m), of the sum of the parts with these names, at the fitted hyperparameters."""
         terms = Covariance(self.parts, x, x).terms(self.theta_[:-1])
-        own = [term for part, term in zip(self.parts, terms, strict=True) if part.name in names]
-        return np.asarray(self.output_scale_**2 * sum(own))
+        chosen = [term for part, term in zip(self.parts, terms, strict=True) if part.name in names]
+        return np.asarray(self.output_scale_**2 * sum(chosen))
 
     def predict_parts(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Posterior mean and standard deviation, shapes (m,), of each part alone; the means add up to the total mean.
-
-        The standard deviations do not add up: the data determine the sum better than its parts.
-        """
+        """Posterior mean and standard deviation, shapes (m,), of each part alone; only the means add up."""
         cross = Covariance(self.parts, x, self.x_).terms(self.theta_[:-1])
         prior = Covariance(self.parts, x, x).terms(self.theta_[:-1])
-        known = [solve_triangular(self._lower, term.T, lower=True) for term in cross]
-        left = [np.diag(before) - np.sum(told**2, axis=0) for before, told in zip(prior, known, strict=True)]
-        return [
-            (self.output_scale_ * (term @ self._alpha), self.output_scale_ * np.sqrt(np.maximum(variance, 0.0)))
-            for term, variance in zip(cross, left, strict=True)
-        ]
+        moments = []
+        for term, before in zip(cross, prior, strict=True):
+            gain = solve_triangular(self._lower, term.T, lower=True)
+            variance = np.maximum(np.diag(before) - np.sum(gain**2, axis=0), 0.0)
+            moments.append((self.output_scale_ * (term @ self._alpha), self.output_scale_ * np.sqrt(variance)))
+        return moments

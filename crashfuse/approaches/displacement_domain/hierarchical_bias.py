@@ -2,57 +2,99 @@
 
 import copy
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import ClassVar, Self
 
 import numpy as np
 from scipy.special import stdtrit
 
-from crashfuse.approaches.base import FittedState
-from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPart, BiasPoints
-from crashfuse.approaches.displacement_domain.bias_parts import (
-    FIRST_FACTOR,
-    FORCE_UNIT,
-    LENGTH_UNITS,
-    NOISE,
-    OVER_VELOCITY,
-    TEST,
-    bias_parts,
-)
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
+from crashfuse.approaches.base import FittedState, student_draws
+from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPart, BiasPoints, CaeForce, CaeStop
+from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
-from crashfuse.approaches.draws import student_draws
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import G
 
+_S, _V0, _FRONT, _REAR, _TREND, _HUMPS, _SHARE, _STOPPING, _CRUSHING, FIRST_FACTOR = range(10)
+TEST = -1
+LENGTH_UNITS = {
+    _S: "s in m",
+    _V0: "v0 in m/s",
+    _FRONT: "front weight in kg",
+    _REAR: "rear weight in kg",
+    _SHARE: "v/v0",
+}
+FORCE_UNIT = 10 * G  # the ratio enters with its standard deviation where the CAE model decelerates at 10 g
+
+# With one to three tests the priors decide. Their medians are what random vehicles of many kinds taught
+# (benchmarks/bias_priors.py), rounded; their spreads are wider than those found there. No campaign took part.
+_REACH = (_S, LogNormal(0.1, 0.3))
+_SHORT = (_S, LogNormal(0.047, 0.3))
+_SPEED = (_V0, LogNormal(9.0, 0.5))
+_WEIGHT = LogNormal(300.0, 0.5)
+_STOP_REACH = (_SHARE, LogNormal(0.2, 0.4))
+_OVER_DISPLACEMENT = (
+    Part("shared", LogNormal(0.41, 0.5), ((_REACH,),), times=_CRUSHING),
+    Part("by speed", LogNormal(0.55, 0.5), ((_SHORT,), (_SPEED,)), times=_CRUSHING),
+    Part("by weight", LogNormal(0.21, 0.7), ((_REACH,), ((_FRONT, _WEIGHT), (_REAR, _WEIGHT))), times=_CRUSHING),
+    Part("ratio", LogNormal(0.37, 0.7), (((_S, LogNormal(0.5, 0.3)),),), times=_TREND),
+    Part("humps", LogNormal(1.05, 0.5), (((_S, LogNormal(0.43, 0.3)),),), times=_HUMPS),
+    Part("own", LogNormal(0.17, 0.6), (((_S, LogNormal(0.027, 0.3)),),), times=_CRUSHING, same=TEST),
+)
+OVER_VELOCITY = (
+    Part("stop by speed", LogNormal(0.74, 0.7), ((_STOP_REACH,), ((_V0, LogNormal(5.5, 0.5)),)), times=_STOPPING),
+    Part("own stop", LogNormal(0.53, 0.5), ((_STOP_REACH,),), times=_STOPPING, same=TEST),
+)
+_FACTOR_SCALE = LogNormal(0.3, 0.7)
+NOISE = LogNormal(0.03, 0.7)
+
+_EVEN_G, _GROWING_G, _UNRESOLVED_G = 0.3, 1.5, 0.15
+_SCATTER_REACH = (_S, LogNormal(0.05, 0.2))
+GROWTH_UNIT_M = 0.5
+
 _LEAST_FREEDOM = 3
+
+
+def bias_parts(factor_columns: Iterable[tuple[str, int]]) -> tuple[Part, ...]:
+    """All parts of the bias, with one for each of these factors, given by name and column."""
+    by_factor = (
+        Part(f"by {name}", _FACTOR_SCALE, ((_REACH,),), times=_CRUSHING, same=column) for name, column in factor_columns
+    )
+    return (*_OVER_DISPLACEMENT[:-1], *by_factor, _OVER_DISPLACEMENT[-1], *OVER_VELOCITY)
+
+
+def scatter_parts(
+    factor_columns: Iterable[tuple[str, int]], growth_column: int, unit_mps2: float
+) -> tuple[tuple[Part, ...], LogNormal]:
+    """Parts of the bias up to the stop with the scatter of tests in two parts, and the noise.
+
+    Scatter has physical units, independent of how wrong the CAE model is: a sensor's few tenths of a g throughout, and
+    a part that grows with crush, as every fold begins where the last one ended. The unit is the RMS of the bias.
+    """
+    common = [part for part in bias_parts(factor_columns) if part.same != TEST and part not in OVER_VELOCITY]
+    unit = unit_mps2 / G
+    even = Part("even", LogNormal(_EVEN_G / unit, 0.7), ((_SCATTER_REACH,),), times=_CRUSHING, same=TEST)
+    growing = Part("growing", LogNormal(_GROWING_G / unit, 0.4), ((_SCATTER_REACH,),), times=growth_column, same=TEST)
+    return (*common, even, growing), LogNormal(_UNRESOLVED_G / unit, 0.5)
 
 
 class HierarchicalBias:
     """δ(s, x, k) = (f0(s) + f1(s, v0) + f2(s, weights) + r_k(s)) m̄/m + ρ(s) Ḡ(s, x) + η(s) (G_a - Ḡ) + stop + noise.
 
-    f0 is common to all tests, f1 and f2 vary with the condition, ρ is proportional to the trend of the CAE model's own
+    f0 is common to all tests, f1 and f2 vary with the condition, ρ is proportional to the trend of the CAE model's
     force (a stiffer material, say), η to its humps, which may be elsewhere in tests, and r_k is specific to test k, its
-    repeatability. They are forces, so they accelerate a
-    vehicle heavier than the tests' mean m̄ less, by m̄/m. Near a stop displacement hardly grows while acceleration
-    changes, so stopping is modelled separately over velocity, with one part that varies with speed and one specific
-    to each test. Where similar tests contradict each other, r_k grows and a prediction shrinks to the CAE model. A
-    new test has specific parts too, so its band includes them.
+    repeatability. They are forces, so they accelerate a vehicle heavier than the tests' mean m̄ less, by m̄/m. Near a
+    stop acceleration changes over hardly any displacement, so stopping is modelled over velocity, with one part that
+    varies with speed and one specific to each test. Where similar tests contradict each other, r_k grows and a
+    prediction shrinks to the CAE model. A new test has specific parts too, so its band includes them.
 
     A factor of the tests table (powertrain, say) adds a function of displacement for each of its values, if including
     it makes the tests more probable when each is predicted from the others.
 
-    Parameters
-    ----------
-    seed : int
-        Seed for further starts of the optimiser, if the first explains nothing.
-
     Attributes
     ----------
-    end_share : float
-        Share of the impact speed below which a vehicle counts as stopping: 6 % of its energy is left.
     factors_ : tuple of str
         The factors in use.
     densities_ : dict of str to float
@@ -62,6 +104,7 @@ class HierarchicalBias:
     """
 
     end_share: ClassVar[float] = 0.25
+    """Share of the impact speed below which a vehicle counts as stopping: 6 % of its energy is left."""
 
     def __init__(self, *, seed: int = 0) -> None:
         self.seed = seed
@@ -84,7 +127,7 @@ class HierarchicalBias:
         return self
 
     def learned(self) -> FittedState:
-        """Fitted state: hyperparameters, chosen factors, and the log densities that decided the choice."""
+        """Fitted state: hyperparameters, factors, and the log densities that decided on them."""
         values = {"factors": list(self.factors_), "densities": self.densities_}
         return FittedState.of(values, {}, process=self.process_.learned())
 
@@ -100,11 +143,10 @@ class HierarchicalBias:
         return GaussianProcess(bias_parts(columns), NOISE, seed=self.seed)
 
     def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
-        """Input rows and output for the process."""
         self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
         self._levels = _levels([test.condition for test in tests])
         self.tests_ = len(tests)
-        rows = np.concatenate([self._test_rows(test, number) for number, test in enumerate(tests)])
+        rows = np.concatenate([self._rows(test, number) for number, test in enumerate(tests)])
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
     def without(self, *numbers: int) -> Self:
@@ -115,59 +157,44 @@ class HierarchicalBias:
         return other
 
     def also(self, tests: Sequence[BiasPoints]) -> Self:
-        """The same model, hyperparameters and factors kept, as if these tests had been run with the expected result.
-
-        Only their location matters, not their bias.
-        """
+        """The same as if these tests, whose bias is ignored, had been run with the expected result."""
         other = copy.copy(self)
         for number, test in enumerate(tests, start=self._next_number):
-            other.process_ = other.process_.also_at(self._test_rows(test, number))
+            other.process_ = other.process_.also_at(self._rows(test, number))
         other.tests_ = self.tests_ + len(tests)
         return other
 
     def half_widths(
         self, targets: Sequence[BiasPoints], further: Sequence[BiasPoints]
     ) -> tuple[FloatArray, FloatArray]:
-        """Half the width of the 95 % band of new tests' bias, now and after running each of the further tests.
+        """Half the width of the 95 % band of new tests' bias in m/s², now and after running each of the further tests.
 
-        In m/s², at the concatenated n points of the targets: shapes (n,) and (len(further), n). Only the location of
-        targets and further tests matters, not their bias.
+        At the concatenated n points of the targets: shapes (n,) and (len(further), n). Biases of targets and further
+        tests are ignored.
         """
-        at = np.concatenate([self._test_rows(target, -1) for target in targets])
-        tests = [self._test_rows(test, self._next_number) for test in further]
+        at = np.concatenate([self._rows(target) for target in targets])
+        tests = [self._rows(test, self._next_number) for test in further]
         now, then = self.process_.std_given(at, tests)
         return _reach(self.freedom_) * now, _reach(_freedom(self.tests_ + 1)) * then
 
     @property
     def freedom_(self) -> int:
-        """Degrees of freedom of the draws, finite as few tests show how much tests differ."""
+        """Degrees of freedom of the draws: few tests show how much tests differ."""
         return _freedom(self.tests_)
 
     @property
     def _next_number(self) -> int:
         return int(self.process_.x_[:, TEST].max()) + 1
 
-    def _test_rows(self, test: BiasPoints, number: int) -> FloatArray:
-        return self._rows(test.condition, test.displacement_m, test.cae, test.speed_share, test=number)
-
-    def _rows(
-        self,
-        condition: Condition,
-        displacement_m: FloatArray,
-        cae: CaeForce,
-        speed_share: FloatArray,
-        *,
-        test: int = -1,
-        crushing: bool = True,
-    ) -> FloatArray:
-        """Rows with columns in the order of bias_parts.py: factor values as numbers, the test number last."""
-        n, mass = displacement_m.size, self.mass_kg_ / condition.mass_kg
-        values = dict(condition.factors)
-        stopping = mass * np.maximum(1 - speed_share / self.end_share, 0.0)
-        known = (levels.get(values.get(name, ""), -1) for name, levels in self._levels.items())
-        x, alike = np.tile(condition.vector, (n, 1)), np.tile([mass * crushing, *known, test], (n, 1))
+    def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:
+        """Rows with columns as numbered at the top of this module: factor values as numbers, the test number last."""
+        condition, cae, share = points.condition, points.cae, points.speed_share
+        n, mass, values = share.size, self.mass_kg_ / condition.mass_kg, dict(condition.factors)
+        stopping = mass * np.maximum(1 - share / self.end_share, 0.0)
+        factors = (levels.get(values.get(name, ""), -1) for name, levels in self._levels.items())
+        x, alike = np.tile(condition.vector, (n, 1)), np.tile([mass * crushing, *factors, test], (n, 1))
         trend, humps = cae.trend_mps2 / FORCE_UNIT, (cae.accel_mps2 - cae.trend_mps2) / FORCE_UNIT
-        return np.column_stack([displacement_m, x, trend, humps, speed_share, stopping, alike])
+        return np.column_stack([points.displacement_m, x, trend, humps, share, stopping, alike])
 
     def sample(
         self,
@@ -180,23 +207,20 @@ class HierarchicalBias:
     ) -> BiasDraws:
         """Mean and draws of a new test's bias, including its specific deviation and stop, without noise.
 
-        The draws follow Student's t distribution, as hyperparameters are estimated from a handful of tests. Arguments
-        are displacements with the CAE model's acceleration there, and what it adds while the vehicle stops, over
-        velocity: whatever share of its humps the tests take out, they take out of these.
+        The draws follow Student's t, as hyperparameters are estimated from a handful of tests. The CAE model's force is
+        given over displacement, and what it adds while the vehicle stops over velocity: the tests take the same share
+        out of the humps of both.
         """
-        moving = self._rows(condition, displacement_m, cae, np.ones_like(displacement_m))
+        moving = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)
-        stopping = self._rows(condition, crush, hump, stop.speed_share, crushing=False)
+        stopping = self._rows(BiasPoints(condition, crush, stop.speed_share, hump), crushing=False)
         mean, covariance = self.process_.posterior(np.vstack([moving, stopping]))
         functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
     def parts(self, condition: Condition, displacement_m: FloatArray, cae: CaeForce) -> tuple[BiasPart, ...]:
-        """Split the bias of a new test before its stop into parts; the stopping part is zero until then.
-
-        Shared, by speed, by weight, ratio, by each factor in use, own; then their total, as in :meth:`sample`.
-        """
-        x = self._rows(condition, displacement_m, cae, np.ones_like(displacement_m))
+        """Split the bias of a new test before its stop into parts, then their total, as in :meth:`sample`."""
+        x = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         mean, covariance = self.process_.posterior(x)
@@ -251,12 +275,11 @@ class HierarchicalBias:
 
 
 def _freedom(n_tests: int) -> int:
-    """Degrees of freedom for this many tests: one less, with a minimum that the draws need."""
     return max(n_tests - 1, _LEAST_FREEDOM)
 
 
 def _reach(freedom: int) -> float:
-    """Half the width of the 95 % band in standard deviations, for Student's t distribution of the draws."""
+    """Half the width of the 95 % band in standard deviations."""
     return float(stdtrit(freedom, 0.975))
 
 

@@ -7,10 +7,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from crashfuse.approaches.base import FittedState
+from crashfuse.approaches.base import FittedState, draw, student_draws
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
-from crashfuse.approaches.draws import draw, student_draws
 from crashfuse.signals.loading import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, kinematics
 from crashfuse.units import G
@@ -51,34 +50,25 @@ def follow_unloading(
     cae : ndarray, shape (n,)
         The CAE pulse at this condition; beyond its end it keeps its last value.
     cae_loading : LoadingPhase
-        Loading phase of that pulse. If it never stops the vehicle there is no unloading: the acceleration just fades.
+        Of that pulse. If it never stops the vehicle there is no unloading: the acceleration just fades.
     """
     pulses = kinematics(accel_mps2, speed_mps, DT_S)
     return _unloaded(pulses, _SinceStop.of(pulses), cae, cae_loading)
 
 
 class _SinceStop(NamedTuple):
-    """The samples from just before any pulse's time of zero velocity on, none if no vehicle stops, and when they are.
-
-    Attributes
-    ----------
-    samples : slice
-    after_s : ndarray, shape (n_draws, n_samples)
-        Time since zero velocity; 0 before it, or where a vehicle does not stop.
-    place : ndarray, shape (n_draws, 1)
-        Zero velocity, counted in samples from contact; 0 where a vehicle does not stop.
-    """
+    """The samples from just before any pulse's zero velocity on, none if no vehicle stops, and when they are."""
 
     samples: slice
-    after_s: FloatArray
-    place: FloatArray
+    after_s: FloatArray  # time since zero velocity, shape (n_draws, n_samples); 0 before it, or if there is none
+    place: FloatArray  # zero velocity, counted in samples from contact, shape (n_draws, 1); 0 if there is none
 
     @classmethod
     def of(cls, pulses: Kinematics) -> Self:
         earliest = float(np.fmin.reduce(pulses.t0_s, initial=np.inf)) / pulses.dt_s
-        some = slice(int(earliest), None) if np.isfinite(earliest) else slice(0)
-        since = np.arange(pulses.accel_mps2.shape[-1])[some] * pulses.dt_s - pulses.t0_s[:, None]
-        return cls(some, np.fmax(since, 0.0), np.nan_to_num(pulses.t0_s / pulses.dt_s)[:, None])
+        samples = slice(int(earliest), None) if np.isfinite(earliest) else slice(0)
+        since = np.arange(pulses.accel_mps2.shape[-1])[samples] * pulses.dt_s - pulses.t0_s[:, None]
+        return cls(samples, np.fmax(since, 0.0), np.nan_to_num(pulses.t0_s / pulses.dt_s)[:, None])
 
 
 def _unloaded(pulses: Kinematics, since: _SinceStop, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
@@ -97,31 +87,19 @@ def _unloaded(pulses: Kinematics, since: _SinceStop, cae: FloatArray, cae_loadin
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unloading:
-    """A test paired with the CAE pulse at its condition, for the rebound.
-
-    Attributes
-    ----------
-    accel_mps2, cae_mps2 : ndarray, shape (1250,)
-    """
+    """A test paired with the CAE pulse at its condition, for the rebound."""
 
     speed_mps: float
-    accel_mps2: FloatArray
-    cae_mps2: FloatArray
+    accel_mps2: FloatArray  # shape (1250,)
+    cae_mps2: FloatArray  # shape (1250,)
     cae_loading: LoadingPhase
 
 
 class Rebound:
-    """Correction of the CAE unloading branch over time since zero velocity: a hierarchical model, as for the bias.
+    """Correction of the CAE unloading branch over time since zero velocity: a hierarchical model, as for the bias."""
 
-    Attributes
-    ----------
-    process_ : GaussianProcess or None
-        None if no test stops early enough to show a rebound.
-    freedom_ : int
-        Degrees of freedom of the draws.
-    """
-
-    process_: GaussianProcess | None
+    process_: GaussianProcess | None  # None if no test stops early enough to show a rebound
+    freedom_: int  # degrees of freedom of the draws
 
     def fit(self, tests: Sequence[Unloading]) -> Self:
         """Fit to tests; those whose record ends at zero velocity are skipped."""
@@ -173,7 +151,7 @@ class Rebound:
     ) -> FloatArray:
         """Apply :func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others.
 
-        The pulses, of 100 ms each, are at any time step; ``widening`` is a factor on the draws' deviations.
+        The pulses, of 100 ms each, are at any time step.
         """
         since = _SinceStop.of(pulses)
         whole = _unloaded(pulses, since, cae_mps2, cae_loading)
@@ -186,35 +164,35 @@ class Rebound:
     def repeat(
         self, pulses: Kinematics, test_mps2: FloatArray, speed_mps: float, rng: np.random.Generator
     ) -> FloatArray:
-        """Let each pulse rebound as a repeat of this test would: as the test, and differently by what tests do."""
+        """Let each pulse rebound as a repeat of this test would."""
         since = _SinceStop.of(pulses)
         whole = _unloaded(pulses, since, test_mps2, loading_phase(test_mps2, speed_mps))
         if self.process_ is None:
             return whole
-        own = self.process_.prior_of(_OF_A_TEST, _rows(_AFTER_S, speed_mps, -1))
-        return _with(draw(np.zeros(_AFTER_S.size), 2 * own, len(whole), rng), whole, since)
+        prior = self.process_.prior_of(_OF_A_TEST, _rows(_AFTER_S, speed_mps, -1))
+        return _with(draw(np.zeros(_AFTER_S.size), 2 * prior, len(whole), rng), whole, since)
 
 
 def _with(extra: FloatArray, pulses_mps2: FloatArray, since: _SinceStop) -> FloatArray:
     """Add corrections at the times after zero velocity, one row for each pulse, from zero velocity on."""
     added = _at(extra, since.after_s / _STEP_S)
     added *= _unit(_at(pulses_mps2, since.place))
-    some = pulses_mps2[:, since.samples]
-    np.add(some, added, out=some, where=since.after_s > 0)
+    samples = pulses_mps2[:, since.samples]
+    np.add(samples, added, out=samples, where=since.after_s > 0)
     return pulses_mps2
 
 
 def _at(rows: FloatArray, place: FloatArray) -> FloatArray:
-    """Each row, linear between its samples, at places of its own, or all at those of one, counted in samples."""
+    """Each row, linear between its samples, at its places, or one row at all places, counted in samples."""
     low = np.minimum(place.astype(np.intp), rows.shape[1] - 2)
     share = place - low
     if len(rows) > 1:
         low += np.arange(len(rows))[:, None] * rows.shape[1]
-    found = rows.take(low)
+    values = rows.take(low)
     low += 1
-    share *= rows.take(low) - found
-    found += share
-    return np.asarray(found)
+    share *= rows.take(low) - values
+    values += share
+    return np.asarray(values)
 
 
 def _unit(accel_at_t0: FloatArray | float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""How tests scatter: what the bias of each test has for itself, as a model, and repeats of a test drawn with it."""
+"""How tests scatter: the deviations of each test as a model, and repeats of a test drawn with it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,17 +6,18 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import MOST_TESTS
-from crashfuse.approaches.displacement_domain.bias import BiasPoints, uniform_points
-from crashfuse.approaches.displacement_domain.bias_parts import FIRST_FACTOR, GROWTH_UNIT_M, scatter_parts
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce
-from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+from crashfuse.approaches.base import MOST_TESTS, draw
+from crashfuse.approaches.displacement_domain.approach import FINER, CaeView, DisplacementConfig
+from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce, uniform_points
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
-from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.approaches.displacement_domain.hierarchical_bias import (
+    FIRST_FACTOR,
+    GROWTH_UNIT_M,
+    HierarchicalBias,
+    scatter_parts,
+)
 from crashfuse.approaches.displacement_domain.rebound import Rebound
-from crashfuse.approaches.draws import draw
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -33,11 +34,7 @@ _BEYOND = 1.5  # times the test's crush; nothing is known of scatter farther on
 
 
 class _ScatterBias(HierarchicalBias):
-    """The hierarchical bias up to the stop, where a test's own deviation may grow with crush.
-
-    The bias of the displacement domain gives every stage of a crash the same deviation, which is safe for a band. But
-    tests agree closely at first and part as folds follow each other; only what grows shows that.
-    """
+    """The hierarchical bias up to the stop, where a test's deviation may grow with crush, fold after fold."""
 
     def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
         rows, y = super()._take(tests)
@@ -49,18 +46,9 @@ class _ScatterBias(HierarchicalBias):
         parts, noise = scatter_parts(columns, FIRST_FACTOR + len(self._levels), self._unit_mps2)
         return GaussianProcess(parts, noise, seed=self.seed)
 
-    def _rows(
-        self,
-        condition: Condition,
-        displacement_m: FloatArray,
-        cae: CaeForce,
-        speed_share: FloatArray,
-        *,
-        test: int = -1,
-        crushing: bool = True,
-    ) -> FloatArray:
-        rows = super()._rows(condition, displacement_m, cae, speed_share, test=test, crushing=crushing)
-        growth = self.mass_kg_ / condition.mass_kg * displacement_m / GROWTH_UNIT_M
+    def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:
+        rows = super()._rows(points, test, crushing=crushing)
+        growth = self.mass_kg_ / points.condition.mass_kg * points.displacement_m / GROWTH_UNIT_M
         return np.column_stack([rows[:, :-1], growth, rows[:, -1]])
 
     def differences(
@@ -68,25 +56,18 @@ class _ScatterBias(HierarchicalBias):
     ) -> FloatArray:
         """Draw differences between two tests at a condition over displacement, shape (n, displacement_m.size)."""
         none = np.zeros_like(displacement_m)
-        rows = self._rows(condition, displacement_m, CaeForce(none, none), np.ones_like(displacement_m))
-        own = self.process_.prior_of({"even", "growing"}, rows)
-        return draw(np.zeros(displacement_m.size), 2 * own, n, rng)
+        rows = self._rows(BiasPoints(condition, displacement_m, np.ones_like(none), CaeForce(none, none)))
+        prior = self.process_.prior_of({"even", "growing"}, rows)
+        return draw(np.zeros(displacement_m.size), 2 * prior, n, rng)
 
 
 class Scatter:
     """The scatter of tests, learned from all tests of a campaign; it draws pulses of repeats of a measured test.
 
-    A repeat differs from a test by the difference of their own deviations: twice the variance of one. It is drawn as a
-    function of displacement, added to the test's own pulse, and integrated through the dynamics (Eq. 29), so the
-    timing of all that follows changes with it. The stop and the rebound are the test's own, joined to the new motion.
-    This is for judging predictions, and never part of one: it learns from the test that is judged, too.
-
-    Parameters
-    ----------
-    config : DisplacementConfig, optional
-        Spacing of the bias points and how many there may be.
-    cache : Cache, optional
-        Storage for the trained emulator of the CAE model.
+    A repeat differs from a test by the difference of their deviations: twice the variance of one. It is drawn over
+    displacement, added to the test's pulse, and integrated (Eq. 29), so the timing of all that follows changes too;
+    stop and rebound are the test's. It also learns from the test that is judged, so it is never part of a prediction.
+    Parameters as :class:`DisplacementDomain`.
     """
 
     def __init__(self, config: DisplacementConfig | None = None, *, cache: Cache | None = None) -> None:
@@ -98,14 +79,14 @@ class Scatter:
         campaign = campaign.evenly_over_speed(MOST_TESTS)
         model = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         views = [CaeView.of(model, test.condition) for test in campaign.tests]
-        both = list(zip(campaign.tests, views, strict=True))
+        pairs = list(zip(campaign.tests, views, strict=True))
         with one_thread():
-            self.bias_ = _ScatterBias().fit([self._points(test, view, len(both)) for test, view in both], watch)
-            self.rebound_ = Rebound().fit([view.beside(test) for test, view in both])
+            self.bias_ = _ScatterBias().fit([self._points(test, view, len(pairs)) for test, view in pairs], watch)
+            self.rebound_ = Rebound().fit([view.unloading(test) for test, view in pairs])
         return self
 
     def _points(self, test: CrashTest, view: CaeView, n_tests: int) -> BiasPoints:
-        """The bias of a test before it stops, where the scatter over displacement is learned."""
+        """The bias of a test before it stops: the scatter is one over displacement."""
         speed, end_share = test.condition.speed_mps, _ScatterBias.end_share
         phase = loading_phase(test.pulse.accel_mps2, speed)
         most = self.config.points_each(n_tests)
@@ -120,11 +101,11 @@ class Scatter:
         condition, accel, end_share = test.condition, test.pulse.accel_mps2, self.bias_.end_share
         speed = condition.speed_mps
         phase = loading_phase(accel, speed)
-        own = LoadingCurve(phase)
+        curve = LoadingCurve(phase)
         fine = np.linspace(0.0, speed * DT_S * N_SAMPLES, _STEPS * FINER + 1)
         grid = np.minimum(fine[::FINER], _BEYOND * phase.crush_m)
         with one_thread():
             differences = self.bias_.differences(condition, grid, n, rng)
-            force, stopping = own.accel_at(fine, end_share), own.stopping_accel(_SHARES, end_share)
+            force, stopping = curve.accel_at(fine, end_share), curve.stopping_accel(_SHARES, end_share)
             motion = integrate(differences, fine[FINER], stopping[None], speed, common_mps2=force)
             return self.rebound_.repeat(motion, accel, speed, rng)

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from scipy.optimize import minimize
 
-from crashfuse.approaches.base import FittedState
-from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
-from crashfuse.approaches.draws import draw
+from crashfuse.approaches.base import FittedState, draw
+from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints, CaeForce, CaeStop
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
@@ -33,24 +31,15 @@ class Table4Bias:
 
     The bias is in m/s², unscaled as by scikit-learn's default: alpha and the bounds of Table 4 apply to (m/s²)². The
     paper does not state this unit, the Matérn's order or the scaling of the inputs. From most starts the fit ends in an
-    optimum that explains no more than noise; the result of the settings is kept, and a note says so.
+    optimum that explains no more than noise; the result of the settings is kept, and a note says so (``dead_``).
 
     Parameters
     ----------
     restarts : int
         Table 4's training repeats: further starts after the one at 2.
-    seed : int
-        Seed for those starts.
-
-    Attributes
-    ----------
-    end_share : float
-        Zero: the paper follows a CAE pulse over displacement to its end.
-    dead_ : bool
-        Whether the likelihood is near that of noise alone.
     """
 
-    end_share: ClassVar[float] = 0.0
+    end_share: ClassVar[float] = 0.0  # the paper follows a CAE pulse over displacement to its end
 
     def __init__(self, restarts: int = 10, *, seed: int = 0) -> None:
         self.restarts = restarts
@@ -73,9 +62,9 @@ class Table4Bias:
                 watch.report("Bias model", done, self.restarts + 1)
                 return loss(theta)
 
-            found = minimize(watched, start, jac=True, method="L-BFGS-B", bounds=bounds)
+            best = minimize(watched, start, jac=True, method="L-BFGS-B", bounds=bounds)
             done += 1
-            return found.x, found.fun
+            return best.x, best.fun
 
         process = GaussianProcessRegressor(
             kernel, alpha=_ALPHA, optimizer=climb, n_restarts_optimizer=self.restarts, random_state=self.seed
@@ -117,10 +106,7 @@ class Table4Bias:
         n_draws: int,
         rng: np.random.Generator,
     ) -> BiasDraws:
-        """Mean and draws of the bias at displacements (Eqs. 26 and 27): whole functions, as for any bias model.
-
-        Table 4 has no dependence on velocity, so the bias over it is zero.
-        """
+        """Mean and draws of the bias at displacements (Eqs. 26 and 27); zero over velocity, which is not in Table 4."""
         x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)
         functions = np.vstack([mean, draw(mean, covariance, n_draws, rng)])

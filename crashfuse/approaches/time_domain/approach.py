@@ -6,22 +6,17 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
-from torch import Tensor
 
-from crashfuse.approaches.band_check import checked_far
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration
+from crashfuse.approaches.calibration import BandedApproach, LeftOut, check_band_far, speed_groups
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.left_out import LeftOut, speed_groups
 from crashfuse.approaches.nearness import nearness
-from crashfuse.approaches.time_domain.about import AboutTimeDomain
-from crashfuse.approaches.time_domain.band import Band
+from crashfuse.approaches.time_domain.band import Band, stopping_notes
+from crashfuse.approaches.time_domain.config import AboutTimeDomain
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
-from crashfuse.approaches.time_domain.kernel_blocks import KernelBlocks
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
-from crashfuse.approaches.time_domain.stopping import stopping_notes
-from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
-from crashfuse.approaches.time_domain.training_data import fine_tune, mean_outputs
+from crashfuse.approaches.time_domain.tangent_kernel import KernelBlocks
+from crashfuse.approaches.time_domain.training import Checkpoint, fine_tune, load_weights, mean_outputs, weights_of
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -33,23 +28,15 @@ _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says l
 _KERNEL_STEP = "Derivatives of the LF networks"
 
 
-class TimeDomain(AboutTimeDomain, TcnApproach):
+class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
     """The multi-fidelity (MF) TCN: the LF networks with increments learned from the tests (Eq. 6).
-
-    Parameters as :class:`LfTcn`.
 
     Attributes
     ----------
     network_ : Tcn
         The LF networks, or the fine-tuned ones if Adam did the fine-tuning.
-    scaling_ : Scaling
-        Scaling of the LF networks.
     increments_ : Increments
-        Posterior over θ_HF; only with fine-tuning in closed form.
-    calibration_ : Calibration
-        Calibration of the band on tests left out one by one; likewise.
-    left_out_, left_out_groups_ : LeftOut
-        Predictions of these tests, and of each test from those at other speeds; likewise.
+        Posterior over θ_HF; only, like the band, with fine-tuning in closed form.
     losses_ : ndarray, shape (n_members, n_steps)
         Loss on the tests before each step; only after fine-tuning by Adam.
     """
@@ -71,18 +58,16 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
         if self.config.tuning == "gradient":
             key = {**settings(self), "campaign": campaign.fingerprint}
             checkpoint = Checkpoint(self.cache, {**key, "training": self.name})
-            self.network_, self.losses_ = fine_tune(
-                self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
-            )
-            return self
-        self._learn(campaign, watch)
+            tuned = fine_tune(self.network_, self.scaling_, self._vectors, accel, checkpoint, watch)
+            self.network_, self.losses_ = tuned
+        else:
+            self._learn(campaign, watch)
         return self
 
     def _lf(self) -> LfTcn:
         return LfTcn(self.config, seed=self.seed, device=self._wanted, cache=self.cache)
 
     def _seen(self, campaign: Campaign) -> Campaign:
-        """The campaign with the tests to learn from: all of them for Adam, else thinned."""
         return campaign if self.config.tuning == "gradient" else self._thinned(campaign)
 
     def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
@@ -92,8 +77,8 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         # target outputs for the tests, shape (n_tests, n_times)
-        self._targets = self.scaling_.targets(self._vectors, accel, self.config).numpy().T.astype(np.float64)
-        self._band = Band.of(campaign.tests, self._targets, self.scaling_, self.config, self.seed)
+        self._targets = self.scaling_.targets(self._vectors, accel).numpy().T.astype(np.float64)
+        self._band = Band.of(campaign.tests, self._targets, self.scaling_, self.seed)
         return accel
 
     def learned(self) -> FittedState:
@@ -101,20 +86,10 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
         self._require("network_")
         lf = self.lf_.learned()
         if self.config.tuning == "gradient":
-            return FittedState.of(
-                {}, {"losses": self.losses_}, lf=lf, network=FittedState({}, weights_of(self.network_))
-            )
-        check = self.calibration_
-        values = {
-            "widening": check.widening,
-            "late_widening": check.late_widening,
-            "far": check.far,
-            "delta_v_misfit": self._delta_v_misfit,
-        }
-        left_out = {"left_out": self.left_out_.learned(), "left_out_groups": self.left_out_groups_.learned()}
-        return FittedState.of(
-            values, {"inside": check.inside}, lf=lf, increments=self.increments_.learned(), **left_out
-        )
+            network = FittedState({}, weights_of(self.network_))
+            return FittedState.of({}, {"losses": self.losses_}, lf=lf, network=network)
+        parts = {"lf": lf, "increments": self.increments_.learned(), **self._learned_band()}
+        return FittedState.of({"delta_v_misfit": self._delta_v_misfit}, {}, **parts)
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore networks and increments."""
@@ -124,17 +99,12 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
             load_weights(self.network_, learned.part("network").arrays)
             return self
         self.increments_ = Increments().restore(learned.part("increments"))
-        values = learned.values
-        self.calibration_ = Calibration.of(
-            values["widening"], learned.arrays["inside"], values["late_widening"], values["far"]
-        )
-        self._delta_v_misfit = values["delta_v_misfit"]
-        self.left_out_ = LeftOut.restored(learned.part("left_out"))
-        self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
+        self._restore_band(learned)
+        self._delta_v_misfit = learned.values["delta_v_misfit"]
         return self
 
     def _learn(self, campaign: Campaign, watch: Watch) -> None:
-        lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
+        lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors))
         watch.report("Fine-tuning on tests", 0, 1)
         kernel = self._kernel.among(self._vectors) * self._alike(self._vectors)[:, None, :, None]
         watch.report("Fine-tuning on tests", 1, 1)
@@ -144,11 +114,12 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
             errors = {"tests_learned_from": increments.error_[rho], "tests_left_out": increments.left_out_error_[rho]}
             watch.report("Strength of the fine-tuning", number, len(PENALTIES), **errors)
 
+        tests = campaign.tests
+
         def without(number: int, out: tuple[int, ...]) -> Posterior:
             posterior = increments.left_out_[out][out.index(number)]
-            return self._band.stopped(campaign.tests[number].condition, lf[number], posterior, out)
+            return self._band.stopped(tests[number].condition, lf[number], posterior, out)
 
-        tests = campaign.tests
         left_out = {number: without(number, (number,)) for number in range(len(tests))}
         calibration, pulses = self._band.check(tests, left_out, watch)
         alone = LeftOut.of(pulses)
@@ -156,18 +127,15 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
             if len(group) > 1:
                 pulses[number] = self._band.pulses(tests[number].condition, without(number, group), calibration)
         apart = LeftOut.of(pulses if max(map(len, groups)) < len(tests) else {})
-        self.calibration_, self.left_out_, self.left_out_groups_ = checked_far(campaign, calibration, alone, apart)
+        self.calibration_, self.left_out_, self.left_out_groups_ = check_band_far(campaign, calibration, alone, apart)
         ends = [self._band.stopping(tests[n].condition).end_share(p.mean) for n, p in left_out.items()]
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 
     def _blocks(self, lf: LfTcn, campaign: Campaign) -> KernelBlocks:
-        def inputs(vectors: FloatArray) -> Tensor:
-            return lf.scaling_.inputs(vectors, self.config)
-
-        return KernelBlocks(lf.network_, self.config, inputs, campaign.cae.fingerprint, self.cache)
+        return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, campaign.cae.fingerprint, self.cache)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
-        """How alike increments at the tests' speeds and at others are, shape (n_tests, n): they vary with speed."""
+        """How alike increments at the tests' speeds and at others are, shape (n_tests, n)."""
         apart = self._vectors[:, None, 0] - vectors[:, 0]
         return np.asarray(np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2))
 
@@ -177,11 +145,11 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
         if not hasattr(self, "increments_"):
             return lf
         vector = condition.vector[None]
-        across, own = self._kernel.beside(self._vectors, condition.vector)
+        across, here = self._kernel.between(self._vectors, condition.vector)
         across = across * self._alike(vector)[:, :, None]
-        expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
+        expected = mean_outputs(self.network_, self.scaling_.inputs(vector))[0]
         with one_thread():
-            posterior = self._band.stopped(condition, expected, self.increments_.posterior(across, own))
+            posterior = self._band.stopped(condition, expected, self.increments_.posterior(across, here))
             further = self.calibration_.further(nearness(condition.speed_mps, self._vectors[:, 0]))
             pulses = self._band.pulses(condition, posterior, self.calibration_, further)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
@@ -190,11 +158,11 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Predictions of the tests from the check of the band; empty after fine-tuning by Adam."""
         self._require("network_")
-        return self.left_out_.predictions(campaign.evenly_over_speed(MOST_TESTS)) if hasattr(self, "left_out_") else {}
+        return super().left_out(campaign) if hasattr(self, "left_out_") else {}
 
     @property
     def state(self) -> dict[str, object]:
-        """Results of the LF training, choices of the fine-tuning with reasons, and coverage of the band."""
+        """Results of the LF training, choices of the fine-tuning, and coverage of the band."""
         if not hasattr(self, "network_"):
             return {}
         if self.config.tuning == "gradient":

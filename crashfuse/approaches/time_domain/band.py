@@ -1,4 +1,4 @@
-"""The time domain's band: whole pulses drawn from the posterior, their spread checked on left-out tests."""
+"""The time domain's band: whole pulses that stop the vehicle (Eq. 11), their spread checked on left-out tests."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,46 +7,95 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.calibration import CHECK_STRIDE, Calibration, Coverage, calibrate
-from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.fine_tuning import Posterior
-from crashfuse.approaches.time_domain.scaling import Scaling
-from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping
+from crashfuse.approaches.time_domain.network import Scaling
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.progress import Watch
-from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+
+SMOOTH_S = 0.0032  # increments vary faster than real pulses, and draws that oscillate too fast have too high peaks
+_LEAST_SPREAD = 0.02  # least spread of the share of v0 left at the end of the record
+_UNKNOWN_SPREAD = 0.1  # with a single test
 
 _LEAST_FREEDOM = 3  # of the draws; with fewer the variance is infinite
 _HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Band:
-    """Pulses at any condition from the posterior of the networks' output there.
+class Stopping:
+    """Relation of network outputs to the velocity of a vehicle at one condition; shape (n_times,) each."""
 
-    Attributes
-    ----------
-    end_shares : ndarray, shape (n_tests,)
-        Share of v0 left at the end of each test.
-    """
-
-    scaling: Scaling
-    config: TcnConfig
-    seed: int
-    end_shares: FloatArray
+    time_s: FloatArray
+    change: FloatArray  # of velocity over the record by each output, as a share of v0
 
     @classmethod
-    def of(
-        cls, tests: Sequence[CrashTest], outputs: FloatArray, scaling: Scaling, config: TcnConfig, seed: int
-    ) -> Self:
-        """Create it for networks with this scaling, tests and what they measured, in units of the network's output."""
-        both = zip(tests, outputs, strict=True)
-        shares = [Stopping.of(test.condition, scaling, config).end_share(own) for test, own in both]
-        return cls(scaling, config, seed, np.array(shares))
+    def of(cls, condition: Condition, scaling: Scaling) -> Self:
+        """Create it for a condition and networks with this scaling."""
+        time = GRID_S[:: scaling.config.stride]
+        weights = np.full(time.size, time[1])
+        weights[[0, -1]] /= 2
+        return cls(time, weights * scaling.outputs(condition.vector[None]) / condition.speed_mps)
+
+    def end_share(self, outputs: FloatArray) -> float:
+        """Share of v0 left at the end of the record; below 0 after a rebound."""
+        return float(1 + self.change @ outputs)
+
+    def after_t0(self, outputs: FloatArray) -> FloatArray:
+        """Weights that rise from 0 to 1 where these outputs have stopped the vehicle, shape (n_times,)."""
+        share_left = 1 + np.cumsum(self.change * outputs)
+        t0 = self.time_s[np.argmax(share_left <= 0)] if (share_left <= 0).any() else self.time_s[-1]
+        after: FloatArray = 1 - np.exp(-np.maximum(self.time_s - t0, 0.0) / SMOOTH_S)
+        return after
+
+    def imposed(self, posterior: Posterior, end_shares: FloatArray) -> Posterior:
+        """Condition the output on a vehicle that stops and rebounds about as those in the tests did, if there are any.
+
+        Eq. 11 over the whole record is one more measurement: acceleration must integrate to ΔV. ``end_shares`` are the
+        shares of v0 left at the end of each test.
+        """
+        if not len(end_shares):
+            return posterior
+        spread = max(float(end_shares.std(ddof=1)), _LEAST_SPREAD) if len(end_shares) > 1 else _UNKNOWN_SPREAD
+        measurement = self.change, float(end_shares.mean()) - 1, spread**2
+        stopped = posterior.given(*measurement)
+        after = self.after_t0(posterior.mean)
+        if not after.any():
+            return stopped
+        # The expected pulse already stops the vehicle, so only the part after the stop is corrected.
+        return Posterior(posterior.given(*measurement, where=after).mean, stopped.covariance)
+
+
+def stopping_notes(condition: Condition, pulse_mps2: FloatArray, lf_mps2: FloatArray) -> tuple[str, ...]:
+    """A sentence if a predicted pulse does not stop the vehicle although the CAE model's does."""
+    motion = kinematics(np.array([pulse_mps2, lf_mps2]), condition.speed_mps, DT_S)
+    if not (np.isnan(motion.t0_s[0]) and np.isfinite(motion.t0_s[1])):
+        return ()
+    left = motion.velocity_mps[0].min() / condition.speed_mps
+    return (
+        f"The predicted pulse does not stop the vehicle within {GRID_S[-1] * 1e3:.0f} ms, as the CAE model's does: "
+        f"{left:.1%} of the impact speed is left.",
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Band:
+    """Pulses at any condition from the posterior of the networks' output there."""
+
+    scaling: Scaling
+    seed: int
+    end_shares: FloatArray  # share of v0 left at the end of each test, shape (n_tests,)
+
+    @classmethod
+    def of(cls, tests: Sequence[CrashTest], outputs: FloatArray, scaling: Scaling, seed: int) -> Self:
+        """Create it for networks with this scaling, and tests with their pulses in units of the networks' output."""
+        pairs = zip(tests, outputs, strict=True)
+        shares = [Stopping.of(test.condition, scaling).end_share(pulse) for test, pulse in pairs]
+        return cls(scaling, seed, np.array(shares))
 
     def stopping(self, condition: Condition) -> Stopping:
         """How the networks' output at a condition changes the velocity."""
-        return Stopping.of(condition, self.scaling, self.config)
+        return Stopping.of(condition, self.scaling)
 
     def stopped(
         self, condition: Condition, lf: FloatArray, posterior: Posterior, without: Sequence[int] = ()
@@ -55,22 +104,20 @@ class Band:
 
         As if the tests with the numbers in ``without`` had not been run.
         """
-        both = Posterior(lf + posterior.mean, posterior.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
-        return self.stopping(condition).imposed(both, np.delete(self.end_shares, without))
+        n_steps = SMOOTH_S / (DT_S * self.scaling.config.stride)
+        total = Posterior(lf + posterior.mean, posterior.covariance).smoothed(n_steps)
+        return self.stopping(condition).imposed(total, np.delete(self.end_shares, without))
 
     def pulses(
         self, condition: Condition, posterior: Posterior, calibration: Calibration, further: float = 1.0
     ) -> FloatArray:
-        """Pulses in m/s², shape (1 + n_draws, 1250): the mean, then draws with widened deviations.
-
-        The widening is that of the calibration, times a further factor.
-        """
+        """Pulses in m/s², shape (1 + n_draws, 1250): the mean, then draws widened as calibrated, times a factor."""
         late = calibration.late_widening or calibration.widening
         return self.drawn(condition, posterior)(further * calibration.widening, further * late)
 
     def drawn(self, condition: Condition, posterior: Posterior) -> Callable[[float, float], FloatArray]:
         """The pulses as a function of their widenings, before the stop and after it, in which they are linear."""
-        n_draws, n_times = self.config.n_draws, posterior.mean.size
+        n_draws, n_times = self.scaling.config.n_draws, posterior.mean.size
         dof = max(len(self.end_shares), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
         normal = posterior.draw(n_draws, rng)
@@ -79,9 +126,7 @@ class Band:
         deviations = np.vstack([np.zeros(n_times), factors[:, None] * normal])
         after = self.stopping(condition).after_t0(posterior.mean)
         parts = [posterior.mean[None], deviations * (1 - after), deviations * after]
-        mean, early, late = (
-            self.scaling.pulses(part, np.tile(condition.vector, (len(part), 1)), self.config) for part in parts
-        )
+        mean, early, late = (self.scaling.pulses(part, np.tile(condition.vector, (len(part), 1))) for part in parts)
         return lambda widening, late_widening: mean + widening * early + late_widening * late
 
     def check(
@@ -93,9 +138,9 @@ class Band:
 
         def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
-            for number, own in drawn.items():
-                pulses[number] = own(widening, late)
-            return [Coverage.of(tests[number], drawn[1:, ::CHECK_STRIDE]) for number, drawn in pulses.items()]
+            for number, draw in drawn.items():
+                pulses[number] = draw(widening, late)
+            return [Coverage.of(tests[number], rows[1:, ::CHECK_STRIDE]) for number, rows in pulses.items()]
 
         # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the
         # band. The rebound is less certain and has its own factor.

@@ -1,69 +1,47 @@
-"""Hyperparameters of the time domain: network, LF training, fine-tuning."""
+"""Hyperparameters of the time domain, and what its approaches say of themselves: known without PyTorch."""
 
 from dataclasses import asdict, dataclass
 from typing import Literal, Self
+
+from crashfuse.approaches.base import Approach
 
 _AFTER_LF = ("tuning", "tuning_steps", "tuning_rate", "penalty", "n_draws")
 
 
 @dataclass(frozen=True, slots=True)
 class TcnConfig:
-    """Network, LF training (Eq. 5) and fine-tuning (Eq. 6); the constructors are :meth:`fast` and :meth:`paper`.
+    """Network, LF training (Eq. 5) and fine-tuning (Eq. 6), as by :meth:`fast` or :meth:`paper`.
 
-    Parameters
-    ----------
-    channels, kernel, dilations, dropout
-        One residual block for each dilation.
-    stride : int
-        Every n-th sample of the study grid is a step of the sequence; a cubic spline interpolates back.
-    time_waves, travel_waves, velocity_waves : int
-        Number of sines and cosines, as inputs beside the paper's four, of time and of the typical displacement and
-        velocity of CAE runs at this speed at that time. They transfer what tests show to the same crush, or the same
-        stage of stopping, at another speed. Without travel waves, neither displacement nor velocity is an input.
-    scale_floor : float
-        An output of 1 means an acceleration that grows with v0, starting at v0 = 0 from this share of its highest
-        value; 1 for the same acceleration at all speeds.
-    batch, epochs, min_steps : int
-        Pulses per step; number of epochs, increased for a small library to reach ``min_steps``.
-    max_runs : int
-        Most CAE runs to learn from, taken evenly from the library, as more do not improve the networks; 0 for all.
-    learning_rate, annealing_epochs : float, int
-        Adam's rate and the half period of its cosine; 0 for one warm-up and one cosine over the whole training.
-    members : int
-        Number of LF networks from different seeds; their mean is the prediction.
-    tuning : {"posterior", "gradient"}
-        Fine-tuning in closed form with a band, or by Adam without.
-    n_draws : int
-        For the posterior: whole pulses drawn for the band.
-    tuning_steps, tuning_rate, penalty : int, float, float
-        For Adam: steps and rate, and λ of the penalty λ‖θ_HF‖² that keeps θ_MF near θ_LF.
+    Waves are sines and cosines, as inputs beside the paper's four, of time and of the typical displacement (travel) and
+    velocity of CAE runs at this speed at that time. They transfer what tests show to the same crush, or the same stage
+    of stopping, at another speed. Without travel waves, neither displacement nor velocity is an input.
     """
 
     channels: int = 48
     kernel: int = 3
-    dilations: tuple[int, ...] = (1, 2, 4, 8)
+    dilations: tuple[int, ...] = (1, 2, 4, 8)  # of one residual block each
     dropout: float = 0.0
-    stride: int = 20
+    stride: int = 20  # samples of the study grid from step to step; a cubic spline interpolates back
     time_waves: int = 2
     travel_waves: int = 10
     velocity_waves: int = 1
-    scale_floor: float = 0.3
-    batch: int = 16
+    scale_floor: float = 0.3  # an output of 1 is an acceleration that grows with v0, from this share of the highest
+    batch: int = 16  # pulses a step
     epochs: int = 2
-    min_steps: int = 340
-    max_runs: int = 3000
+    min_steps: int = 340  # a small library has more epochs
+    max_runs: int = 3000  # to learn from, taken evenly from the library; 0 for all
     learning_rate: float = 4e-3
-    annealing_epochs: int = 0
-    members: int = 4
-    tuning: Literal["posterior", "gradient"] = "posterior"
-    n_draws: int = 200
-    tuning_steps: int = 1000
+    annealing_epochs: int = 0  # half period of the rate's cosine; 0: a warm-up and one cosine over the whole training
+    members: int = 4  # LF networks from different seeds; their mean is the prediction
+    tuning: Literal["posterior", "gradient"] = "posterior"  # in closed form with a band, or by Adam without
+    n_draws: int = 200  # posterior: whole pulses drawn for the band
+    tuning_steps: int = 1000  # Adam
     tuning_rate: float = 3e-4
-    penalty: float = 1e-3
+    penalty: float = 1e-3  # λ of λ‖θ_HF‖², which keeps θ_MF near θ_LF
 
     @classmethod
     def fast(cls) -> Self:
-        """Our settings: LF training takes about 3 s per member on one core."""
+        """LF training takes about 3 s per member on one core."""
         return cls()
 
     @classmethod
@@ -96,11 +74,43 @@ class TcnConfig:
 
     @property
     def n_inputs(self) -> int:
-        """Number of inputs: time, v0, two weights; typical displacement and velocity if they have waves; the waves."""
+        """Number of inputs: time, v0, two weights, typical displacement and velocity, the waves."""
         motion = 2 + 2 * self.travel_waves + 2 * self.velocity_waves if self.travel_waves else 0
         return 4 + 2 * self.time_waves + motion
 
     @property
     def receptive_field(self) -> int:
-        """Number of sequence steps that an output depends on, its own included."""
+        """Number of sequence steps that an output depends on."""
         return 1 + 2 * (self.kernel - 1) * sum(self.dilations)
+
+
+class AboutLfTcn(Approach):
+    """What is shown of the LF TCN."""
+
+    name = "lf_tcn"
+    label = "LF TCN"
+    in_words = "the LF TCN"
+    description = (
+        "the low-fidelity (LF) networks: temporal convolutional networks (TCN) trained on the CAE runs and on no test "
+        "(Eq. 5)."
+    )
+    colour, dash = "#C871A1", "dot"
+    preference = 40
+    learns_from_tests = False
+    trains_networks = True
+
+
+class AboutTimeDomain(Approach):
+    """All that is shown of the time domain."""
+
+    name = "time_domain"
+    label = "Time domain"
+    in_words = "the time domain"
+    description = (
+        "the multi-fidelity (MF) networks: those of the LF TCN with increments of their weights learned from the "
+        "tests (Eq. 6); under the fast preset in closed form, their strength chosen by leaving tests out, with the "
+        "posterior, widened until it holds on left-out tests, as the band."
+    )
+    colour, dark_colour = "#0072B2", "#2E93D6"
+    preference = 30
+    trains_networks = True

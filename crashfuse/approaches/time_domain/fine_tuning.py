@@ -1,9 +1,8 @@
 """Fine-tuning in closed form: increments θ_HF of an ensemble of LF networks, learned from tests (Eq. 6).
 
-The increments are small, so the networks are linearised in them: f(x, θ_LF + θ_HF) = f(x, θ_LF) + J(x) θ_HF. Then
-the penalty λ‖θ_HF‖² is a Gaussian prior, the penalised least squares have one exact minimum without an optimiser,
-every left-out test's prediction comes from the same matrix, and the posterior over θ_HF gives the band.
-The only input is the tangent kernel J(x) J(x')ᵀ of :mod:`crashfuse.approaches.time_domain.tangent_kernel`
+The networks are linearised in the small increments: f(x, θ_LF + θ_HF) = f(x, θ_LF) + J(x) θ_HF. Then the penalty
+λ‖θ_HF‖² is a Gaussian prior, the penalised least squares have one exact minimum, every left-out test's prediction
+comes from the same matrix, and the posterior over θ_HF gives the band. The only input is the tangent kernel J(x) J(x')ᵀ
 (Jacot et al. 2018; as a posterior, Immer et al. 2021).
 """
 
@@ -13,15 +12,13 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import FittedState
-from crashfuse.approaches.draws import draw
+from crashfuse.approaches.base import FittedState, draw
 from crashfuse.signals.pulse import FloatArray
 
 PENALTIES = (0.02, 0.06, 0.2, 0.6)
 """Choices of ρ: variance of the increments specific to one test, relative to the increments that all share.
 
-The weakest comes first and is preferred: a pulse shrunk towards the CAE's has a better mean square error but not
-a better rating.
+The weakest comes first and is preferred: shrinking to the CAE betters the mean square error, not the rating.
 """
 
 _UNRESOLVED = 0.01  # variance that a network cannot represent, relative to the kernel's mean
@@ -38,10 +35,7 @@ class Posterior:
     def given(
         self, functional: FloatArray, value: float, variance: float, where: FloatArray | None = None
     ) -> "Posterior":
-        """Condition on a measurement of functional · output with this value and variance.
-
-        ``where`` are weights from 0 to 1 of the output's deviations; where 0, the output is taken as known.
-        """
+        """Condition on a measurement of functional · output; where ``where`` (0 to 1) is 0, the output is known."""
         covariance = self.covariance if where is None else self.covariance * where[:, None] * where
         with_all = covariance @ functional
         gain = with_all / (functional @ with_all + variance)
@@ -49,7 +43,7 @@ class Posterior:
         return Posterior(mean, covariance - np.outer(gain, with_all))
 
     def smoothed(self, n_steps: float) -> "Posterior":
-        """Smooth deviations over about this many steps (Gaussian, one sigma), keeping the variance at each time."""
+        """Smooth deviations over about this many steps (Gaussian, one sigma), keeping the variances."""
         step = np.arange(self.mean.size)
         average = np.exp(-0.5 * ((step[:, None] - step) / n_steps) ** 2)
         smooth = average @ self.covariance @ average.T
@@ -57,7 +51,7 @@ class Posterior:
         return Posterior(self.mean, smooth * scale[:, None] * scale)
 
     def draw(self, n_draws: int, rng: np.random.Generator) -> FloatArray:
-        """Draw whole functions: their deviations from the mean, shape (n_draws, n_times)."""
+        """Draw deviations of whole functions from the mean, shape (n_draws, n_times)."""
         return draw(np.zeros_like(self.mean), self.covariance, n_draws, rng)
 
 
@@ -75,8 +69,7 @@ class Increments:
     left_out_ : dict of tuple of int to tuple of Posterior
         By the numbers of tests left out together, the posterior for each of them from all others.
     left_out_error_, error_ : dict of float to float
-        Root mean square error for each ρ, in units of the network's output: on each test predicted from the others,
-        and predicted with it included.
+        RMS error for each ρ in units of the network's output: on left-out tests, and on tests that were learned from.
     """
 
     def fit(self, kernel: FloatArray, misfit: FloatArray, together: Sequence[tuple[int, ...]] = ()) -> Self:
@@ -90,48 +83,41 @@ class Increments:
         trials = {rho: _Trial.of(kernel / unit, misfit, rho) for rho in PENALTIES}
         squares = {rho: np.mean(trial.errors**2, axis=1) for rho, trial in trials.items()}
         self.left_out_error_ = {rho: float(np.sqrt(square.mean())) for rho, square in squares.items()}
-        misfits = {
-            rho: misfit.ravel() - kernel.reshape(misfit.size, -1) @ (trial.inverse @ misfit.ravel()) / unit
-            for rho, trial in trials.items()
-        }
-        self.error_ = {rho: float(np.sqrt(np.mean(left**2))) for rho, left in misfits.items()}
+        self.error_ = {}
+        for rho, trial in trials.items():
+            left = misfit.ravel() - kernel.reshape(misfit.size, -1) @ (trial.inverse @ misfit.ravel()) / unit
+            self.error_[rho] = float(np.sqrt(np.mean(left**2)))
         self.penalty_ = _one_standard_error(squares) if n >= _FEW else PENALTIES[0]
         errors = trials[self.penalty_].errors
         sizes = {rho: np.mean(errors**2 / trial.variances) for rho, trial in trials.items()}
         surprise = {rho: np.log(sizes[rho] * trial.variances).mean() for rho, trial in trials.items()}
         self.band_penalty_ = min(PENALTIES, key=lambda rho: float(surprise[rho])) if n >= _FEW else PENALTIES[-1]
-        band = trials[self.band_penalty_]
+        best, band = trials[self.penalty_], trials[self.band_penalty_]
         self._unit, self._size, self._inverse = unit, float(sizes[self.band_penalty_]), band.inverse
-        self._weights = trials[self.penalty_].inverse @ misfit.ravel()
+        self._weights = best.inverse @ misfit.ravel()
         self.left_out_: dict[tuple[int, ...], tuple[Posterior, ...]] = {}
         for out in dict.fromkeys([*((i,) for i in range(n)), *together]):
-            means = misfit[list(out)] - trials[self.penalty_].without(out)[0]
-            resolved = band.without(out)[1] - _UNRESOLVED * np.eye(n_times)
+            means = misfit[list(out)] - _left_out(best.inverse, best.weights, out)[0]
+            resolved = _left_out(band.inverse, band.weights, out)[1] - _UNRESOLVED * np.eye(n_times)
             self.left_out_[out] = tuple(map(Posterior, means, self._size * resolved))
         return self
 
-    def posterior(self, across: FloatArray, own: FloatArray) -> Posterior:
-        """Posterior of the correction of a new test to the LF prediction.
+    def posterior(self, across: FloatArray, here: FloatArray) -> Posterior:
+        """Posterior of a new test's correction to the LF prediction.
 
         From the tangent kernels between tests and new condition, shape (n, n_times, n_times), and of the latter alone.
         """
-        n_times = own.shape[0]
-        across, own = across.reshape(-1, n_times) / self._unit, own / self._unit
+        n_times = here.shape[0]
+        across, here = across.reshape(-1, n_times) / self._unit, here / self._unit
         mean = across.T @ self._weights
-        covariance = (1 + self.band_penalty_) * own - across.T @ self._inverse @ across
+        covariance = (1 + self.band_penalty_) * here - across.T @ self._inverse @ across
         return Posterior(mean, self._size * covariance)
 
     def learned(self) -> FittedState:
         """Fitted state: what :meth:`posterior` needs, and the errors that decided the penalty."""
-        values = {
-            "penalty": self.penalty_,
-            "band_penalty": self.band_penalty_,
-            "left_out_error": list(self.left_out_error_.items()),
-            "error": list(self.error_.items()),
-            "unit": self._unit,
-            "size": self._size,
-        }
-        return FittedState(values, {"inverse": self._inverse, "weights": self._weights})
+        errors = {"left_out_error": list(self.left_out_error_.items()), "error": list(self.error_.items())}
+        values = {"penalty": self.penalty_, "band_penalty": self.band_penalty_, "unit": self._unit, "size": self._size}
+        return FittedState({**values, **errors}, {"inverse": self._inverse, "weights": self._weights})
 
     def restore(self, learned: FittedState) -> Self:
         """Restore a fitted state, except the posteriors of left-out tests."""
@@ -145,19 +131,15 @@ class Increments:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Trial:
-    """Trial of one ρ: inverse covariance of the tests, and its product with their misfit, shape (n, n_times).
+    """Trial of one ρ; arrays but the first of shape (n, n_times)."""
 
-    Error and variance of each test, predicted from the others, have the shape (n, n_times).
-    """
-
-    inverse: FloatArray
-    weights: FloatArray
-    errors: FloatArray
+    inverse: FloatArray  # of the covariance of the tests
+    weights: FloatArray  # its product with their misfit
+    errors: FloatArray  # of each test left out, with their variances
     variances: FloatArray
 
     @classmethod
     def of(cls, kernel: FloatArray, misfit: FloatArray, rho: float) -> Self:
-        """Invert, and leave out one test at a time."""
         n, n_times = misfit.shape
         same_test = np.eye(n)[:, None, :, None]
         covariance = (kernel * (1 + rho * same_test)).reshape(misfit.size, -1) + _UNRESOLVED * np.eye(misfit.size)
@@ -165,12 +147,8 @@ class _Trial:
         weights = (inverse @ misfit.ravel()).reshape(n, n_times)
         singly = [_left_out(inverse, weights, (i,)) for i in range(n)]
         errors = np.concatenate([errors for errors, _ in singly])
-        variances = np.concatenate([np.diagonal(own, axis1=1, axis2=2) for _, own in singly])
+        variances = np.concatenate([np.diagonal(covariance, axis1=1, axis2=2) for _, covariance in singly])
         return cls(inverse, weights, errors, variances)
-
-    def without(self, out: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Errors and covariances of these tests, predicted from all others."""
-        return _left_out(self.inverse, self.weights, out)
 
 
 def _left_out(inverse: FloatArray, weights: FloatArray, out: Sequence[int]) -> tuple[FloatArray, FloatArray]:
@@ -187,7 +165,7 @@ def _left_out(inverse: FloatArray, weights: FloatArray, out: Sequence[int]) -> t
 
 
 def _one_standard_error(squares: dict[float, FloatArray]) -> float:
-    """The first ρ whose mean square error on left-out tests exceeds the least by no more than its standard error."""
+    """The first ρ whose mean square error exceeds the least by no more than its standard error."""
     best = min(squares, key=lambda rho: float(squares[rho].mean()))
     excess = {rho: square - squares[best] for rho, square in squares.items()}
     return next(rho for rho, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(len(e)))

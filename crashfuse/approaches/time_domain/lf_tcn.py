@@ -8,12 +8,9 @@ import torch
 
 from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.settings import Device, Settings
-from crashfuse.approaches.time_domain.about import AboutLfTcn
-from crashfuse.approaches.time_domain.config import TcnConfig
-from crashfuse.approaches.time_domain.network import Tcn
-from crashfuse.approaches.time_domain.scaling import Scaling
-from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
-from crashfuse.approaches.time_domain.training_data import predict, train
+from crashfuse.approaches.time_domain.config import AboutLfTcn, TcnConfig
+from crashfuse.approaches.time_domain.network import Scaling, Tcn
+from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, predict, train, weights_of
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -59,22 +56,12 @@ class TcnApproach(Approach):
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition: the mean of the members."""
         self._require("network_")
-        accel = predict(self.network_, self.scaling_, condition.vector[None], self.config)[0]
+        accel = predict(self.network_, self.scaling_, condition.vector[None])[0]
         return Prediction(condition, accel, notes=self._library.extrapolation(condition))
 
 
 class LfTcn(AboutLfTcn, TcnApproach):
-    """The LF networks as an approach of their own.
-
-    Parameters
-    ----------
-    config : TcnConfig, optional
-        Default: :meth:`TcnConfig.fast`.
-    device : {"auto", "cpu", "cuda"}
-        ``auto`` uses CUDA if available, else the CPU.
-    cache : Cache, optional
-        Storage for trained networks, by fingerprint of the CAE runs, training settings and seed, and for checkpoints
-        of an unfinished training.
+    """The LF networks as an approach; the cache keeps them, and checkpoints of an unfinished training.
 
     Attributes
     ----------
@@ -89,7 +76,7 @@ class LfTcn(AboutLfTcn, TcnApproach):
         self.fit(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Train on the CAE runs of the campaign, or load networks from the cache; tests are not used."""
+        """Train on the CAE runs of the campaign, or load networks from the cache."""
         cae, config = campaign.cae, self.config
         if len(cae) < 2:
             raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
@@ -109,15 +96,15 @@ class LfTcn(AboutLfTcn, TcnApproach):
         vectors, accel = self._begin(cae)
         checkpoint = Checkpoint(self.cache, {**key, "training": _KIND})
         self.network_, self.losses_ = train(
-            vectors, accel, self.scaling_, self.config, self.seed, torch.device(self.device), checkpoint, watch
+            vectors, accel, self.scaling_, self.seed, torch.device(self.device), checkpoint, watch
         )
         return self
 
     def _begin(self, cae: CaeLibrary) -> tuple[FloatArray, FloatArray]:
         """Set up from the library; returns conditions and pulses of the runs to learn from."""
         most = self.config.max_runs or len(cae)
-        used = slice(None) if len(cae) <= most else np.linspace(0, len(cae) - 1, most).astype(int)
-        vectors, accel = cae.vectors[used], cae.accel_mps2[used]
+        rows = slice(None) if len(cae) <= most else np.linspace(0, len(cae) - 1, most).astype(int)
+        vectors, accel = cae.vectors[rows], cae.accel_mps2[rows]
         self._library, self.scaling_ = cae, Scaling.of(vectors, accel, self.config)
         return vectors, accel
 

@@ -1,34 +1,36 @@
 """The temporal convolutional network (TCN; Figs. 3 and 4, Eq. 4; after Bai et al. 2018).
 
 Sequences are time-major, shape (n_members, n_times, n_pulses, n_channels): a tap of a short causal convolution is then
-a matrix product with a view of them, and the independent members of an ensemble share it as a batch, which is a fifth
-faster than computing them one by one.
-There is no weight normalisation, as it costs 15 % on a CPU.
+a matrix product with a view of them, and the members of an ensemble share it as a batch, a fifth faster than one by
+one. There is no weight normalisation, as it costs 15 % on a CPU.
 """
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
 from crashfuse.approaches.time_domain.config import TcnConfig
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from crashfuse.signals.thinning import in_full
 
 _MOST_TAPS = 8  # with more, torch's own convolution is as quick on a CPU, and has a GPU's matrix units
+
+_POWERS = np.arange(1, 5)[:, None]  # of the speed in the expansion of the typical motion, which vanishes at speed 0
+_CHUNK = 100  # runs integrated at once
+_MOST_RUNS = 2000  # more would not change the typical motion
 
 
 class Tcn(nn.Module):
     """Ensemble of networks side by side: residual blocks of two causal convolutions each, and a linear output.
 
-    Parameters
-    ----------
-    generator : torch.Generator
-        Source of the initial weights and the dropout.
-    members : int, optional
-        Number of networks; default: as configured.
+    The generator gives the initial weights and the dropout.
     """
 
     def __init__(self, config: TcnConfig, generator: torch.Generator, members: int | None = None) -> None:
@@ -48,7 +50,7 @@ class Tcn(nn.Module):
 
     @classmethod
     def joined(cls, networks: "Sequence[Tcn]", config: TcnConfig) -> "Tcn":
-        """Join all members of several networks in one."""
+        """Join the members of several networks in one."""
         states, whole = [network.state_dict() for network in networks], cls(config, torch.Generator(), 1)
         for name, weight in whole.named_parameters():
             weight.data = torch.cat([state[name] for state in states])
@@ -65,10 +67,7 @@ class Tcn(nn.Module):
         return sum(weight.numel() for weight in self.parameters()) // self.members
 
     def forward(self, inputs: Tensor) -> Tensor:
-        """Map inputs to outputs of shape (n_members, n_times, n_pulses).
-
-        Inputs are of shape (n_members, n_times, n_pulses, n_inputs), without the first axis if members share them.
-        """
+        """Map inputs, without the first axis if members share them, to outputs (n_members, n_times, n_pulses)."""
         hidden = inputs if inputs.ndim == 4 else inputs.expand(self.members, *inputs.shape)
         for block in self.blocks:
             hidden = block(hidden)
@@ -102,7 +101,7 @@ class ResidualBlock(nn.Module):
         return torch.relu(hidden + self.shortcut(inputs))
 
     def _drop(self, hidden: Tensor) -> Tensor:
-        """Drop whole channels of a pulse, using our own generator so that the caller's random state is unchanged."""
+        """Drop whole channels of a pulse by our own generator; the caller's random state is unchanged."""
         if not (self.training and self._dropout):
             return hidden
         members, _, n_pulses, channels = hidden.shape
@@ -144,10 +143,7 @@ class CausalConv(nn.Module):
 
 
 class _TapByTap(torch.autograd.Function):
-    """A causal convolution as one product per tap, with views of its input, and its derivatives likewise.
-
-    Without copies of the input for each tap, a step of the training takes a quarter less time.
-    """
+    """A causal convolution and its derivatives as one product per tap with views, not copies: a quarter quicker."""
 
     @staticmethod
     def forward(  # torch declares no type for what it keeps in between
@@ -183,5 +179,95 @@ class _TapByTap(torch.autograd.Function):
 
 
 def _earlier(lags: tuple[int, ...], n_times: int, n_pulses: int) -> Iterator[tuple[int, int]]:
-    """The taps that see the past within a sequence, and how many of its rows come too early to see any of it."""
+    """The taps that see the past within a sequence, and the number of rows that come too early for them."""
     return ((tap, lag * n_pulses) for tap, lag in enumerate(lags[:-1]) if lag < n_times)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TypicalMotion:
+    """Typical motion of the vehicles of CAE runs: polynomials of the impact speed, by least squares."""
+
+    top_mps: float  # the library's highest speed
+    displacement_m: FloatArray  # coefficients of the powers 1 to 4 of v0 / top_mps, shape (4, n_times)
+    velocity_mps: FloatArray
+    crush_m: float  # the library's highest maximum crush
+
+    @classmethod
+    def of(cls, speed_mps: FloatArray, accel_mps2: FloatArray, stride: int) -> "TypicalMotion":
+        """Fit to runs: speeds of shape (n,), pulses of shape (n, 1250)."""
+        top = float(speed_mps.max())
+        rows = np.linspace(0, len(speed_mps) - 1, min(len(speed_mps), _MOST_RUNS)).astype(int)
+        powers = (speed_mps[rows] / top) ** _POWERS
+        displacements, velocities, crush = [], [], 0.0
+        for chunk in np.array_split(rows, -(-rows.size // _CHUNK)):
+            motion = kinematics(accel_mps2[chunk].astype(np.float64), speed_mps[chunk], DT_S)
+            displacements.append(motion.displacement_m[:, ::stride])
+            velocities.append(motion.velocity_mps[:, ::stride])
+            crush = max(crush, float(motion.displacement_m.max()))
+        displacement, velocity = (
+            np.linalg.lstsq(powers.T, np.concatenate(curves), rcond=None)[0] for curves in (displacements, velocities)
+        )
+        return cls(top, displacement, velocity, crush)
+
+    def at(self, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Share of the highest crush, and of the impact speed, over time: shape (n_times, n) each."""
+        powers = (speed_mps / self.top_mps) ** _POWERS
+        velocity_share = self.velocity_mps.T @ powers / np.maximum(speed_mps, 1e-2 * self.top_mps)
+        return self.displacement_m.T @ powers / self.crush_m, velocity_share
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Scaling:
+    """Scaling of conditions (v0, weights) and accelerations to numbers near 1, learned from the CAE runs."""
+
+    config: TcnConfig
+    centre: tuple[float, ...]
+    spread: tuple[float, ...]
+    lowest: tuple[float, ...]  # conditions beyond the library's limits are clipped to them
+    highest: tuple[float, ...]
+    accel_mps2: float  # root mean square, each acceleration divided by the factor for its speed
+    motion: TypicalMotion
+
+    @classmethod
+    def of(cls, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> "Scaling":
+        """Learn the scaling from conditions, shape (n, 3), and their pulses, shape (n, 1250)."""
+        spread = np.maximum(vectors.std(axis=0), 1e-6 * np.abs(vectors).max(axis=0))
+        centre, lowest, highest = vectors.mean(axis=0), vectors.min(axis=0), vectors.max(axis=0)
+        motion = TypicalMotion.of(vectors[:, 0], accel_mps2, config.stride)
+        ends = tuple(lowest.tolist()), tuple(highest.tolist())
+        unit = cls(config, tuple(centre.tolist()), tuple(spread.tolist()), *ends, accel_mps2=1.0, motion=motion)
+        sequences = accel_mps2[:, :: config.stride] / unit.outputs(vectors)[:, None]
+        return replace(unit, accel_mps2=float(np.sqrt(np.mean(sequences**2))))
+
+    def outputs(self, vectors: FloatArray) -> FloatArray:
+        """Acceleration in m/s² that an output of 1 represents at each condition, shape (n,)."""
+        floor = self.config.scale_floor
+        scale: FloatArray = self.accel_mps2 * (floor + (1 - floor) * vectors[:, 0] / self.highest[0])
+        return scale
+
+    def inputs(self, vectors: FloatArray) -> Tensor:
+        """Input sequences for conditions of shape (n, 3): shape (n_times, n, n_inputs), float32."""
+        config, vectors = self.config, np.clip(vectors, self.lowest, self.highest)
+        time = GRID_S[:: config.stride, None] / GRID_S[-1]
+        columns = [2 * time - 1, *((vectors - self.centre) / self.spread).T[:, None], *_waves(time, config.time_waves)]
+        if config.travel_waves:
+            travel, velocity = self.motion.at(vectors[:, 0])
+            columns += [2 * travel - 1, *_waves(travel, config.travel_waves)]
+            columns += [velocity, *_waves(velocity, config.velocity_waves)]
+        shape = (len(time), len(vectors))
+        return torch.from_numpy(np.stack([np.broadcast_to(c, shape) for c in columns], axis=-1).astype(np.float32))
+
+    def pulses(self, outputs: FloatArray, vectors: FloatArray) -> FloatArray:
+        """Pulses on the study grid, shape (n, 1250), from outputs of shape (n, n_times) at these conditions."""
+        sequences: FloatArray = outputs * self.outputs(vectors)[:, None]
+        return in_full(sequences, self.config.stride)
+
+    def targets(self, vectors: FloatArray, accel_mps2: FloatArray) -> Tensor:
+        """Target outputs of the network for pulses of shape (n, 1250): shape (n_times, n), float32."""
+        scaled = accel_mps2[:, :: self.config.stride] / self.outputs(vectors)[:, None]
+        return torch.from_numpy(np.ascontiguousarray(scaled.T, dtype=np.float32))
+
+
+def _waves(x: FloatArray, n: int) -> list[FloatArray]:
+    """Sines and cosines of 1 to n half waves over 0 to 1."""
+    return [wave(np.pi * k * x) for k in range(1, n + 1) for wave in (np.sin, np.cos)]

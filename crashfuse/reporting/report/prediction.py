@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from crashfuse.approaches.nearness import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import one_of
@@ -15,12 +16,10 @@ from crashfuse.reporting.result_tables import curve_table, gains_table
 from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.next_test import next_tests_table
-from crashfuse.study.one_more_test import sentences
+from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
 

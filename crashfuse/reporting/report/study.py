@@ -29,9 +29,8 @@ from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
 from crashfuse.study.account import worst_test
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.version import __version__
 from crashfuse.wording import speed
 

@@ -11,10 +11,9 @@ from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.earlier_prediction import EarlierPrediction
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.study.repeatability import Repeatability
-from crashfuse.study.study import Study
+from crashfuse.study.study import Fold, Study
 from crashfuse.ui.beside import Shown, choose_curves, leading, without_clicks
 from crashfuse.ui.chosen import View
 from crashfuse.ui.computation import StudyRequest, advised

@@ -4,7 +4,7 @@ import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting import glossary
-from crashfuse.study.fold import Fold
+from crashfuse.study.study import Fold
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.tables import show_table

@@ -2,9 +2,9 @@
 
 import streamlit as st
 
+from crashfuse.approaches.nearness import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
-from crashfuse.study.nearest import nearest_sentences
 from crashfuse.ui import explanations
 from crashfuse.ui.beside import leading
 from crashfuse.ui.other_seeds import show_missing

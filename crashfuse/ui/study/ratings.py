@@ -4,7 +4,7 @@ import streamlit as st
 
 from crashfuse.reporting import glossary
 from crashfuse.study.account import worst_test
-from crashfuse.study.plan import has_speed_groups
+from crashfuse.study.config import has_speed_groups
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
 from crashfuse.ui import explanations, page_tables

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.calibration import Coverage
-from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.rebound import follow_unloading
 from crashfuse.cae_library import CaeLibrary
@@ -281,7 +280,7 @@ def test_of_many_tests_as_many_are_learned_from_as_an_exact_posterior_bears(
 ) -> None:
     """It is what the thinned campaign teaches, kept fits and tests left out included, and the prediction says so."""
     monkeypatch.setattr("crashfuse.approaches.base.MOST_TESTS", 3)
-    monkeypatch.setattr("crashfuse.approaches.displacement_domain.approach.MOST_TESTS", 3)
+    monkeypatch.setattr("crashfuse.approaches.calibration.MOST_TESTS", 3)
     thinned, condition = campaign.evenly_over_speed(3), campaign.tests[1].condition
     domain, expected = DisplacementDomain().fit(campaign), DisplacementDomain().fit(thinned)
     one, other = domain.predict(condition), expected.predict(condition)

@@ -6,9 +6,9 @@ from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
+from crashfuse.approaches.base import draw
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
-from crashfuse.approaches.draws import draw
 from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from crashfuse.approaches.displacement_domain.bias import BiasPoints
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
+from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce, CaeStop
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray

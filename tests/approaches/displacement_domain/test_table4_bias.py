@@ -6,8 +6,7 @@ import threading
 import numpy as np
 import pytest
 
-from crashfuse.approaches.displacement_domain.bias import BiasPoints
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
+from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce, CaeStop
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
 from crashfuse.condition import Condition
 from crashfuse.errors import Cancelled

@@ -10,9 +10,9 @@ import torch
 
 from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.time_domain.approach import TimeDomain
+from crashfuse.approaches.time_domain.band import stopping_notes
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.approaches.time_domain.stopping import stopping_notes
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled

@@ -1,16 +1,26 @@
-"""The tangent kernel, taken by factors, is the product of gradients by automatic differentiation."""
+"""The tangent kernel is the product of gradients by automatic differentiation; its blocks are computed once."""
 
 import itertools
+from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
 
+from crashfuse.approaches.time_domain import tangent_kernel
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import Tcn
-from crashfuse.approaches.time_domain.tangent_kernel import Tangent
+from crashfuse.approaches.time_domain.tangent_kernel import KernelBlocks, Tangent
+from crashfuse.execution.cache import Cache
+from crashfuse.signals.pulse import FloatArray
 
 N_TIMES = 9
+
+CONFIG = TcnConfig(channels=4, dilations=(1, 2), members=2)
+NETWORK = Tcn(CONFIG, torch.Generator().manual_seed(1))
+VECTORS = np.random.default_rng(0).normal(size=(4, 3))
 
 
 @pytest.mark.parametrize("dilations", [(1,), (1, 2), (1, 2, 4), (2, 3, 3)])
@@ -39,3 +49,82 @@ def test_the_tangent_kernel_is_the_product_of_gradients(dilations: tuple[int, ..
         ours, theirs = (Tangent.of(network, inputs[:, i : i + 1]) for i in (one, two))
         kernel = ours.kernel_with(theirs).mean(dim=0).numpy()
         np.testing.assert_allclose(kernel, expected[one, :, two], rtol=1e-4, atol=1e-5)
+
+
+def inputs(vectors: FloatArray) -> Tensor:
+    """Sequences that differ from condition to condition."""
+    time = np.linspace(0, 1, N_TIMES)[:, None, None]
+    waves = np.sin(time * np.arange(1, CONFIG.n_inputs + 1) * (1 + vectors @ [0.3, 0.2, 0.1])[:, None])
+    return torch.from_numpy(waves.astype(np.float32))
+
+
+def blocks(cache: Cache | None = None) -> KernelBlocks:
+    """Blocks of the same networks, with nothing in memory."""
+    return KernelBlocks(NETWORK, CONFIG, inputs, "library", cache)
+
+
+@pytest.fixture
+def nothing_is_computed(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """A function to call before anything that may only be looked up."""
+
+    def refuse(*_: object) -> NoReturn:
+        raise AssertionError("computed again")
+
+    monkeypatch.setattr(Tangent, "of", refuse)
+    return monkeypatch
+
+
+def test_blocks_are_those_of_the_whole_kernel() -> None:
+    """Between all conditions, between some and another, and of that alone."""
+    each = [Tangent.of(NETWORK, inputs(vector[None])) for vector in VECTORS]
+    by_member = np.array([[one.kernel_with(two).numpy() for two in each] for one in each])
+    expected = by_member.mean(axis=2).swapaxes(1, 2)
+    np.testing.assert_allclose(blocks().among(VECTORS), expected, rtol=1e-4, atol=1e-5)
+    across, own = blocks().between(VECTORS[:3], VECTORS[3])
+    np.testing.assert_allclose(across, expected[:3, :, 3], rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(own, expected[3, :, 3], rtol=1e-4, atol=1e-5)
+
+
+def test_a_block_does_not_depend_on_what_it_is_computed_with() -> None:
+    """Beyond the rounding of products of other sizes: a test predicted in a study and alone is predicted the same."""
+    together = blocks().among(VECTORS)
+    np.testing.assert_allclose(blocks().among(VECTORS[1:3]), together[1:3, :, 1:3], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        blocks().between(VECTORS[[2, 0]], VECTORS[1])[0], together[[2, 0], :, 1], rtol=1e-6, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        blocks().between(VECTORS[[2, 1]], VECTORS[1])[0], together[[2, 1], :, 1], rtol=1e-6, atol=1e-6
+    )
+
+
+def test_all_parts_of_a_campaign_share_what_is_kept(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """What one process has computed, another finds: tests among each other, and beside one left out."""
+    whole = blocks(Cache(tmp_path)).among(VECTORS)
+    request.getfixturevalue("nothing_is_computed")
+    np.testing.assert_array_equal(blocks(Cache(tmp_path)).among(VECTORS[[0, 2]]), whole[[0, 2]][:, :, [0, 2]])
+    across, own = blocks(Cache(tmp_path)).between(VECTORS[:3], VECTORS[3])
+    np.testing.assert_array_equal(across, whole[:3, :, 3])
+    np.testing.assert_array_equal(own, whole[3, :, 3])
+
+
+def test_other_networks_do_not_share(tmp_path: Path) -> None:
+    """Their weights are part of the key."""
+    blocks(Cache(tmp_path)).among(VECTORS)
+    other = Tcn(CONFIG, torch.Generator().manual_seed(2))
+    found = KernelBlocks(other, CONFIG, inputs, "library", Cache(tmp_path)).among(VECTORS)
+    alone = KernelBlocks(other, CONFIG, inputs, "library").among(VECTORS)
+    np.testing.assert_array_equal(found, alone)
+
+
+def test_of_too_many_conditions_the_latest_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    """A file does not grow without end."""
+    monkeypatch.setattr(tangent_kernel, "_MOST", 3)
+    own = blocks(Cache(tmp_path))
+    own.among(VECTORS[:2])
+    latest = own.among(VECTORS[1:])
+    request.getfixturevalue("nothing_is_computed")
+    np.testing.assert_array_equal(blocks(Cache(tmp_path)).among(VECTORS[1:]), latest)
+    with pytest.raises(AssertionError, match="computed again"):
+        blocks(Cache(tmp_path)).among(VECTORS[:2])

@@ -1,7 +1,7 @@
 """Training step after step: whatever stops it, it goes on to the same bits."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +13,7 @@ from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.approaches.time_domain.network import Tcn
-from crashfuse.approaches.time_domain.training import weights_of
-from crashfuse.approaches.time_domain.training_data import LfTraining
+from crashfuse.approaches.time_domain.training import Adam, LfTraining, weights_of
 from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache, Entry
@@ -22,6 +21,25 @@ from crashfuse.execution.progress import Progress, Watch
 
 SMALL = TcnConfig(channels=6, dilations=(1, 2), dropout=0.1, epochs=1, min_steps=40, members=3)
 BY_ADAM = replace(SMALL, tuning="gradient", min_steps=2, tuning_steps=30)
+
+
+@pytest.mark.slow
+def test_the_steps_are_those_of_torchs_own() -> None:
+    """Weights after 30 steps on random gradients, with a rate that changes, some gradients zero for a while."""
+    generator = torch.Generator().manual_seed(0)
+    ours = [torch.randn(4, 3, generator=generator, dtype=torch.float64), torch.ones(5, dtype=torch.float64)]
+    theirs = [torch.nn.Parameter(weight.clone()) for weight in ours]
+    adam, reference = Adam(ours), torch.optim.Adam(theirs, betas=(0.9, 0.95))
+    for number in range(30):
+        gradients = [torch.randn(w.shape, generator=generator, dtype=w.dtype) * (number > 4) for w in ours]
+        rate = 1e-2 / (1 + number)
+        for parameter, gradient in zip(theirs, gradients, strict=True):
+            parameter.grad = gradient.clone()
+        reference.param_groups[0]["lr"] = rate
+        reference.step()
+        adam.step(gradients, rate)
+    for weight, parameter in zip(ours, theirs, strict=True):
+        torch.testing.assert_close(weight, parameter.detach())
 
 
 class Killed(BaseException):
@@ -152,8 +170,13 @@ def test_a_checkpoint_of_something_else_is_not_taken(
 ) -> None:
     """Its checksum is right and its content is not: a warning, the training begins anew, and nothing of it remains."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
-    load = training.Checkpoint.load
-    monkeypatch.setattr(training.Checkpoint, "load", lambda self: spoil(load(self) or {}))
+    get = Cache.get
+
+    def spoiled(self: Cache, kind: str, key: Mapping[str, object]) -> Entry | None:
+        entry = get(self, kind, key)
+        return spoil(entry or {}) if kind == "checkpoints" else entry
+
+    monkeypatch.setattr(Cache, "get", spoiled)
     reports: list[Progress] = []
     with pytest.warns(UserWarning, match="could not be read back"):
         trained = LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))

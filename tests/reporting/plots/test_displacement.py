@@ -8,8 +8,7 @@ import pytest
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.approach import measured_bias
-from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce
+from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints, CaeForce
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest

@@ -1,4 +1,4 @@
-"""The plan of a study: what makes one impossible is said before anything is computed."""
+"""What makes a study impossible is said before anything is computed."""
 
 from dataclasses import replace
 from typing import Any
@@ -9,9 +9,9 @@ import pytest
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, UsageError
 from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.study.config import StudyConfig
-from crashfuse.study.plan import StudyPlan
+from crashfuse.study.config import StudyConfig, StudyPlan, telling_test
 from crashfuse.study.running import run_study
+from crashfuse.units import MPH
 
 
 def test_a_plan_names_each_test_once(campaign: Campaign) -> None:
@@ -91,3 +91,32 @@ def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campa
         StudyPlan(cut, StudyConfig(windows_ms=windows), held_out)
     with pytest.raises(DataError, match=r"T1: expected a record over 0–90 ms, found 79\.9 ms; rate a shorter window"):
         StudyPlan(cut, StudyConfig(windows_ms=(60.0, 90.0)), ("T2", "T1"))
+
+
+def at(campaign: Campaign, *speeds_mph: float) -> Campaign:
+    """A campaign with tests A, B … at these speeds."""
+    one = campaign.tests[0]
+    return replace(
+        campaign,
+        tests=tuple(
+            replace(one, id=chr(ord("A") + i), condition=replace(one.condition, speed_mps=speed * MPH))
+            for i, speed in enumerate(speeds_mph)
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("speeds_mph", "chosen"),
+    [
+        ((8, 12, 17, 22, 25, 25, 35, 35), "D"),  # the nearest to the middle, 21.5 mph
+        ((35, 8, 30), "C"),  # 8 and 35 have no neighbour on one side, however the table is sorted
+        ((8, 34, 35), "B"),  # 34 and 35 are one speed group, so that none lies between: the nearest to the middle
+        ((25, 25.5, 24.8), "A"),  # one speed group: equal, so the nearest to the middle
+        ((30,), "A"),
+    ],
+)
+def test_it_lies_between_others_near_the_middle_of_the_speeds(
+    campaign: Campaign, speeds_mph: tuple[float, ...], chosen: str
+) -> None:
+    """Not an extreme, where an approach has to extrapolate."""
+    assert telling_test(at(campaign, *speeds_mph)).id == chosen

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.calibration import Coverage
-from crashfuse.approaches.fused.approach import Fused
-from crashfuse.approaches.fused.prior import PRIOR, SPREAD, STRENGTH
-from crashfuse.approaches.fused.weights import Pool, Scores, spread
+from crashfuse.approaches.fused import Fused
+from crashfuse.approaches.mixture import PRIOR, SPREAD, STRENGTH, Pool, Scores, spread
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest

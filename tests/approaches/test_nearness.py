@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
+from crashfuse.approaches.nearness import doubtful_tests, nearest_run, nearest_sentences, nearest_tests
 from crashfuse.campaign import Campaign
 from crashfuse.signals.sensor_faults import SensorFault
-from crashfuse.study.nearest import doubtful_tests, nearest_run, nearest_sentences, nearest_tests
 from crashfuse.units import LB, MPH, G
 
 

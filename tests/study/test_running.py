@@ -10,7 +10,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Local
-from crashfuse.study import tasks
+from crashfuse.study import running
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
@@ -76,8 +76,8 @@ def test_a_speed_group_of_one_test_is_that_test_alone(campaign: Campaign) -> Non
 def test_predictions_from_the_same_tests_are_one_task() -> None:
     """They share their fits."""
     wanted = [
-        tasks.Wanted(left_out, test, name)
+        running.Wanted(left_out, test, name)
         for left_out, test in ((("A",), "A"), (("A", "B"), "A"), (("A", "B"), "B"))
         for name in CONFIG.approaches
     ]
-    assert [len(task.wanted) for task in tasks._tasks(wanted)] == [2, 4]
+    assert [len(task.wanted) for task in running._tasks(wanted)] == [2, 4]

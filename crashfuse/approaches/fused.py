@@ -1,4 +1,4 @@
-"""The fused approach: all that predicts a test, and the raw CAE, with weights learned from left-out tests."""
+"""The fused approach (beyond the paper): both domains, a pre-trained network and the raw CAE in one prediction."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,15 +7,34 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.calibration import WIDENINGS, Calibration, Coverage, calibrate, widening_far
+from crashfuse.approaches.calibration import (
+    STRIDE,
+    WIDENINGS,
+    Calibration,
+    Coverage,
+    calibrate,
+    predicted,
+    speed_groups,
+    widening_far,
+)
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
-from crashfuse.approaches.fused.about import AboutFused
-from crashfuse.approaches.fused.components import COMPONENTS, Component, Tests, Unseen, mixed, thinned_out
-from crashfuse.approaches.fused.prior import PRIOR, SPREAD, STRENGTH
-from crashfuse.approaches.fused.weights import Pool, Scores, spread
-from crashfuse.approaches.left_out import STRIDE, predicted, speed_groups
-from crashfuse.approaches.pretrained.approach import Pretrained
+from crashfuse.approaches.mixture import (
+    COMPONENTS,
+    PRIOR,
+    SPREAD,
+    STRENGTH,
+    AboutFused,
+    Component,
+    HeldOut,
+    Pool,
+    Scores,
+    Tests,
+    mixed,
+    spread,
+    thinned_out,
+)
+from crashfuse.approaches.pretrained import Pretrained
 from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
@@ -25,33 +44,20 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.wording import Sentence, speed
 
-_JUDGED_S = 0.06  # the rated time: later errors must not affect the weights
-_JUDGED = slice(round(_JUDGED_S / (STRIDE * DT_S)))  # of every tenth sample
+_JUDGED = slice(round(0.06 / (STRIDE * DT_S)))  # the rated time in thinned samples: later errors do not affect weights
 _N_DRAWS = 400
 _WIDENINGS = (0.6, 0.7, 0.8, 0.9, *WIDENINGS)
 
 
 class Fused(AboutFused):
-    """A mixture of time domain, displacement domain, pre-trained network and raw CAE (beyond the paper).
+    """A mixture of time domain, displacement domain, pre-trained network and raw CAE.
 
-    The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.fused.weights.Pool`, so
+    The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.mixture.Pool`, so
     velocity and displacement, which are integrated from the mean, agree with it. Each whole pulse of the band is drawn
-    from one of them. The CAE's draws are its pulse plus the error that it had in some test, with either sign.
+    from one component. The CAE's draws are its pulse plus the error that it had in some test, with either sign.
 
-    It always uses the fast forms of both approaches, as the paper has no fused approach. The pre-trained network exists
-    only as a part of it.
-
-    Parameters
-    ----------
-    device : {"auto", "cpu", "cuda"}
-        Device for training the time domain's networks.
-    cache : Cache, optional
-        Storage for the fits of both approaches.
-
-    Attributes
-    ----------
-    calibration_ : Calibration
-        Calibration of the band, on tests that all approaches predicted from the others.
+    It always uses the fast forms of both approaches, as the paper has no fused approach. The cache keeps their fits.
+    ``calibration_`` is that of the band, on tests that all approaches predicted from the others.
     """
 
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
@@ -83,7 +89,7 @@ class Fused(AboutFused):
             part.prepare(campaign, conditions, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fit the approaches, and learn the weights from their predictions of tests that they have not seen."""
+        """Fit the approaches, and learn the weights from their predictions of left-out tests."""
         time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
         self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
@@ -92,11 +98,11 @@ class Fused(AboutFused):
         watch.report("Weights of the mixture", 0, 1)
         groups = speed_groups(campaign)
         alone = self._alone()
-        apart = self._tests.unseen([part.left_out_groups_ for part in self._learning], groups)
+        apart = self._tests.held_out([part.left_out_groups_ for part in self._learning], groups)
         learned_from = alone + [left_out for left_out in apart if len(groups[left_out.number]) > 1]
         measured = self._tests.measured_mps2
         scores = [
-            Scores.of(measured[number, ::STRIDE][_JUDGED], [own.draws[:, _JUDGED] for own in components])
+            Scores.of(measured[number, ::STRIDE][_JUDGED], [part.draws[:, _JUDGED] for part in components])
             for number, components, _ in learned_from
         ]
         self.pool_.fit(scores)
@@ -114,20 +120,19 @@ class Fused(AboutFused):
         return self
 
     def _begin(self, campaign: Campaign) -> Campaign:
-        """Set up for a campaign whose tests the parts have learned from; returns it with the tests they learned."""
+        """Set up for a campaign that the parts are fitted to; returns it with the tests that they learned from."""
         campaign = self._thinned(campaign)
         self._tests = Tests.of(campaign, self.displacement_domain_.model_)
         self.pool_ = Pool(PRIOR, spread=SPREAD, strength=STRENGTH)
         return campaign
 
-    def _alone(self) -> list[Unseen]:
-        """Components for each test left out alone, where all approaches predicted it from the others."""
+    def _alone(self) -> list[HeldOut]:
+        """Components for each test left out alone."""
         singly = [(number,) for number in range(len(self._tests.speeds_mps))]
-        return self._tests.unseen([part.left_out_ for part in self._learning], singly)
+        return self._tests.held_out([part.left_out_ for part in self._learning], singly)
 
     def _mixed(self, components: Sequence[Component]) -> Component:
-        """The mixture of thinned components."""
-        return mixed(components, self._weights([own.draws for own in components]), _N_DRAWS, self.seed)
+        return mixed(components, self._weights([part.draws for part in components]), _N_DRAWS, self.seed)
 
     def _weights(self, thinned_draws: Sequence[FloatArray]) -> FloatArray:
         return self.pool_.weights(np.array([spread(draws[:, _JUDGED]) for draws in thinned_draws]))
@@ -145,11 +150,11 @@ class Fused(AboutFused):
     def predict_from(self, condition: Condition, parts: Sequence[Prediction]) -> Prediction:
         """Mix the predictions of both parts with those of the pre-trained network and the raw CAE."""
         speed, cae = condition.speed_mps, self.displacement_domain_.model_.pulse(condition).accel_mps2
-        said = (*parts, self.pretrained_.predict(condition))
-        components = [Component(own.accel_mps2, own.draws_mps2) for own in said if own.draws_mps2 is not None]
+        predictions = (*parts, self.pretrained_.predict(condition))
+        components = [Component(p.accel_mps2, p.draws_mps2) for p in predictions if p.draws_mps2 is not None]
         components.append(self._tests.raw(cae, speed))
         nearness = self._tests.nearness(speed)
-        weights = self._weights([own.draws[:, ::STRIDE] for own in components])
+        weights = self._weights([part.draws[:, ::STRIDE] for part in components])
         mixture = mixed(components, weights, _N_DRAWS, self.seed)
         notes = dict.fromkeys(
             (self._reason(condition, weights), *self._thinning, *(n for part in parts for n in part.notes))
@@ -157,21 +162,19 @@ class Fused(AboutFused):
         return Prediction(condition, mixture.mean, mixture.widened(self._widening(nearness)), tuple(notes))
 
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
-        """Predictions of the approaches for tests that they have not seen, mixed with the learned weights."""
+        """Predictions of the approaches for left-out tests, mixed with the learned weights."""
         self._require("calibration_")
         tests = campaign.evenly_over_speed(MOST_TESTS).tests
-        found = {}
+        predictions = {}
         for number, components, nearness in self._alone():
             mixture, test = self._mixed(components), tests[number]
-            found[test.id] = predicted(test, mixture.mean, mixture.widened(self._widening(nearness)))
-        return found
+            predictions[test.id] = predicted(test, mixture.mean, mixture.widened(self._widening(nearness)))
+        return predictions
 
     def _widening(self, nearness: float) -> float:
-        """How far the draws of a mixture are moved from its mean: as left-out tests show that they have to be."""
         return self.calibration_.widening * self.calibration_.further(nearness)
 
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
-        """A sentence on the weights and what determines them."""
         away = speed(float(np.abs(self._tests.speeds_mps - condition.speed_mps).min()))
         shown = np.round(100 * weights)
         shown[weights.argmax()] += 100 - shown.sum()  # so that the rounded shares add up to the whole
@@ -184,17 +187,9 @@ class Fused(AboutFused):
     def learned(self) -> FittedState:
         """Fitted states of the approaches, and the weights."""
         self._require("calibration_")
-        parts = {
-            "time": self.time_domain_.learned(),
-            "displacement": self.displacement_domain_.learned(),
-            "pretrained": self.pretrained_.learned(),
-        }
-        check = self.calibration_
-        return FittedState.of(
-            {"widening": check.widening, "far": check.far},
-            {"logits": self.pool_.logits_, "inside": check.inside},
-            **parts,
-        )
+        names = ("time", "displacement", "pretrained")
+        states = {name: part.learned() for name, part in zip(names, self._learning, strict=True)}
+        return FittedState.of({}, {"logits": self.pool_.logits_}, **states, band=self.calibration_.learned())
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the approaches and the weights."""
@@ -204,13 +199,12 @@ class Fused(AboutFused):
         self.pretrained_ = pretrained.restore(campaign, learned.part("pretrained"))
         self._begin(campaign)
         self.pool_.logits_ = learned.arrays["logits"]
-        values = learned.values
-        self.calibration_ = Calibration.of(values["widening"], learned.arrays["inside"], far=values["far"])
+        self.calibration_ = Calibration.restored(learned.part("band"))
         return self
 
     @property
     def state(self) -> dict[str, object]:
-        """Weights where all have equally wide bands, and the coverage of left-out tests by the band."""
+        """Weights where all have equally wide bands, and the check of the band."""
         if not hasattr(self, "calibration_"):
             return {}
         weights = self.pool_.weights(np.ones(len(COMPONENTS))).round(4).tolist()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from crashfuse.approaches.fused import weights as pool
-from crashfuse.approaches.fused.weights import Pool, Scores
+from crashfuse.approaches import mixture
+from crashfuse.approaches.mixture import Pool, Scores
 from crashfuse.signals.pulse import FloatArray
 
 EVEN = np.zeros((2, 3))
@@ -19,13 +19,13 @@ def test_the_distance_between_draws_is_the_mean_over_all_pairs() -> None:
     np.testing.assert_allclose(between[[0, 1], [1, 0]], np.mean([np.abs(x - y).mean() for x in a for y in b]))
     own = [np.abs(a[i] - a[j]).mean() for i in range(7) for j in range(7) if i != j]
     assert between[0, 0] == pytest.approx(np.mean(own))
-    assert pool.spread(a) == pytest.approx(np.mean(own))
-    assert pool.spread(a[:1]) == 0
+    assert mixture.spread(a) == pytest.approx(np.mean(own))
+    assert mixture.spread(a[:1]) == 0
 
 
 def test_the_score_of_normal_draws_is_its_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
     """CRPS of N(0, 1) at y is y(2Φ(y) - 1) + 2φ(y) - 1/√π (Gneiting & Raftery 2007, Eq. 5)."""
-    monkeypatch.setattr(pool, "_PAIRS", 4000)
+    monkeypatch.setattr(mixture, "_PAIRS", 4000)
     draws = np.random.default_rng(0).standard_normal((4000, 1))
     for y in (0.0, 0.7, -2.0):
         expected = y * (2 * norm.cdf(y) - 1) + 2 * norm.pdf(y) - 1 / np.sqrt(np.pi)
@@ -35,7 +35,7 @@ def test_the_score_of_normal_draws_is_its_closed_form(monkeypatch: pytest.Monkey
 
 def test_the_score_of_a_mixture_is_that_of_its_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the quadratic form in the weights, and by drawing from the mixture itself."""
-    monkeypatch.setattr(pool, "_PAIRS", 3000)
+    monkeypatch.setattr(mixture, "_PAIRS", 3000)
     rng = np.random.default_rng(1)
     a, b, y = rng.standard_normal((3000, 2)), 2 + 0.5 * rng.standard_normal((3000, 2)), np.array([0.5, 1.5])
     by_weights = Scores.of(y, [a, b]).crps(np.array([0.3, 0.7]))
