@@ -36,7 +36,7 @@ class Room(NamedTuple):
 
 
 ROOMS = {
-    "rating": Room(16, "signals/rating.py signals/rating_scores.py signals/warping.py", "signals/test_rating.py"),
+    "rating": Room(16, "signals/rating.py", "signals/test_rating.py"),
     "metrics": Room(16, "signals/metrics.py signals/occupant.py", "signals/test_metrics.py signals/test_occupant.py"),
     "calibration": Room(10, "approaches/calibration.py", "approaches/test_calibration.py"),
     "dynamics": Room(
@@ -51,8 +51,8 @@ ROOMS = {
     "tables": Room(6, "reporting/result_tables.py", "reporting/test_result_tables.py"),
     "writer": Room(
         12,
-        "campaign_folder/writer.py campaign_folder/additions.py campaign_folder/tidy_tables.py",
-        "campaign_folder/test_writer.py campaign_folder/test_additions.py campaign_folder/test_tidy_tables.py",
+        "campaign_folder/writer.py campaign_folder/editing.py",
+        "campaign_folder/test_writer.py campaign_folder/test_editing.py",
     ),
     "cache": Room(6, "execution/cache.py", "execution/test_cache.py"),
 }

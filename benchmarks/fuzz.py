@@ -29,7 +29,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.campaign_folder.sample_tables import read_pulse
+from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.certification.criteria import read_criteria
 from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.files.archive import zipped

@@ -1,11 +1,12 @@
 from .approaches.base import Prediction as Prediction
 from .approaches.nearness import Neighbour as Neighbour
+from .cae_library import QualityLimits as QualityLimits
 from .campaign import Campaign as Campaign
+from .campaign_folder.history import sample_folder as sample_folder
 from .campaign_folder.load import load_campaign as load_campaign
 from .campaign_folder.notes import Note as Note
 from .campaign_folder.notes import read_notes as read_notes
 from .campaign_folder.notes import write_notes as write_notes
-from .campaign_folder.sample_folder import sample_folder as sample_folder
 from .campaign_folder.writer import write_campaign as write_campaign
 from .certification.criteria import Criteria as Criteria
 from .certification.matrix import Matrix as Matrix
@@ -48,8 +49,7 @@ from .reporting.solver_curves import SolverCurve as SolverCurve
 from .reporting.verdicts import Verdicts as Verdicts
 from .reporting.verdicts import certify as certify
 from .reporting.watched import watching as watching
-from .run_quality import QualityLimits as QualityLimits
-from .signals.energy import energy_crush as energy_crush
+from .signals.loading import energy_crush as energy_crush
 from .signals.metrics import Metric as Metric
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.occupant import OccupantModel as OccupantModel

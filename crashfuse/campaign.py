@@ -6,11 +6,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from crashfuse.cae_library import CaeLibrary
+from crashfuse.cae_library import CaeLibrary, QualityLimits
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest, at_the_speed_of, evenly_over_speed
 from crashfuse.errors import UsageError
-from crashfuse.run_quality import QualityLimits
 from crashfuse.signals.metrics import Metric, checked_metrics, metric_bases, metric_headings
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray
@@ -99,7 +98,7 @@ class Campaign:
         DataError
             With every problem, each with its table, column and row (counted from 0).
         """
-        from crashfuse.campaign_folder.frames import campaign_of_frames
+        from crashfuse.campaign_folder.writer import campaign_of_frames
 
         settings = {
             "name": name, "notice": notice, "channel_filter_class": channel_filter_class, "filtered_with": filtered_with
@@ -109,28 +108,28 @@ class Campaign:
     @property
     def tests_frame(self) -> "pd.DataFrame":
         """The tests' conditions, as ``tests.csv`` has them, in mph and lb."""
-        from crashfuse.campaign_folder.frames import conditions_frame
+        from crashfuse.campaign_folder.writer import conditions_frame
 
         return conditions_frame(self, "tests")
 
     @property
     def cae_frame(self) -> "pd.DataFrame":
         """The CAE runs' conditions, as ``cae.csv`` has them, in mph and lb, with what the solver says of them."""
-        from crashfuse.campaign_folder.frames import conditions_frame
+        from crashfuse.campaign_folder.writer import conditions_frame
 
         return conditions_frame(self, "cae")
 
     @property
     def test_pulses_frame(self) -> "pd.DataFrame":
         """All pulses of the tests, tidy: ``id``, ``time_ms``, ``acceleration_g``, at full precision."""
-        from crashfuse.campaign_folder.frames import pulses_frame
+        from crashfuse.campaign_folder.writer import pulses_frame
 
         return pulses_frame(self, "tests")
 
     @property
     def cae_pulses_frame(self) -> "pd.DataFrame":
         """All pulses of the CAE runs, tidy: ``id``, ``time_ms``, ``acceleration_g``, at full precision."""
-        from crashfuse.campaign_folder.frames import pulses_frame
+        from crashfuse.campaign_folder.writer import pulses_frame
 
         return pulses_frame(self, "cae")
 

@@ -51,11 +51,11 @@ def at_the_speed_of(test: CrashTest, tests: Sequence[CrashTest]) -> tuple[CrashT
 
     Sorted by speed, neighbours less than :data:`SPEED_STEP_MPS` apart belong together.
     """
-    speeds = np.array([each.condition.speed_mps for each in tests])
+    speeds = np.array([other.condition.speed_mps for other in tests])
     ordered = np.sort(speeds)
     groups = np.r_[0, np.cumsum(np.diff(ordered) >= SPEED_STEP_MPS)]
-    of_each, own = (groups[np.searchsorted(ordered, speed)] for speed in (speeds, test.condition.speed_mps))
-    return tuple(each for each, group in zip(tests, of_each, strict=True) if group == own)
+    group_of, wanted = (groups[np.searchsorted(ordered, speed)] for speed in (speeds, test.condition.speed_mps))
+    return tuple(other for other, group in zip(tests, group_of, strict=True) if group == wanted)
 
 
 def evenly_over_speed(tests: tuple[CrashTest, ...], most: int) -> tuple[CrashTest, ...]:

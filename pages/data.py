@@ -2,7 +2,7 @@
 
 import streamlit as st
 
-from crashfuse.campaign_folder.folder import unread_files
+from crashfuse.campaign_folder.load import unread_files
 from crashfuse.reporting.result_tables import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, earlier, editing, frame, page_tables

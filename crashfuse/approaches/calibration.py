@@ -11,8 +11,7 @@ from crashfuse.approaches.nearness import nearness
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.progress import Watch
-from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, kinematics, motion
-from crashfuse.signals.thinning import in_full
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, in_full, kinematics, motion
 
 LEVEL = 0.95
 LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)

@@ -39,8 +39,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
-from crashfuse.signals.thinning import in_full
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray, in_full
 
 N_TIMES = N_SAMPLES // STRIDE
 FACTORS = 8  # functions of time along which a test's errors hang together

@@ -14,7 +14,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import Cache, Entry, finite
 from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.one_thread import one_thread
+from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from crashfuse.cae_library import CaeLibrary
-from crashfuse.run_quality import QUANTITIES, QualityLimits, RunQuality
+from crashfuse.cae_library import QUALITIES, CaeLibrary, QualityLimits, RunQuality
 from crashfuse.wording import number
 
 _NAMED = 5  # runs in a sentence
@@ -109,15 +108,15 @@ def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityV
         unknown,
         bool(library.left_out),
         pd.DataFrame(
-            [_row(name, judged, by) for name in QUANTITIES] if is_recorded else [],
+            [_row(name, judged, by) for name in QUALITIES] if is_recorded else [],
             columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"],
         ),
         pd.DataFrame(
             [
-                (run, *(getattr(quality, name) for name in QUANTITIES), _beyond(quality, failed))
+                (run, *(getattr(quality, name) for name in QUALITIES), _beyond(quality, failed))
                 for run, quality, failed in failing
             ],
-            columns=["id", *QUANTITIES, "fails"],
+            columns=["id", *QUALITIES, "fails"],
         ),
     )
 
@@ -128,8 +127,8 @@ def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits)
     failed = sum(name in limits.exceeded(quality) for _, quality in judged)
     passed = len(recorded) - failed if limit is not None else 0
     run, worst = max(recorded, key=lambda row: abs(row[1]), default=("", None))
-    return QUANTITIES[name], limit, passed, failed, len(judged) - len(recorded), worst, run
+    return QUALITIES[name], limit, passed, failed, len(judged) - len(recorded), worst, run
 
 
 def _beyond(quality: RunQuality, failed: tuple[str, ...]) -> str:
-    return ", ".join(f"{QUANTITIES[name]} {number(100 * getattr(quality, name), '.3g')} %" for name in failed)
+    return ", ".join(f"{QUALITIES[name]} {number(100 * getattr(quality, name), '.3g')} %" for name in failed)

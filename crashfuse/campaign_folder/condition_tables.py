@@ -1,25 +1,34 @@
-"""Condition tables: ``tests.csv`` and ``cae.csv``, one row per test or run."""
+"""Condition tables, ``tests.csv`` and ``cae.csv``: their columns, one row per test or run, and its id."""
 
+import math
+import re
+import unicodedata
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress, islice
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.campaign_folder.columns import MOST_PROBLEMS, count_rest, find_column, listed, not_a_number
-from crashfuse.campaign_folder.ids import folded, id_trouble, same_name
-from crashfuse.campaign_folder.quality_columns import read_quality
+from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.condition import FILE_UNITS, Condition
 from crashfuse.errors import DataError, Problem, printable, shortened
+from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
-from crashfuse.run_quality import QUANTITIES as QUALITIES
-from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MASS, SPEED
 from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem
+
+Role = Literal["tests", "cae"]
+"""Either of the two condition tables of a campaign, with its pulses."""
+TABLES = ("tests.csv", "cae.csv")
+MOST_PROBLEMS = 20
+"""Problems listed per kind and column; the rest are only counted."""
+RowNumbers = npt.NDArray[np.integer[Any]]
 
 _QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 _SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: less is not a crash, not a vehicle
@@ -27,13 +36,10 @@ _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg:
 _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
 _MOST_ROWS = {"tests": 20_000, "cae": MOST_ROWS}
-
-T = TypeVar("T")
-
-Role = Literal["tests", "cae"]
-"""Either of the two condition tables of a campaign, with its pulses."""
-
-TABLES = ("tests.csv", "cae.csv")
+_UNSAFE = re.compile(r'[/\\:*?|<>"]')
+_WILD = re.compile(r'[*?|<>"]')  # Windows keeps these for itself
+_FORMULA = ("=", "+", "-", "@")
+_LONGEST_ID = 180  # bytes of one made of a foreign name
 
 
 def has_table(folder: Path) -> bool:
@@ -54,43 +60,34 @@ class ConditionTable:
     quality: tuple[RunQuality, ...] = ()
     units: UnitSystem = MPH_LB
 
-    def without(self, places: Sequence[int]) -> "ConditionTable":
+    @property
+    def speeds_mps(self) -> FloatArray:
+        """Impact speeds, shape (n,); NaN where one is not there."""
+        return np.array([condition.speed_mps for condition in self.conditions])
+
+    def without(self, places: Iterable[int]) -> "ConditionTable":
         """The table without the rows at these places."""
-        gone = set(places)
-
-        def kept(cells: tuple[T, ...]) -> tuple[T, ...]:
-            return tuple(cell for place, cell in enumerate(cells) if place not in gone)
-
-        return replace(
-            self,
-            ids=kept(self.ids),
-            conditions=kept(self.conditions),
-            rows=kept(self.rows),
-            quality=kept(self.quality),
-        )
+        left_out = {*places}
+        keep = [place not in left_out for place in range(len(self.ids))]
+        ids, conditions = tuple(compress(self.ids, keep)), tuple(compress(self.conditions, keep))
+        rows, quality = tuple(compress(self.rows, keep)), tuple(compress(self.quality, keep))
+        return replace(self, ids=ids, conditions=conditions, rows=rows, quality=quality)
 
 
 def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
     """Read a condition table, converting units by the endings of the column names.
 
     A CAE run may start at rest, a test may not. A list that is made ``by_hand`` may be as a spreadsheet writes it
-    elsewhere.
-
-    Raises
-    ------
-    DataError
-        With every problem of the table.
+    elsewhere. Raises a DataError with every problem of the table.
     """
     problems: list[Problem] = []
-    table = read_what_can_be(path, role, problems, by_hand=by_hand)
+    table = read_lenient(path, role, problems, by_hand=by_hand)
     if table is None or problems:
         raise DataError(shortened(problems))
     return table
 
 
-def read_what_can_be(
-    path: Path, role: Role, problems: list[Problem], *, by_hand: bool = False
-) -> ConditionTable | None:
+def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bool = False) -> ConditionTable | None:
     """Read a condition table that may have problems, so that pulses can be checked against what is sound in it.
 
     As :func:`read_conditions`, but with every row that has an id of its own; NaN stands for a speed or weight that is
@@ -115,11 +112,11 @@ def read_what_can_be(
     values = {name: np.full(len(frame), np.nan) for name in _QUANTITIES}
     rows_of = frame.index.to_numpy()
     for name, (column, factor) in columns.items():
-        numbers = not_a_number(frame[column], column, where, rows_of, problems, _LARGEST[name] / factor)
+        numbers = numbers_in(frame[column], column, where, rows_of, problems, _LARGEST[name] / factor)
         smallest = 0.0 if role == "cae" and name == "speed" else _SMALLEST[name] / factor
         _check_low(numbers, smallest, frame[column], where, problems)
         values[name] = factor * numbers
-    quality = read_quality(frame, where, problems)
+    quality = _read_quality(frame, where, problems)
     found_columns = [column for column, _ in columns.values()]
     extra = [name for name in names if name not in {"id", *QUALITIES, *found_columns}]
     _check_factors(frame[extra], where, problems)
@@ -132,7 +129,7 @@ def read_what_can_be(
     conditions = tuple(Condition.of_vector([v, front, rear], fac, given) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
     table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, units)
-    return table if len(sound) == len(frame) else table.without(sorted({*range(len(frame))} - {*sound}))
+    return table if len(sound) == len(frame) else table.without({*range(len(frame))} - {*sound})
 
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
@@ -142,6 +139,88 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
         expected, advice = f"at most {_MOST_CANDIDATES} candidates", "leave out those that are like others"
         raise DataError(Problem(path.name, expected, f"{count}", advice))
     return conditions
+
+
+def find_column(
+    columns: Sequence[str], quantity: str, units: Mapping[str, float], where: str, problems: list[Problem]
+) -> tuple[str, float] | None:
+    """Find the one column of a quantity and, from its name's ending, its factor to SI; append a problem otherwise."""
+    wanted = {f"{quantity}_{unit}": factor for unit, factor in units.items()}
+    matches = [column for column in columns if column in wanted]
+    if len(matches) == 1:
+        return matches[0], wanted[matches[0]]
+    found, advice = f"the columns {listed(columns)}", "add the column"
+    if matches:
+        found, advice = listed(matches), "keep one of them"
+    elif alike := [column for column in columns if column.startswith(quantity)]:
+        found, advice = listed(alike), "let the column's name end in its unit"
+    problems.append(Problem(where, f"one column {' or '.join(wanted)}", found, advice))
+    return None
+
+
+def numbers_in(
+    cells: pd.Series, column: str, where: str, rows: RowNumbers, problems: list[Problem], largest: float
+) -> FloatArray:
+    """Convert cells to float64; a cell that is not a number, or is beyond ``largest``, is a problem and becomes NaN.
+
+    Each such cell is a separate problem, except that consecutive empty cells are reported together.
+    """
+    numbers = _as_numbers(cells)
+    bad = np.flatnonzero(~(np.abs(numbers) <= largest))
+    wrong, rows_of = cells.iloc[bad], rows[bad]
+    empty = _are_empty(wrong)
+    starts = np.flatnonzero(np.r_[True, (np.diff(rows_of) > 1) | ~empty[1:] | ~empty[:-1]][: bad.size])
+    stops = np.r_[starts[1:], bad.size][:MOST_PROBLEMS]
+    for start, stop in zip(starts, stops, strict=False):
+        row, last = int(rows_of[start]), int(rows_of[stop - 1])
+        expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[bad[start]]) else "a number"
+        found, advice = repr(printable(str(wrong.iloc[start]).strip(), 60)), "correct the cell"
+        if empty[start]:
+            found, advice = "an empty cell", "fill it in"
+        if stop - start > 1:
+            found, advice = f"rows {row}–{last}, empty", "fill them in"
+        problems.append(Problem(where, expected, found, advice, column, row))
+    _count_more(bad.size - int(stops[-1]), "cells that are no number", where, column, problems)
+    numbers[bad] = np.nan
+    return numbers
+
+
+def listed(names: Iterable[str]) -> str:
+    """The names of the columns as text, a dozen at most."""
+    texts = [printable(name, 40) for name in names]
+    return ", ".join(texts[:12]) + (f" and {len(texts) - 12} more" if len(texts) > 12 else "")
+
+
+def id_trouble(run_id: str) -> tuple[str, str, str] | None:
+    """Expected, found and advice for an id that is no file name on every platform, or is a formula to a spreadsheet."""
+    if not run_id:
+        return "an id in each row", "an empty cell", "name the row"
+    found = repr(printable(run_id, 60))
+    unsafe = ("", "a slash", "") if "/" in run_id else name_trouble(run_id)
+    if unsafe is None and (wild := _WILD.search(run_id)):
+        unsafe = ("", f"the character {wild[0]}", "")
+    if unsafe is not None:
+        return "an id that can name a file", f"{found}, {unsafe[1]}", "rename it"
+    if run_id.startswith(_FORMULA):
+        return "an id that no spreadsheet takes for a formula", found, "let it begin with a letter or a digit"
+    return None
+
+
+def folded(name: str) -> str:
+    """A name as seen by a file system that ignores case and Unicode normalisation."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def safe_id(name: str) -> str:
+    """An id as near as can be to a foreign name, such as that of a file."""
+    plain = "".join(char if char.isprintable() else "_" for char in unicodedata.normalize("NFC", name))
+    short = _UNSAFE.sub("_", plain).encode("utf-8", "replace")[:_LONGEST_ID].decode("utf-8", "ignore")
+    plain = short.strip(" ").rstrip(". ")
+    if plain.startswith(_FORMULA):
+        plain = f"_{plain[1:]}"
+    if plain and id_trouble(plain) is not None:  # the name of a device
+        plain = f"_{plain}"
+    return plain or "record"
 
 
 def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
@@ -157,8 +236,7 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
     if not rows:
         problems.append(Problem(path.name, "a header and at least one row", "an empty table", "add the rows"))
         return None
-    twice = [name for name, count in Counter(names).items() if name and count > 1]
-    if twice:
+    if twice := [name for name, count in Counter(names).items() if name and count > 1]:
         problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", "keep one of them"))
         return None
     kept = [at for at, name in enumerate(names) if name]
@@ -170,20 +248,21 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]
     """The places of the rows with a valid id that no row before has."""
     seen: dict[str, str] = {}
     sound: list[int] = []
-    count = 0
+    bad: list[tuple[int, tuple[str, str, str]]] = []
     for place, (row, run_id) in enumerate(ids.items()):
-        trouble = id_trouble(run_id)
-        name = folded(run_id)
-        if trouble is None and name in seen:
-            trouble = same_name(run_id, seen[name])
-        if trouble is not None:
-            count += 1
-            if count <= MOST_PROBLEMS:
-                problems.append(Problem(where, *trouble, "id", row))
-        else:
+        trouble, name = id_trouble(run_id), folded(run_id)
+        if trouble is None and seen.get(name) == run_id:
+            trouble = "each id once", f"{printable(run_id, 60)!r} a second time", "rename or remove the row"
+        elif trouble is None and name in seen:
+            expected = "ids that differ by more than capitals or the form of their accents"
+            trouble = expected, f"{printable(run_id, 60)!r} beside {printable(seen[name], 60)!r}", "rename one of them"
+        if trouble is None:
             sound.append(place)
+        else:
+            bad.append((row, trouble))
         seen.setdefault(name, run_id)
-    count_rest(count, MOST_PROBLEMS, "ids that are not fit", where, "id", problems)
+    found = (Problem(where, *trouble, "id", row) for row, trouble in bad)
+    _append_first(found, len(bad), "ids that are not fit", where, "id", problems)
     return sound
 
 
@@ -194,16 +273,73 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
         texts = {column, *cells[column].unique()}
         odd = {text for text in texts if len(text) > _LONGEST_FACTOR or printable(text) != text}
         bad = [(row, text) for row, text in [(1, column), *cells[column].items()] if text in odd] if odd else []
-        shown = printable(column, 60)
-        for row, text in bad[:MOST_PROBLEMS]:
-            problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", shown, row))
-        count_rest(len(bad), MOST_PROBLEMS, "cells that are no such text", where, shown, problems)
+        name, advice = printable(column, 60), "correct the cell"
+        found = (Problem(where, expected, repr(printable(text, 60)), advice, name, row) for row, text in bad)
+        _append_first(found, len(bad), "cells that are no such text", where, name, problems)
 
 
 def _check_low(numbers: FloatArray, smallest: float, cells: pd.Series, where: str, problems: list[Problem]) -> None:
-    low = np.flatnonzero(numbers < smallest)
-    for index in low[:MOST_PROBLEMS]:
-        expected = f"a number of at least {smallest:.3g}"
-        found, row = cells.iloc[index], int(cells.index[index])
-        problems.append(Problem(where, expected, found, "correct the cell", str(cells.name), row))
-    count_rest(low.size, MOST_PROBLEMS, "numbers that are too low", where, str(cells.name), problems)
+    low, name = cells[numbers < smallest], str(cells.name)
+    expected, advice = f"a number of at least {smallest:.3g}", "correct the cell"
+    found = (Problem(where, expected, text, advice, name, int(row)) for row, text in low.items())
+    _append_first(found, low.size, "numbers that are too low", where, name, problems)
+
+
+def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[RunQuality, ...]:
+    """The quality of each row of a table; empty if no cell says anything."""
+    columns = [name for name in QUALITIES if name in frame]
+    if not columns or not (frame[columns] != "").to_numpy().any():
+        return ()
+    values = {name: _shares(frame[name], where, problems) for name in columns}
+    return tuple(RunQuality(**dict(zip(columns, row, strict=True))) for row in zip(*values.values(), strict=True))
+
+
+def _shares(cells: pd.Series, where: str, problems: list[Problem]) -> list[float | None]:
+    """The shares in a column, None where a cell is empty; what is no share is a problem."""
+    name, least = str(cells.name), -1 if cells.name == "energy_change" else 0
+    expected = f"a share from {least} to 1, or an empty cell where it is not recorded"
+    shares = [_number(text) if text.strip() else None for text in cells]
+    bad = [place for place, value in enumerate(shares) if value is not None and not least <= value <= 1]
+
+    def problem(place: int) -> Problem:
+        value, found = shares[place] or 0.0, repr(printable(cells.iloc[place], 60))
+        advice = "give a share: 5 % is 0.05" if math.isfinite(value) and abs(value) > 1 else "correct the cell"
+        return Problem(where, expected, found, advice, name, int(cells.index[place]))
+
+    _append_first(map(problem, bad), len(bad), "cells that are no share", where, name, problems)
+    return shares
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _append_first(
+    found: Iterable[Problem], count: int, what: str, where: str, column: str, problems: list[Problem]
+) -> None:
+    problems.extend(islice(found, MOST_PROBLEMS))
+    _count_more(count - MOST_PROBLEMS, what, where, column, problems)
+
+
+def _count_more(more: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
+    if more > 0:
+        found = f"{more} more {what}" if more > 1 else f"1 more of the {what}"
+        problems.append(Problem(where, "none", found, "correct them too", column))
+
+
+def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:
+    if isinstance(cells.dtype, pd.CategoricalDtype):  # strip each distinct text only once
+        of_texts = _are_empty(pd.Series(cells.cat.categories, dtype=cells.cat.categories.dtype))
+        return np.asarray(np.append(of_texts, True)[cells.cat.codes])
+    return np.array([pd.isna(cell) or (isinstance(cell, str) and not cell.strip()) for cell in cells], dtype=bool)
+
+
+def _as_numbers(cells: pd.Series) -> FloatArray:
+    if isinstance(cells.dtype, pd.CategoricalDtype):  # text in Parquet
+        return np.asarray(np.append(_as_numbers(pd.Series(cells.cat.categories)), np.nan)[cells.cat.codes])
+    if pd.api.types.is_bool_dtype(cells.dtype):
+        return np.full(len(cells), np.nan)
+    return np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)

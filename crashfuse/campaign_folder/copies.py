@@ -24,7 +24,6 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
 
 Pairs = list[tuple[int, int]]
-
 ONE_RECORD = 0.005
 """Tests that differ by less are one record."""
 _ALIKE_TESTS = 0.015  # tests that differ by less may be one record, or good repeats
@@ -42,20 +41,11 @@ _NAMED = 5
 
 
 def check_tests_differ(
-    table: ConditionTable,
-    accel: FloatArray,
-    ends_s: Mapping[str, float],
-    problems: list[Problem],
-    warnings: list[str],
+    table: ConditionTable, accel: FloatArray, ends_s: Mapping[str, float], problems: list[Problem], warnings: list[str]
 ) -> None:
     """Reject tests that are copies of each other, and warn of those that might be.
 
-    Parameters
-    ----------
-    accel : ndarray, shape (n_tests, 1250)
-        On the study grid.
-    ends_s : mapping
-        Where the records that are shorter than the grid end, by id.
+    Pulses are on the study grid, shape (n_tests, 1250); ``ends_s`` is where shorter records end, by id.
     """
     ends = [ends_s.get(test_id, np.inf) for test_id in table.ids]
     records = [row[: np.searchsorted(GRID_S, end, "right")] for row, end in zip(accel, ends, strict=True)]
@@ -70,7 +60,7 @@ def check_tests_differ(
             doubtful.append(f"{table.ids[one]} and {table.ids[other]} ({100 * share:.1f} %)")
     if doubtful:
         warnings.append(
-            f"tests.csv: shifted and scaled, the pulses of some tests hardly differ: {_some(doubtful)}. Good repeats "
+            f"tests.csv: shifted and scaled, the pulses of some tests hardly differ: {_pairs(doubtful)}. Good repeats "
             "can be as alike; check that none is a copy of another test."
         )
 
@@ -81,12 +71,12 @@ def check_runs_differ(table: ConditionTable, accel: npt.NDArray[np.float32], war
     pairs = [f"{table.ids[one]} and {table.ids[other]}" for one, other in copied_runs(speeds, accel)]
     if pairs:
         warnings.append(
-            f"cae.csv: the same pulse, scaled or shifted at most, for {_some(pairs)}; check that none is a copy of "
+            f"cae.csv: the same pulse, scaled or shifted at most, for {_pairs(pairs)}; check that none is a copy of "
             "another run."
         )
 
 
-def _some(pairs: Sequence[str]) -> str:
+def _pairs(pairs: Sequence[str]) -> str:
     more = f" and {len(pairs) - _NAMED:,} more pairs" if len(pairs) > _NAMED else ""
     return f"{', '.join(pairs[:_NAMED])}{more}"
 
@@ -119,13 +109,17 @@ def copied_runs(speeds_mps: FloatArray, accel: npt.NDArray[np.float32]) -> Pairs
     copies = []
     for one, other in np.sort(pairs[candidates], axis=1).tolist():
         x, y = (accel[row].astype(np.float64) for row in (one, other))
-        if np.array_equal(x, y) or (speeds_mps[one] != speeds_mps[other] and _unlike(x, y) < _RUNS_DIFFER):
+        is_other_speed = speeds_mps[one] != speeds_mps[other]
+        # the share (RMS) that no line through the other explains
+        if np.array_equal(x, y) or (
+            is_other_speed and np.sqrt(1.0 - _best_shift(x, y, _RUNS_SHIFT_S)[1]) < _RUNS_DIFFER
+        ):
             copies.append((one, other))
     return sorted(copies)
 
 
 def _unlike_tests(one: FloatArray, other: FloatArray) -> float:
-    """How unlike two tests are; one of them may have been filtered once more."""
+    """One of them may have been filtered once more."""
     filtered = [cfc_filter(accel, cfc=_CFC, dt_s=DT_S) for accel in (one, other)]
     pairs = (one, other), (filtered[0], other), (one, filtered[1])
     return min(_smooth_difference(*pair) for pair in pairs)
@@ -145,11 +139,6 @@ def _smooth_difference(one: FloatArray, other: FloatArray) -> float:
     return float(np.sqrt((smooth**2).mean()) / here.std())
 
 
-def _unlike(one: FloatArray, other: FloatArray) -> float:
-    """The share (RMS) of a pulse that no line through the other, at any shift up to 6 ms, explains where both are."""
-    return float(np.sqrt(1.0 - _best_shift(one, other, _RUNS_SHIFT_S)[1]))
-
-
 def _best_shift(one: FloatArray, other: FloatArray, reach_s: float) -> tuple[int, float]:
     """The shift in samples at which a line through the other pulse explains the most of one, and the share of power.
 
@@ -166,10 +155,8 @@ def _best_shift(one: FloatArray, other: FloatArray, reach_s: float) -> tuple[int
         total, squares = (running[stop] - running[start] for running in sums)
         return total, squares - total**2 / count
 
-    (total, variance), (others_total, others_variance) = (
-        moments(one, first, last),
-        moments(other, first - shift, last - shift),
-    )
+    total, variance = moments(one, first, last)
+    others_total, others_variance = moments(other, first - shift, last - shift)
     if not (variance > 0).all() or not (others_variance > 0).all():
         return 0, 0.0
     explained = (products - total * others_total / count) ** 2 / (variance * others_variance)
@@ -216,6 +203,5 @@ def _main_axes(rows: FloatArray) -> FloatArray:
 
 
 def _unit(rows: FloatArray) -> FloatArray:
-    """Rows without their mean, to a norm of 1."""
     centred = rows - rows.mean(axis=1, keepdims=True)
     return np.asarray(centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-12))

@@ -1,4 +1,4 @@
-"""Editing a campaign folder: tests left out of use or taken out, and copies to edit.
+"""Editing a campaign folder: pulses added, tests left out of use or taken out, and copies to edit.
 
 Each edit is all or nothing, and :func:`crashfuse.campaign_folder.history.undo` takes it back.
 """
@@ -7,22 +7,47 @@ import csv
 import io
 import re
 import shutil
+import tempfile
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from crashfuse.campaign_folder.added import named
-from crashfuse.campaign_folder.condition_tables import read_what_can_be
-from crashfuse.campaign_folder.folder import FILES
-from crashfuse.campaign_folder.history import changing, settle, taking_turns
-from crashfuse.campaign_folder.settings import read_settings, reason
-from crashfuse.campaign_folder.tidy_tables import append_to_table
-from crashfuse.errors import DataError, Problem, UsageError, printable
-from crashfuse.files.atomic import new_folder
-from crashfuse.files.toml_text import toml_text
+import numpy as np
 
+from crashfuse.cae_library import RunQuality
+from crashfuse.campaign_folder.condition_tables import (
+    TABLES,
+    ConditionTable,
+    Role,
+    folded,
+    listed,
+    read_conditions,
+    read_lenient,
+)
+from crashfuse.campaign_folder.copies import check_tests_differ
+from crashfuse.campaign_folder.history import changing, is_vacant, settle, taking_turns
+from crashfuse.campaign_folder.load import FILES
+from crashfuse.campaign_folder.pulse_files import PulseFiles
+from crashfuse.campaign_folder.settings import read_settings, reason
+from crashfuse.campaign_folder.writer import append_to_table, check_ids, pulse_csv, quality_columns, table_row
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
+from crashfuse.files.atomic import new_folder
+from crashfuse.files.csv_text import csv_text
+from crashfuse.files.toml_text import toml_text
+from crashfuse.signals.pulse import Pulse
+
+WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
+"""One and many of each role, in words."""
+_NAMED = 5  # ids
+_SAME = 1e-5  # relative: a table may keep float32
+_MARKS = (*TABLES, "campaign.toml")  # any of these marks a campaign folder
+_ENDINGS = ("csv", "parquet")
 _STRING = r""" "(?:[^"\\\n]|\\.)*" | '[^'\n]*' """
 _START = re.compile(r"^unused[ \t]*=", re.M)
 _MOST_STARTS = 5  # what looks like one in texts; for each the file is read once more
@@ -34,19 +59,73 @@ _LIST = re.compile(
     """,
     re.M | re.X,
 )
-_ENDINGS = ("csv", "parquet")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Addition:
+    """A pulse to be added to a campaign folder, what the solver says of it, and provenance for ``campaign.toml``."""
+
+    id: str
+    condition: Condition
+    pulse: Pulse
+    provenance: Mapping[str, str | float | Sequence[str]] = field(default_factory=dict)
+    quality: RunQuality = field(default_factory=RunQuality)
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What an addition came to: the ids that are new, and those that were there already, with the same pulse."""
+
+    role: Role
+    ids: tuple[str, ...]
+    there: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Such as ``Added: 2 tests (T12, T13); 3 were there already``."""
+        count = len(self.there)
+        there = f"; {count} {'was' if count == 1 else 'were'} there already" if count else ""
+        return f"Added: {counted(len(self.ids), self.role)} ({_named(self.ids)}){there}"
+
+
+def counted(number: int, role: Role) -> str:
+    """A count of tests or CAE runs as text."""
+    return f"{number:,} {WHAT[role][number != 1]}"
+
+
+def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
+    """Add tests, CAE runs or both to a campaign folder, or start a new one with them, as one change.
+
+    Rows go into the existing table, in its units; pulses go where the others are, by default ``<role>/<id>.csv``;
+    ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, with the same id, condition and
+    pulse, stays as it is. The folder may be empty, or not exist yet.
+
+    Raises
+    ------
+    DataError
+        If an id is already in the campaign with another condition or pulse, or all are there already; if a test is a
+        copy of another; if an id occurs twice in the additions or is not a valid file name; if the campaign's table
+        is invalid, or it is the sample; nothing is changed.
+    OSError
+        If writing fails; the campaign is unchanged.
+    """
+    for role, of_role in additions.items():
+        ids = [addition.id for addition in of_role]
+        check_ids(ids, role)
+        names = Counter(map(folded, ids))
+        if twice := [run_id for run_id in ids if names[folded(run_id)] > 1]:
+            raise DataError(Problem(role, "each id once", listed(twice[:2]), "give one of them another id"))
+    if not is_vacant(folder) and not any((folder / name).is_file() for name in _MARKS):
+        found, advice = "other files", "name a campaign, or a folder that does not exist yet"
+        raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
+    with taking_turns(folder):
+        return _add(folder, additions)
 
 
 def leave_out(folder: Path, ids: Sequence[str], why: str = "") -> str:
     """Leave tests of a campaign out of use: they stay in the folder, but nothing learns from them or rates them.
 
     ``unused`` in ``campaign.toml`` lists them, with the reason if one is given. A test whose record is damaged can be
-    left out, too.
-
-    Returns
-    -------
-    str
-        What was done, a sentence without its full stop.
+    left out, too. Returns what was done, a sentence without its full stop.
 
     Raises
     ------
@@ -56,41 +135,39 @@ def leave_out(folder: Path, ids: Sequence[str], why: str = "") -> str:
         If the campaign's files cannot be edited, or it is the sample; nothing is changed.
     """
     with taking_turns(folder):
-        known, unused = _tests(folder)
-        _require(ids, [test_id for test_id in known if test_id not in unused], "in use")
-        _require_one_in_use(known, {*unused, *ids})
-        return _set_why(folder, known, unused, ids, why)
+        test_ids, unused = _tests(folder)
+        _require(ids, [test_id for test_id in test_ids if test_id not in unused], "in use")
+        _require_one_in_use(test_ids, {*unused, *ids})
+        return _set_why(folder, test_ids, unused, ids, why)
 
 
 def say_why(folder: Path, test_id: str, why: str) -> str:
     """Give a test that is left out of use another reason, or none; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
-        known, unused = _tests(folder)
+        test_ids, unused = _tests(folder)
         _require([test_id], list(unused), "left out of use")
-        return _set_why(folder, known, unused, [test_id], why)
+        return _set_why(folder, test_ids, unused, [test_id], why)
 
 
 def use_again(folder: Path, ids: Sequence[str]) -> str:
     """Use tests again that were left out of use; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
-        known, unused = _tests(folder)
+        test_ids, unused = _tests(folder)
         _require(ids, list(unused), "left out of use")
-        rest = {test_id: why for test_id, why in unused.items() if test_id not in ids}
-        return _set_unused(folder, known, rest, f"In use again: {named(ids)}")
+        return _set_unused(folder, test_ids, _without(unused, ids), f"In use again: {_named(ids)}")
 
 
 def remove_tests(folder: Path, ids: Sequence[str]) -> str:
     """Take tests out of a campaign folder, rows and pulses; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
-        known, unused = _tests(folder)
-        _require(ids, known, "there")
-        _require_one_in_use(known, {*unused, *ids})
+        test_ids, unused = _tests(folder)
+        _require(ids, test_ids, "there")
+        _require_one_in_use(test_ids, {*unused, *ids})
         table, settings = folder / "tests.csv", folder / "campaign.toml"
-        told = f"Taken out: {named(ids)}"
-        with changing(folder, told) as new:
+        what = f"Taken out: {_named(ids)}"
+        with changing(folder, what) as new:
             if {*ids} & {*unused}:
-                rest = {test_id: why for test_id, why in unused.items() if test_id not in ids}
-                _write_unused(settings, rest, new(settings))
+                _write_unused(settings, _without(unused, ids), new(settings))
             new(table).write_bytes(_without_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
             for path in (folder / f"tests_pulses.{ending}" for ending in _ENDINGS):
                 if path.is_file():
@@ -98,30 +175,162 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
             for path in (folder / "tests" / f"{test_id}.{ending}" for test_id in ids for ending in _ENDINGS):
                 if path.is_file():
                     new(path)  # without a content
-        return told
+        return what
 
 
 def copy_campaign(folder: Path, to: Path) -> None:
     """Copy the files of a campaign folder, byte for byte, into a new one.
 
-    Raises
-    ------
-    DataError
-        If there is something in the new folder already.
-    OSError
-        If reading or writing fails; nothing is left behind.
+    Raises a DataError if there is something in it already, an OSError if that fails; nothing is left behind then.
     """
     settle(folder)
+    pulses = [(f"{role}_pulses.{ending}", f"{role}/*.{ending}") for role in ("tests", "cae") for ending in _ENDINGS]
     with new_folder(to) as home:
-        tables = [folder / f"{role}_pulses.{ending}" for role in ("tests", "cae") for ending in _ENDINGS]
-        singles = [
-            path for role in ("tests", "cae") for ending in _ENDINGS for path in folder.glob(f"{role}/*.{ending}")
-        ]
-        for path in (*(folder / name for name in FILES), *tables, *singles):
+        for path in chain.from_iterable(map(folder.glob, (*FILES, *chain.from_iterable(pulses)))):
             if path.is_file():
                 target = home / path.relative_to(folder)
                 target.parent.mkdir(exist_ok=True)
                 shutil.copyfile(path, target)
+
+
+def _named(ids: Sequence[str]) -> str:
+    few = len(ids) <= _NAMED
+    return (", " if few else " to ").join(printable(run_id, 60) for run_id in (ids if few else (ids[0], ids[-1])))
+
+
+def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
+    tables = {role: _table(folder / f"{role}.csv", role) for role in additions}
+    new: dict[Role, list[Addition]] = {}
+    added = []
+    for role, of_role in additions.items():
+        there = tuple(_already_there(folder, role, tables[role], of_role))
+        new[role] = [addition for addition in of_role if addition.id not in there]
+        added.append(Added(role, tuple(addition.id for addition in new[role]), there))
+    contents = _contents(folder, tables, new)
+    check = partial(_check_differ, folder) if "tests" in new else lambda: None
+    with changing(folder, ". ".join(map(str, added)), check) as new_file:
+        for role, of_role in new.items():
+            _write_pulses(folder, role, of_role, new_file)
+        for path, text in contents.items():
+            new_file(path).write_bytes(text.encode())
+    return tuple(added)
+
+
+def _contents(
+    folder: Path, tables: Mapping[Role, ConditionTable | None], additions: Mapping[Role, Sequence[Addition]]
+) -> dict[Path, str]:
+    """What campaign.toml, which records the additions at its end, and the condition tables become, in this order."""
+    path = folder / "campaign.toml"
+    settings = path.read_bytes().decode(errors="surrogateescape") if path.is_file() else ""
+    contents = {}
+    for role, of_role in additions.items():
+        table = folder / f"{role}.csv"
+        text, header = _table_to_extend(table, tables[role], of_role)
+        rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in of_role]
+        contents[table] = text + csv_text(rows)
+        for addition in of_role:
+            values = {"id": addition.id, "as": role, **addition.provenance}
+            lines = [f"{key} = {toml_text(value)}" for key, value in values.items()]
+            settings += ("\n" if settings else "") + "\n".join(["[[imported]]", *lines]) + "\n"
+        _check_readable({table.name: contents[table], path.name: settings}, role)
+    return {path: settings, **contents}
+
+
+def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_file: Callable[[Path], Path]) -> None:
+    tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
+    if tables:
+        append_to_table(tables[0], new_file(tables[0]), [(addition.id, addition.pulse) for addition in additions])
+        return
+    for addition in additions:
+        path = folder / role / f"{addition.id}.csv"
+        pulse = pulse_csv(addition.pulse).encode()
+        if path.exists() and path.read_bytes() != pulse:
+            found, advice = "another pulse there, without a row in the table", "rename or remove the file"
+            raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
+        new_file(path).write_bytes(pulse)
+
+
+def _table(path: Path, role: Role) -> ConditionTable | None:
+    return read_conditions(path, role) if path.is_file() else None
+
+
+def _already_there(
+    folder: Path, role: Role, table: ConditionTable | None, additions: Sequence[Addition]
+) -> Iterator[str]:
+    """The ids of additions that the campaign has already; a DataError if one has another condition or pulse there."""
+    conditions = {} if table is None else dict(zip(table.ids, table.conditions, strict=True))
+    there = set(map(folded, conditions))
+    again = {addition.id: addition for addition in additions if folded(addition.id) in there}
+    if not again:
+        return
+    same = set()
+    for run_id, _, record in PulseFiles(folder, role, None).records(
+        [run_id for run_id in again if run_id in conditions]
+    ):
+        if record is not None and run_id in again:
+            pulse, condition = again[run_id].pulse, again[run_id].condition
+            if (
+                record.time_s.shape == pulse.time_s.shape
+                and np.allclose(record.time_s, pulse.time_s, rtol=_SAME, atol=1e-9)
+                and np.allclose(record.accel_mps2, pulse.accel_mps2, atol=_SAME * float(np.abs(pulse.accel_mps2).max()))
+                and np.allclose(conditions[run_id].vector, condition.vector, rtol=_SAME)
+            ):
+                same.add(run_id)
+    if other := [run_id for run_id in again if run_id not in same]:
+        expected, advice = "an id that is not there yet", "give it another id, or remove the one that is there"
+        raise DataError([Problem(f"{role}.csv", expected, repr(i), advice, "id") for i in other[:20]])
+    if len(same) == len(additions):
+        expected, found = f"a {WHAT[role][0]} that is not there yet", f"{_named([*again])}, there already with the same"
+        raise DataError(Problem(f"{role}.csv", expected, f"{found} condition and pulse", "nothing has to be added"))
+    yield from again
+
+
+def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
+    """The text of the condition table, ready for rows to be appended, and its columns.
+
+    Columns of run quality that it lacks are added to its header; its rows are then short, which counts as empty cells.
+    """
+    quality = quality_columns([addition.quality for addition in additions])
+    if table is None:
+        factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
+        header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors, *quality]
+        return csv_text([header]), header
+    text = path.read_bytes().decode("utf-8-sig")
+    header = [cell.strip() for cell in next(csv.reader(io.StringIO(text), skipinitialspace=True))]
+    text = text if text.endswith("\n") else f"{text}\n"
+    if new := [name for name in quality if name not in header]:
+        first, _, others = text.partition("\n")
+        text, header = f"{first.rstrip()},{','.join(new)}\n{others}", [*header, *new]
+    return text, header
+
+
+def _check_readable(files: Mapping[str, str], role: Role) -> None:
+    """Raise a DataError if a file could not be read back: the whole campaign could no longer be opened."""
+    problems: list[Problem] = []
+    with tempfile.TemporaryDirectory() as scratch:
+        for name, text in files.items():
+            (Path(scratch) / name).write_bytes(text.encode(errors="surrogateescape"))
+        with collecting(problems):
+            read_conditions(Path(scratch) / f"{role}.csv", role)
+        read_settings(Path(scratch), problems, [])
+    _refuse(problems)
+
+
+def _check_differ(folder: Path) -> None:
+    """Raise a DataError if a test in use has become a copy of another: the campaign could no longer be opened."""
+    settings, tests = read_settings(folder, [], []), _table(folder / "tests.csv", "tests")
+    if tests is not None:
+        tests = tests.without([place for place, test_id in enumerate(tests.ids) if test_id in settings.unused])
+        reader = PulseFiles(folder, "tests", settings.channel_filter_class)
+        accel = np.delete(reader.read(tests.ids, list(settings.unused)), reader.unread, axis=0)
+        problems: list[Problem] = []
+        check_tests_differ(tests.without(reader.unread), accel, reader.ends_s, problems, [])
+        _refuse(problems)
+
+
+def _refuse(problems: Sequence[Problem]) -> None:
+    if problems:
+        raise DataError([replace(problem, where=f"{problem.where} as it would become") for problem in problems])
 
 
 def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
@@ -130,38 +339,41 @@ def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
     settings = read_settings(folder, problems, [])
     if problems:
         raise DataError(problems)
-    table = read_what_can_be(folder / "tests.csv", "tests", problems)
+    table = read_lenient(folder / "tests.csv", "tests", problems)
     if table is None:
         raise DataError(problems)
     return table.ids, settings.unused
 
 
 def _require(ids: Sequence[str], allowed: Sequence[str], what: str) -> None:
-    """Raise a UsageError if one of the ids is not allowed."""
     for test_id in ids:
         if test_id not in allowed:
-            listed = ", ".join(printable(other, 60) for other in allowed) or "none"
-            raise UsageError(f"There is no test {printable(test_id, 60)!r} that is {what}; there is {listed}.")
+            names = ", ".join(printable(other, 60) for other in allowed) or "none"
+            raise UsageError(f"There is no test {printable(test_id, 60)!r} that is {what}; there is {names}.")
 
 
-def _require_one_in_use(known: Sequence[str], unused: set[str]) -> None:
-    if {*known} <= unused:
+def _require_one_in_use(test_ids: Sequence[str], unused: set[str]) -> None:
+    if {*test_ids} <= unused:
         raise UsageError("At least one test has to stay in use.")
 
 
-def _set_why(folder: Path, known: Sequence[str], unused: Mapping[str, str], ids: Sequence[str], why: str) -> str:
+def _without(unused: Mapping[str, str], ids: Sequence[str]) -> dict[str, str]:
+    return {test_id: why for test_id, why in unused.items() if test_id not in ids}
+
+
+def _set_why(folder: Path, test_ids: Sequence[str], unused: Mapping[str, str], ids: Sequence[str], why: str) -> str:
     why = reason(why)
-    told = f"Left out of use: {named(ids)}{f' ({why})' if why else ''}"
+    what = f"Left out of use: {_named(ids)}{f' ({why})' if why else ''}"
     if all(unused.get(test_id) == why for test_id in ids):
-        return told  # nothing that could be undone
-    return _set_unused(folder, known, {**unused, **dict.fromkeys(ids, why)}, told)
+        return what  # nothing that could be undone
+    return _set_unused(folder, test_ids, {**unused, **dict.fromkeys(ids, why)}, what)
 
 
-def _set_unused(folder: Path, known: Sequence[str], unused: Mapping[str, str], told: str) -> str:
+def _set_unused(folder: Path, test_ids: Sequence[str], unused: Mapping[str, str], what: str) -> str:
     path = folder / "campaign.toml"
-    with changing(folder, told) as new:
-        _write_unused(path, {test_id: unused[test_id] for test_id in known if test_id in unused}, new(path))
-    return told
+    with changing(folder, what) as new:
+        _write_unused(path, {test_id: unused[test_id] for test_id in test_ids if test_id in unused}, new(path))
+    return what
 
 
 def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
@@ -169,13 +381,13 @@ def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
     value = unused if any(unused.values()) else list(unused)
     text = path.read_bytes().decode("utf-8-sig") if path.is_file() else ""
     line = f"unused = {toml_text(value)}\n" if value else ""
-    wanted = {key: own for key, own in tomllib.loads(text).items() if key != "unused"}
+    wanted = {key: setting for key, setting in tomllib.loads(text).items() if key != "unused"}
     if value:
         wanted["unused"] = value
     # the first line: before any table, whose setting it would be
     starts = islice(_START.finditer(text), _MOST_STARTS)
-    lists = (own for start in starts if (own := _LIST.match(text, start.start())))
-    edits = chain([line + text], (line + text[: own.start()] + text[own.end() :] for own in lists))
+    lists = (match for start in starts if (match := _LIST.match(text, start.start())))
+    edits = chain([line + text], (line + text[: match.start()] + text[match.end() :] for match in lists))
     new = next((edit for edit in edits if _values(edit) == wanted), None)  # what looks like it may be in a text
     if new is None:
         expected, found = "unused = [...] or {...} at the start of a line", "another form"
@@ -185,7 +397,6 @@ def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
 
 
 def _values(text: str) -> dict[str, Any] | None:
-    """The settings in a text; None if it is no TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:

@@ -14,6 +14,7 @@ import json
 import os
 import re
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -21,12 +22,13 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.errors import DataError, Problem, printable
+from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import flush, name_target, write_atomically
-from crashfuse.files.claim import NAME, sole_writer
+from crashfuse.files.locks import NAME, sole_writer
 
 _HOME, _BEGUN, _LIST, _BEFORE, _AFTER = ".undo", "begun.json", "change.json", "before", "after"
+SHIPPED = Path(__file__).parents[2] / "sample_data"
 _KEPT = 10  # changes; what older ones replaced is let go
 _LARGEST = 32 << 20  # bytes of a list: some 100,000 files
 _PATIENCE_S = 20.0  # to wait for another who changes the folder
@@ -46,20 +48,10 @@ class ChangedFile:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of a campaign folder.
+    """A change of a campaign folder, by increasing numbers.
 
-    Parameters
-    ----------
-    number : int
-        Increases from change to change.
-    what : str
-        A sentence without its full stop, such as ``Added: 2 tests (T12, T13)``.
-    when : str
-        Date and time, UTC.
-    files : tuple of ChangedFile
-        In the order in which they were written, in which each step leaves a campaign that can be read.
-    author : str
-        Who made it, as far as that is known.
+    ``what`` is a sentence without its full stop, such as ``Added: 2 tests (T12, T13)``, ``when`` date and time in UTC.
+    ``files`` are in the order in which they were written, in which each step leaves a campaign that can be read.
     """
 
     number: int
@@ -94,13 +86,8 @@ def changed_by(author: str) -> Iterator[None]:
 def taking_turns(folder: Path) -> Iterator[None]:
     """Let nobody else change a campaign folder meanwhile, and find it without half a change.
 
-    Raises
-    ------
-    DataError
-        If another is changing it for longer than one would wait, an interrupted change cannot be put back, or it is the
-        sample.
-    OSError
-        If it cannot be written.
+    Raises a DataError if another is changing it for longer than one would wait, an interrupted change cannot be put
+    back, or it is the sample; an OSError if it cannot be written.
     """
     if is_sample(folder):
         found, advice = "the sample's own", "save a copy of it first (crashfuse sample DIR), and edit that"
@@ -117,13 +104,7 @@ def taking_turns(folder: Path) -> Iterator[None]:
 
 
 def settle(folder: Path) -> None:
-    """Put back what an interrupted change left in a campaign folder, before it is read.
-
-    Raises
-    ------
-    DataError
-        If that cannot be done.
-    """
+    """Put back what an interrupted change left in a campaign folder, before it is read; a DataError if it can't be."""
     if any((home / _BEGUN).exists() for home in _entries(folder)):
         try:
             with taking_turns(folder):
@@ -146,12 +127,8 @@ def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) 
 
     Yields a function that takes a file of the folder and returns the path to write its new content to; a file whose new
     content is not written is removed. They take their places in the order in which they were asked for, the last
-    of which completes the change.
-
-    Parameters
-    ----------
-    check : callable, optional
-        Called when all are in their places; if it raises, everything is put back.
+    of which completes the change. ``check`` is called when all are in their places; if it raises, everything is put
+    back.
     """
     home = folder / _HOME / f"{1 + max((int(home.name) for home in _entries(folder)), default=0):06d}"
     names: list[str] = []
@@ -185,17 +162,12 @@ def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) 
 
 
 def undo(folder: Path, last: Change | None = None) -> Change:
-    """Undo the last change of a campaign folder: every file is again what it was, byte for byte.
+    """Undo the last change of a campaign folder, which is returned: every file is again what it was, byte for byte.
 
     Parameters
     ----------
     last : Change, optional
         The one that is meant: if another was made since, nothing is undone.
-
-    Returns
-    -------
-    Change
-        The change that was undone.
 
     Raises
     ------
@@ -203,18 +175,43 @@ def undo(folder: Path, last: Change | None = None) -> Change:
         If there is none, another was made since, or one of its files was changed since; the folder stays as it is.
     """
     with taking_turns(folder):
-        kept = next(iter(changes(folder)), None)
-        if kept is None:
+        change = next(iter(changes(folder)), None)
+        if change is None:
             found, advice = "none that is recorded", "nothing has to be undone"
             raise DataError(Problem(str(folder), "a change that can be undone", found, advice))
-        if last is not None and kept != last:
+        if last is not None and change != last:
             expected, advice = f"“{last.what}” as the last change", "look at what it did, and undo that first"
-            raise DataError(Problem(str(folder), expected, f"{kept}", advice))
-        home = folder / _HOME / f"{kept.number:06d}"
-        _waiting(folder, home, kept)
+            raise DataError(Problem(str(folder), expected, f"{change}", advice))
+        home = folder / _HOME / f"{change.number:06d}"
+        _waiting(folder, home, change)
         (home / _LIST).rename(home / _BEGUN)
         _put_back(folder, home)
-    return kept
+    return change
+
+
+def sample_folder() -> Path:
+    """The folder of the sample campaign, which is written first if it is not shipped."""
+    if (SHIPPED / "tests.csv").is_file():
+        return SHIPPED
+    folder = _in_the_cache()
+    if not (folder / "tests.csv").is_file():
+        from crashfuse.synthetic import write_sample
+
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
+            write_sample(Path(scratch) / "sample")
+            (Path(scratch) / "sample").rename(folder)  # all or nothing
+    return folder
+
+
+def is_sample(folder: Path) -> bool:
+    """True if a folder is the sample's own or lies inside it: it is never changed."""
+    folder = folder.resolve()
+    return bool({folder, *folder.parents} & {SHIPPED.resolve(), _in_the_cache().resolve()})
+
+
+def _in_the_cache() -> Path:
+    return default_folder() / "sample"
 
 
 def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
@@ -224,7 +221,7 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
         if (folder / name).is_file():
             _link(folder / name, home / _BEFORE / name)
     digests = [(name, _digest(home / _BEFORE / name), _digest(home / _AFTER / name)) for name in names]
-    files = tuple(ChangedFile(*own) for own in digests)
+    files = tuple(ChangedFile(*row) for row in digests)
     now = datetime.now(UTC).isoformat(timespec="seconds")
     content = json.dumps(asdict(Change(int(home.name), what, now, files, _author.get() or _user())), indent=1).encode()
     if len(content) > _LARGEST or not all(map(_is_sound, files)):
@@ -272,10 +269,7 @@ def _move(source: Path, folder: Path, names: Sequence[str]) -> None:
 def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
     """The files that are still as a change left them, each of which can be put back; the others are as before.
 
-    Raises
-    ------
-    DataError
-        If a file is neither, or what it replaced is gone.
+    Raises a DataError if a file is neither, or what it replaced is gone.
     """
     waiting = []
     for file in change.files:
@@ -309,24 +303,24 @@ def _read(path: Path) -> Change | None:
     try:
         if path.parent.is_symlink() or path.is_symlink() or path.stat().st_size > _LARGEST:
             return None
-        told: Mapping[str, object] = json.loads(path.read_text(encoding="utf-8"))
-        number, what, when, listed = (told[key] for key in ("number", "what", "when", "files"))
+        values: Mapping[str, object] = json.loads(path.read_text(encoding="utf-8"))
+        number, what, when, listed = (values[key] for key in ("number", "what", "when", "files"))
         if not isinstance(number, int) or path.parent.name != f"{number:06d}" or not isinstance(listed, list):
             return None
-        files = tuple(ChangedFile(*(each[key] for key in ("name", "before", "after"))) for each in listed)
+        files = tuple(ChangedFile(*(row[key] for key in ("name", "before", "after"))) for row in listed)
         if not all(_is_sound(file) for file in files) or len({file.name for file in files}) != len(files):
             return None
-        author = printable(str(told.get("author", "")), 100)
+        author = printable(str(values.get("author", "")), 100)
         return Change(number, printable(str(what)), printable(str(when), 40), files, author)
     except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None
 
 
 def _is_sound(file: ChangedFile) -> bool:
-    digests = all(
-        digest is None or (isinstance(digest, str) and len(digest) == 64) for digest in (file.before, file.after)
-    )
-    return digests and isinstance(file.name, str) and _OF_A_CAMPAIGN.fullmatch(file.name) is not None
+    for digest in (file.before, file.after):
+        if not (digest is None or (isinstance(digest, str) and len(digest) == 64)):
+            return False
+    return isinstance(file.name, str) and _OF_A_CAMPAIGN.fullmatch(file.name) is not None
 
 
 def _require_inside(folder: Path, path: Path) -> None:
@@ -337,7 +331,6 @@ def _require_inside(folder: Path, path: Path) -> None:
 
 
 def _digest(path: Path) -> str | None:
-    """SHA-256 of a file; None if there is none."""
     if not path.is_file():
         return None
     with path.open("rb") as stream:
@@ -364,7 +357,6 @@ def _discard(home: Path) -> None:
 
 
 def _tidy(folder: Path) -> None:
-    """Remove a folder that is empty."""
     with suppress(OSError):
         folder.rmdir()
 

@@ -1,11 +1,69 @@
-"""A campaign from wherever it lies: its folder, or a zip of it."""
+"""A campaign from wherever it lies, checked as a whole: its folder, a zip of it, or untrusted uploads."""
 
+import io
+import math
+import re
+import shutil
 import tempfile
-from pathlib import Path
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path, PurePosixPath
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import read_folder
-from crashfuse.campaign_folder.upload import lay_out
+from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role, folded, read_lenient
+from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
+from crashfuse.campaign_folder.history import settle
+from crashfuse.campaign_folder.plausibility import (
+    Gap,
+    check_band,
+    check_ends,
+    check_physics,
+    check_units,
+    confirmed_faults,
+    fault_advice,
+    find_gap,
+    unlike_others,
+    unlike_weights,
+)
+from crashfuse.campaign_folder.pulse_files import PulseFiles
+from crashfuse.campaign_folder.settings import read_settings
+from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
+from crashfuse.errors import DataError, Problem, collecting, printable, shortened
+from crashfuse.files.archive import (
+    DEFAULT_LIMITS,
+    Budget,
+    Limits,
+    Member,
+    in_memory,
+    left_by_the_system,
+    name_trouble,
+    refuse,
+    too_many,
+    too_much,
+    zip_members,
+)
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.sensor_faults import SensorFault
+
+_FEWEST_RUNS = 10
+PULSES = (".csv", ".parquet")
+"""Endings of tables of pulses."""
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv")
+"""The files of a campaign folder beside its pulses."""
+AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
+"""The files of a campaign folder that do not lie in a folder in it."""
+_ABOUT = re.compile(r"(?i)(readme|licen[cs]e)(\..*)?|.*\.md")
+_NAMED = 5
+_ROLES: tuple[Role, ...] = ("tests", "cae")
+_NOTES = (".md", ".txt")
+_ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
+_ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory
 
 
 def load_campaign(path: str | Path) -> Campaign:
@@ -32,3 +90,316 @@ def load_campaign(path: str | Path) -> Campaign:
         return read_folder(path)
     with tempfile.TemporaryDirectory(prefix="crashfuse-") as scratch:
         return read_folder(lay_out([(path.name, path.read_bytes())], Path(scratch)))
+
+
+def read_folder(folder: str | Path) -> Campaign:
+    """:func:`load_campaign` of a folder alone."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        found, advice = "no such folder", "check the path"
+        if folder.exists():
+            found, advice = "a file", "name the folder that it lies in, or a zip of it"
+        raise DataError(Problem(str(folder), "a campaign folder", found, advice))
+    settle(folder)
+    problems: list[Problem] = []
+    warnings: list[str] = []
+    settings = read_settings(folder, problems, warnings)
+    tables: dict[str, ConditionTable] = {}
+    pulses: dict[str, FloatArray] = {}
+    ends_s: dict[str, float] = {}
+    faults: Mapping[str, tuple[SensorFault, ...]] = {}
+    unused: tuple[tuple[str, Condition], ...] = ()
+    gap: Gap | None = None
+    for role in ("tests", "cae"):
+        table = read_lenient(folder / f"{role}.csv", role, problems)
+        speeds = {} if table is None else dict(zip(table.ids, table.speeds_mps, strict=True))
+        gap_m = settings.cae_gap_m if role == "cae" else 0.0
+        reader = PulseFiles(folder, role, settings.channel_filter_class, gap_m, speeds)
+        if table is None:
+            reader.check()
+        else:
+            if role == "tests" and settings.unused:
+                table, unused = _without_unused(table, settings.unused, problems)
+            passed_over = [test_id for test_id, _ in unused] if role == "tests" else []
+            tables[role], pulses[role] = table, reader.read(table.ids, passed_over)
+            measured = (tables["tests"].speeds_mps, pulses["tests"]) if role == "cae" and "tests" in tables else None
+            gap = _check_pulses(role, table, pulses[role], reader, measured)
+        if role == "tests":
+            ends_s, faults = reader.ends_s, reader.faults
+        problems.extend(reader.problems)
+        warnings.extend(_shortened(reader.warnings))
+    left_out = settings.quality.failing(tables["cae"].quality) if "cae" in tables else []
+    failed = tuple((tables["cae"].ids[place], tables["cae"].quality[place]) for place in left_out)
+    if left_out:
+        tables["cae"] = tables["cae"].without(left_out)
+        pulses["cae"] = np.delete(pulses["cae"], left_out, axis=0)
+    _check_counts(tables, len(left_out), problems, warnings)
+    if problems:
+        raise DataError(shortened(problems))
+    is_comparable = gap is None or not gap.hides_tests
+    faults = confirmed_faults(tables, pulses, faults, is_comparable=is_comparable)
+    warnings += _shortened([f"tests.csv, {test}: {fault_advice(test, of_test)}." for test, of_test in faults.items()])
+    # of tests against CAE runs that have a gap nothing can be seen
+    for findings in (check_units, unlike_weights, unlike_others) if is_comparable else (unlike_weights,):
+        explained = {warning.partition(":")[0] for warning in warnings}  # by a failed sensor, a wrong speed or unit
+        warnings += _shortened([line for line in findings(tables, pulses) if line.partition(":")[0] not in explained])
+    _check_factors(tables["tests"], warnings)
+    runs = tables["cae"]
+    cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, failed)
+    check_runs_differ(runs, cae.accel_mps2, warnings)
+    cae.accel_mps2.flags.writeable = False
+    tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
+    crash_tests = tuple(
+        CrashTest(test_id, condition, Pulse(GRID_S, accel), ends_s.get(test_id, math.inf), faults.get(test_id, ()))
+        for test_id, condition, accel in tests
+    )
+    cfc = settings.channel_filter_class or settings.filtered_with
+    import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
+    return Campaign(
+        settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits,
+        settings.occupant, import_cfcs.pop() if len(import_cfcs) == 1 else None,
+        tables["tests"].units, unused, settings.unused,
+    )  # fmt: skip
+
+
+def unread_files(folder: Path) -> str:
+    """A sentence on the files of a campaign folder that nothing reads; empty if there are none, and for a zip."""
+    if not folder.is_dir():
+        return ""
+    unread = []
+    for path in sorted(folder.iterdir()):
+        if path.name in ("tests", "cae") and path.is_dir():
+            unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
+        elif path.name not in AT_THE_TOP:
+            unread.append(path.name + "/" * path.is_dir())
+    unread = [name for name in unread if not left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)]
+    if not unread:
+        return ""
+    more = f" and {len(unread) - _NAMED} more" if len(unread) > _NAMED else ""
+    named = ", ".join(printable(name, 60) for name in unread[:_NAMED])
+    return f"Not read, as no file of a campaign has such a name: {named}{more}."
+
+
+def _without_unused(
+    table: ConditionTable, ids: Collection[str], problems: list[Problem]
+) -> tuple[ConditionTable, tuple[tuple[str, Condition], ...]]:
+    where, key = "campaign.toml", "unused"
+    for test_id in ids:
+        if test_id not in table.ids:
+            expected, advice = "ids of tests.csv", "correct or remove the id"
+            problems.append(Problem(where, expected, repr(printable(test_id, 60)), advice, key))
+    places = [place for place, test_id in enumerate(table.ids) if test_id in ids]
+    if len(places) == len(table.ids):
+        found, advice = "all of them left out", "take one out of the list"
+        problems.append(Problem(where, "a test that is in use", found, advice, key))
+    return table.without(places), tuple((table.ids[place], table.conditions[place]) for place in places)
+
+
+def _check_pulses(
+    role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles, tests: tuple[FloatArray, FloatArray] | None
+) -> Gap | None:
+    """Check every pulse that could be read against its condition, and tests against each other.
+
+    Returns the gap before the barrier of CAE runs, if they have one by the speeds and pulses of ``tests``.
+    """
+    if reader.unread:
+        table, accel = table.without(reader.unread), np.delete(accel, reader.unread, axis=0)
+    gap = None
+    if tests is not None:
+        gap = find_gap(table.speeds_mps, accel, *tests, taken_m=reader.gap_m if reader.through_gap else 0.0)
+        reader.warnings += [gap.warning] if gap else []
+    check_physics(role, table, accel, reader.faults, reader.problems, gap.advice if gap else "")
+    check_ends(role, table, accel, reader.ends_s, reader.faults, reader.problems)
+    check_band(role, accel, reader.warnings)
+    if role == "tests":
+        check_tests_differ(table, accel, reader.ends_s, reader.problems, reader.warnings)
+    return gap
+
+
+def _check_counts(
+    tables: dict[str, ConditionTable], left_out: int, problems: list[Problem], warnings: list[str]
+) -> None:
+    if "tests" in tables and len(tables["tests"].ids) == 1:
+        warnings.append(
+            "Only one test: nothing can be left out, so nothing can be checked; predictions can be made, but how much "
+            "tests differ from each other is assumed."
+        )
+    if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
+        found = str(len(tables["cae"].ids)) + f", and {left_out} left out for their quality" * (left_out > 0)
+        problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
+
+
+def _check_factors(tests: ConditionTable, warnings: list[str]) -> None:
+    """Warn of tests without a value for a factor that other tests have."""
+    factors_of = {test: dict(condition.factors) for test, condition in zip(tests.ids, tests.conditions, strict=True)}
+    for name in dict.fromkeys(name for factors in factors_of.values() for name, value in factors.items() if value):
+        lacking = [test for test, factors in factors_of.items() if not factors.get(name)]
+        if lacking:
+            named = ", ".join(lacking[:5]) + " …" * (len(lacking) > 5)
+            warnings += [f"tests.csv, {name}: not given for {named}; fill it in, for tests may differ by it."]
+
+
+def _shortened(warnings: list[str], most: int = 5) -> list[str]:
+    if len(warnings) <= most:
+        return warnings
+    return [*warnings[:most], f"{warnings[0].partition(':')[0].split(',')[0]}: {len(warnings) - most} more like these."]
+
+
+def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
+    """Lay uploads out as a campaign folder in another one, which the caller must delete; its numbers are not checked.
+
+    Uploads are either one zip of a campaign folder, or the files of one. A pulse file beside the tables belongs to the
+    table that has its id; if both have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are ignored.
+
+    Raises
+    ------
+    DataError
+        If anything in the uploads is not part of a campaign or exceeds the limits; nothing is left in ``into``. In the
+        first case, it also has what is wrong with the others.
+    """
+    members, name = _opened(uploads, limits)
+    root = _root(members, name)
+    problems: list[Problem] = []
+    targets = _targets(members, root, problems)
+    folder = into / (root.name or PurePosixPath(name).stem.strip(". ") or "campaign")
+    folder.mkdir()
+    try:
+        budget = Budget(limits, sum(len(content) for _, content in uploads))
+        for member, target in targets.items():
+            member.write_to(folder / target, budget)
+        _place(folder, [target for target in targets.values() if len(target.parts) == 1], problems)
+        _check_rows(folder, limits)
+        if problems:
+            found: list[Problem] = []
+            with collecting(found):
+                refuse(problems, name)
+            with collecting(found):
+                read_folder(folder)
+            raise DataError(found)
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
+    return folder
+
+
+def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[Member], str]:
+    expected = "one zip of a campaign folder, or its files"
+    if not uploads:
+        raise DataError(Problem("upload", expected, "nothing", "choose the files"))
+    check_uploads(uploads, limits)
+    if not any(name.lower().endswith(".zip") for name, _ in uploads):
+        return [in_memory(*upload) for upload in uploads if not left_by_the_system(upload[0])], "upload"
+    if len(uploads) > 1:
+        raise DataError(Problem("upload", expected, f"a zip among {len(uploads)} files", "zip all of it together"))
+    name, content = uploads[0]
+    return members_of_zip(name, content, limits), name
+
+
+def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
+    """Raise a DataError if uploads are too many or too large, or one has an unsafe name."""
+    if len(uploads) > limits.members:
+        raise too_many("upload", len(uploads), limits)
+    if sum(len(content) for _, content in uploads) > limits.total_bytes:
+        raise too_much("upload", limits)
+    refuse([Problem(name, *trouble) for name, _ in uploads if (trouble := name_trouble(name))], "upload")
+
+
+def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
+    """List the files of a zip in memory as :func:`zip_members` does."""
+    if (found := content.count(_ENTRY)) > limits.members:  # checked before a directory of millions is read
+        raise too_many(name, found, limits)
+    return zip_members(io.BytesIO(content), name, limits)
+
+
+def _root(members: Sequence[Member], name: str) -> PurePosixPath:
+    """The folder that holds the campaign: the outermost one with a condition table."""
+    homes = [member.path.parent for member in members if member.path.name in TABLES]
+    if not homes:
+        refuse([trouble for member in members if (trouble := _strange(member))], name)
+        where = printable(members[0].where) if len(members) == 1 else name
+        raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
+    return min(homes, key=lambda home: len(home.parts))
+
+
+def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Problem]) -> dict[Member, PurePosixPath]:
+    """The target of each member in the campaign folder; notes are dropped, pulses beside the tables stay for now."""
+    targets: dict[Member, PurePosixPath] = {}
+    for member in members:
+        ending = member.path.suffix.lower()
+        if ending in _NOTES:
+            continue
+        if trouble := _strange(member):
+            problems.append(trouble)
+        elif root in member.path.parents and _in_a_campaign(member.path.relative_to(root).with_suffix(ending)):
+            targets[member] = member.path.relative_to(root).with_suffix(ending)
+        else:
+            expected, advice = "a file of one campaign folder", "put pulses into tests/ or cae/ and leave out the rest"
+            problems.append(Problem(member.where, expected, "a file elsewhere", advice))
+    times = Counter(folded(str(target)) for target in targets.values())
+    for member, target in [*targets.items()]:
+        if (found_times := times[folded(str(target))]) > 1:
+            expected = "names that differ by more than capitals"
+            problems.append(Problem(member.where, expected, f"{found_times} of this name", "keep one"))
+            del targets[member]
+    return targets
+
+
+def _strange(member: Member) -> Problem | None:
+    """The problem of a file that is neither in a campaign format nor a note, if it is so."""
+    ending = member.path.suffix.lower()
+    if ending in _ARCHIVES:
+        return Problem(member.where, "tables", "an archive in the upload", "unpack it first")
+    if ending in (*PULSES, *_NOTES, ".toml"):
+        return None
+    found = f"a file {printable(ending)}" if ending else "a file without an ending"
+    expected = "a file of a campaign (.csv, .parquet, campaign.toml) or of a format to be imported"
+    return Problem(member.where, expected, found, "leave it out")
+
+
+def _in_a_campaign(path: PurePosixPath) -> bool:
+    match path.parts:
+        case (name,):
+            return name in AT_THE_TOP or path.suffix in PULSES
+        case (role, _):
+            return role in _ROLES and path.suffix in PULSES
+    return False
+
+
+def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Problem]) -> None:
+    """Move each pulse beside the tables to the tests or the CAE runs, whichever has its id.
+
+    What is wrong with the tables is told when they are read. A pulse that is of no other role is of one whose table
+    cannot be read.
+    """
+    strays = [folder / path for path in at_the_top if path.name not in AT_THE_TOP]
+    ids: dict[str, set[str]] = {}
+    unread: list[str] = []
+    for role in _ROLES if strays else ():
+        table = read_lenient(folder / f"{role}.csv", role, [])
+        has_pulses = any((folder / f"{role}_pulses{ending}").is_file() for ending in PULSES)
+        ids[role] = set() if table is None or has_pulses else set(table.ids)
+        if table is None and not has_pulses:
+            unread.append(role)
+    for path in strays:
+        homes = [role for role in _ROLES if path.stem in ids[role]] or unread[:1]
+        if len(homes) != 1:
+            expected = "a pulse named after an id in tests.csv or in cae.csv"
+            found = "an id of both" if homes else "a name that is no id there, or one whose pulse is in a table"
+            problems.append(Problem(path.name, expected, found, "put it into tests/ or cae/, zipped, or leave it out"))
+        elif (home := folder / homes[0] / path.name).exists():
+            problems.append(Problem(path.name, "each pulse once", f"one in {homes[0]}/ too", "keep one"))
+        else:
+            home.parent.mkdir(exist_ok=True)
+            path.rename(home)
+
+
+def _check_rows(folder: Path, limits: Limits) -> None:
+    """Reject a Parquet table that packs too many rows into few bytes."""
+    for path in sorted(folder.rglob("*.parquet")):
+        try:
+            with pq.ParquetFile(path) as file:
+                rows = file.metadata.num_rows
+        except (pa.ArrowException, OSError):
+            continue  # read_folder reports what is wrong with it
+        if rows > limits.rows:
+            raise DataError(Problem(path.name, f"at most {limits.rows} rows", f"{rows}", "upload fewer runs"))

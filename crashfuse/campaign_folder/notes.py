@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from crashfuse.campaign_folder.columns import listed
+from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.campaign_folder.history import taking_turns
 from crashfuse.errors import DataError, Problem, UsageError, printable, require_a, require_number, shortened
 from crashfuse.files.atomic import replacing
-from crashfuse.files.csv_output import csv_text
-from crashfuse.files.csv_text import read_rows
+from crashfuse.files.csv_text import csv_text, read_rows
 
 FILE = "notes.csv"
 COLUMNS = ("test", "start_ms", "end_ms", "text")
@@ -73,43 +72,22 @@ class Note:
 
 
 def read_notes(folder: str | Path) -> tuple[Note, ...]:
-    """The notes in a campaign folder, in their order; none if it has no ``notes.csv``.
-
-    Raises
-    ------
-    DataError
-        If the file is not such a table.
-    """
+    """The notes in a campaign folder, in order; none without a ``notes.csv``; a DataError if that is no such table."""
     path = Path(folder, FILE)
     return _read(path) if path.exists() else ()
 
 
 def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
-    """Write ``notes.csv`` in place of the one there, or take that away if there are no notes; see :func:`change_notes`.
-
-    Raises
-    ------
-    DataError, OSError
-        As :func:`change_notes`.
-    """
+    """Write ``notes.csv`` in place of the one there, or take that away if there are none; see :func:`change_notes`."""
     change_notes(folder, lambda _: notes)
 
 
 def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> None:
     """Change the notes in a campaign folder, which is there, while nobody else does.
 
-    Parameters
-    ----------
-    change : callable
-        Takes the notes that are there, whoever wrote them, and returns those that shall be.
-
-    Raises
-    ------
-    DataError
-        If the file that is there, or the one that would be, cannot be read (there are too many notes, say), or it has
-        other columns, which would be lost; nothing is changed then.
-    OSError
-        If the folder cannot be written.
+    ``change`` takes the notes that are there, whoever wrote them, and returns those that shall be. Raises an OSError if
+    the folder cannot be written, and a DataError if the file that is there, or the one that would be, cannot be read
+    (there are too many notes, say), or it has other columns, which would be lost; nothing is changed then.
     """
     path = Path(folder, FILE)
     with taking_turns(path.parent):

@@ -1,17 +1,28 @@
-"""Plausibility of pulses against their conditions: ΔV, stop, bandwidth."""
+"""Plausibility of pulses: against their conditions, a gap before the barrier, and records unlike the others.
+
+A gap lets the vehicle move freely before it decelerates, over one distance in all CAE runs. Its length over the speed
+is the time at which a run begins to decelerate, but for a constant: a filter brings an onset forward by up to 4 ms, a
+soft bumper delays it.
+
+Records unlike the others are seen against what the CAE runs at a test's speed do, less what the other tests do against
+theirs: a CAE model that is off by as much in every test accuses none.
+"""
 
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.campaign_folder.condition_tables import ConditionTable
+from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import Problem
-from crashfuse.signals.filters import CFC60_NOISE, noise_share
+from crashfuse.signals.filters import CFC60_NOISE, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
-from crashfuse.signals.sensor_faults import SensorFault
-from crashfuse.units import KPH, LB, MPH, G
-from crashfuse.wording import signed, time_text
+from crashfuse.signals.sensor_faults import SensorFault, confirmed
+from crashfuse.units import KPH, LB, MPH, MS, G
+from crashfuse.wording import number, signed, time_text
 
 Faults = Mapping[str, tuple[SensorFault, ...]]
 """What looks like a fault of a test's sensor, by the test's id."""
@@ -31,6 +42,23 @@ _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and t
 _BESIDE = 0.05  # of a weight: so far beyond the CAE runs' it is still like theirs
 _MOST_FAULTS = 2  # in a sentence
 _AT_ONCE = 2000  # pulses per batch
+# of a gap
+LEAST_M = 0.015
+"""Shorter gaps are no finding."""
+_LEAST_S = 1e-3
+_SMEARED_S = 5e-3  # by so much an onset may come before contact
+_LATE_ONSET_S = 3e-3  # later than the tests, over no one distance
+_TIMES = 4.0  # by so much more than the time of the onset a distance scatters that is none
+_MOST_RUNS, _FAST = 500, 1 / 3  # looked at, those faster than a share of the fastest: slow ones may begin gently
+_FEWEST, _SPEEDS_APART = 3, 1.3  # runs, and the ratio of their speeds, that tell a distance from a time
+_OFF = 0.15  # of the time of the onset, in the median: less is one distance
+_MOST, _FEW = 0.5, 0.1  # shares of the runs: begin late over no one distance; are too few to be near any test
+# of records unlike the others
+_ONSET = 0.02  # share of the impact speed that is gone when deceleration has begun; at CFC 60, or with 0.6 g of noise
+_LATE_S = 1.5e-3  # good simulated tests differ by up to 1.0 ms
+_OFFSET_MPS2 = 0.9 * G  # good simulated tests differ by up to 0.6 g
+_SCATTERED = 3.0  # times the median deviation of the others: what is usual in this campaign is no finding
+_FEWEST_OTHERS = 2  # fewer do not tell which of the tests is odd: the CAE runs alone have to
 
 
 def check_physics(
@@ -41,7 +69,7 @@ def check_physics(
     ``advice`` is what to do where one cause explains all of them.
     """
     low, high = STOPS[role]
-    speed, biggest = _speeds(table), _changes(accel)
+    speed, biggest = table.speeds_mps, _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
     moving = speed > CREEP_MPS
     typical = float(np.median(ratio[moving])) if moving.any() else 1.0
@@ -66,13 +94,12 @@ def check_physics(
 def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray]) -> list[str]:
     """Warnings of tests whose ΔV/v0 matches CAE runs at their speed better with mph and km/h exchanged."""
     warnings: list[str] = []
-    cae, tests = tables["cae"], tables["tests"]
-    speeds, ratios = _speeds(cae), -_changes(pulses["cae"])
-    moving = speeds > CREEP_MPS
+    tests, runs = tables["tests"], tables["cae"].speeds_mps
+    moving = runs > CREEP_MPS
     if not moving.any():
         return warnings
-    speeds, ratios = speeds[moving], ratios[moving] / speeds[moving]
-    for test_id, speed, change in zip(tests.ids, _speeds(tests), _changes(pulses["tests"]), strict=True):
+    speeds, ratios = runs[moving], -_changes(pulses["cae"])[moving] / runs[moving]
+    for test_id, speed, change in zip(tests.ids, tests.speeds_mps, _changes(pulses["tests"]), strict=True):
         near = float(np.median(ratios[np.argsort(np.abs(speeds - speed), kind="stable")[:NEAR]]))
         share = -change / max(speed * near, 1e-9)
         if speed > CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
@@ -90,12 +117,12 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
     runs = _weights(tables["cae"])
     low, high = runs.min(axis=0) * (1 - _BESIDE), runs.max(axis=0) * (1 + _BESIDE)
     tests, warnings = tables["tests"], []
-    for test_id, own in zip(tests.ids, _weights(tests), strict=True):
+    for test_id, stated_kg in zip(tests.ids, _weights(tests), strict=True):
         might_be = {
-            "": own,
-            "check their unit (kilograms under a name that ends in _lb?)": own / LB,
-            "check their unit (pounds under a name that ends in _kg?)": own * LB,
-            "check which axle is which": own[::-1],
+            "": stated_kg,
+            "check their unit (kilograms under a name that ends in _lb?)": stated_kg / LB,
+            "check their unit (pounds under a name that ends in _kg?)": stated_kg * LB,
+            "check which axle is which": stated_kg[::-1],
         }
         fitting = [advice for advice, kg in might_be.items() if ((low <= kg) & (kg <= high)).all()]
         if fitting and fitting[0]:
@@ -129,18 +156,18 @@ def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
     """Warn of pulses with much content above the band that the fast time-domain network resolves, or with noise."""
     if not len(accel):
         return
-    some = accel[:: -(-len(accel) // _MOST_SPECTRA)].astype(np.float64)
-    power = np.abs(np.fft.rfft(some - some.mean(axis=1, keepdims=True), axis=1)) ** 2
-    high = np.fft.rfftfreq(some.shape[1], DT_S) > _BAND_HZ
+    sample = accel[:: -(-len(accel) // _MOST_SPECTRA)].astype(np.float64)
+    power = np.abs(np.fft.rfft(sample - sample.mean(axis=1, keepdims=True), axis=1)) ** 2
+    high = np.fft.rfftfreq(sample.shape[1], DT_S) > _BAND_HZ
     share = power[:, high].sum() / max(power.sum(), 1e-300)
-    noise = np.median([noise_share(pulse, dt_s=DT_S) for pulse in some[:_MOST_NOISY]])
+    noise = np.median([noise_share(pulse, dt_s=DT_S) for pulse in sample[:_MOST_NOISY]])
     if share > _HIGH_SHARE:
-        told = f"{100 * share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled"
+        finding = f"{100 * share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled"
     elif noise > CFC60_NOISE:
-        told = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more noise than CFC 60 leaves"
+        finding = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more noise than CFC 60 leaves"
     else:
         return
-    warnings.append(f"{role}: {told}; set channel_filter_class = 60 in campaign.toml if they are not filtered.")
+    warnings.append(f"{role}: {finding}; set channel_filter_class = 60 in campaign.toml if they are not filtered.")
 
 
 def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
@@ -151,7 +178,6 @@ def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
 
 
 def _likely_cause(ratio: float, low: float, high: float) -> str:
-    """Advice derived from how far ΔV/v0 is off."""
     causes = {
         "flip the sign of the acceleration (deceleration is negative)": -1.0,
         "check the unit of the acceleration (m/s² under a name that ends in _g?)": G,
@@ -163,12 +189,7 @@ def _likely_cause(ratio: float, low: float, high: float) -> str:
     return likely[0] if likely else "check the speed, the units and time zero of this pulse"
 
 
-def _speeds(table: ConditionTable) -> FloatArray:
-    return np.array([condition.speed_mps for condition in table.conditions])
-
-
 def _weights(table: ConditionTable) -> FloatArray:
-    """Weights on front and rear axle in kg, shape (n, 2)."""
     return np.array([condition.vector[1:] for condition in table.conditions])
 
 
@@ -179,3 +200,192 @@ def _changes(accel: FloatArray) -> FloatArray:
         velocity = kinematics(accel[first : first + _AT_ONCE], 0.0, DT_S).velocity_mps
         changes[first : first + _AT_ONCE] = velocity[np.arange(len(velocity)), np.abs(velocity).argmax(axis=1)]
     return changes
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """How far and how long CAE runs move freely, what share of them, and how much of a gap is taken out already.
+
+    The distance, in m, is None if it is not one: records of a late trigger, or of models with different gaps.
+    """
+
+    distance_m: float | None
+    lasts_s: tuple[float, float]
+    share: float
+    taken_m: float = 0.0
+
+    @property
+    def hides_tests(self) -> bool:
+        """Whether tests cannot be compared with the CAE runs near their speed."""
+        return self.share >= _FEW
+
+    @property
+    def advice(self) -> str:
+        """What takes it out."""
+        if self.distance_m is None:
+            return "check the time zero of the CAE runs, which is first contact"
+        whole_mm = (self.taken_m + self.distance_m) / MS
+        return f"take the gap before the barrier out: cae_gap_mm = {whole_mm:.0f} in campaign.toml"
+
+    @property
+    def warning(self) -> str:
+        """That it is there, and what to do."""
+        who = "the CAE runs move" if self.share == 1 else f"{100 * self.share:.0f} % of the CAE runs move"
+        first, last = (f"{lasts / MS:.1f}" for lasts in self.lasts_s)
+        far = f"freely for {first} to {last} ms before they decelerate, over no one distance"
+        if self.distance_m is not None:
+            far = f"{self.distance_m / MS:.0f} mm before they decelerate, whatever their speed"
+        until = " Until then tests are not compared with CAE runs." if self.hides_tests else ""
+        return f"cae.csv: {who} {far}; {self.advice}.{until}"
+
+
+def find_gap(
+    speeds_mps: FloatArray,
+    accel: npt.NDArray[np.float32],
+    test_speeds_mps: FloatArray,
+    tests: npt.NDArray[np.float32],
+    taken_m: float = 0.0,
+) -> Gap | None:
+    """The gap of CAE runs that have one, or begin late, where the tests do not; pulses have shape (n, 1250)."""
+    speed, free_s, sudden = _free_travel(speeds_mps, accel)
+    late = sudden & (free_s >= _LEAST_S) & (speed * free_s >= LEAST_M)
+    if not late.any():
+        return None
+    v, t = speed[late], free_s[late]
+    lasts = float(t.min()), float(t.max())
+    test_speed, test_free_s, _ = _free_travel(test_speeds_mps, tests)
+    distance = float(np.median(v * t))
+    if v.size >= _FEWEST and v.max() > _SPEEDS_APART * v.min():
+        from scipy.stats import theilslopes  # half a second
+
+        with np.errstate(invalid="ignore"):  # of its confidence interval, where all times are one
+            slope, constant = map(float, theilslopes(t, 1 / v)[:2])
+        usual = np.median(t)
+        is_distance = abs(constant) < _SMEARED_S and _scatter(v * t) <= _TIMES * _scatter(t)
+        if np.median(np.abs(t - slope / v - constant) / t) > _OFF or not is_distance:
+            is_late = usual > _LATE_ONSET_S and late.mean() >= _MOST and not np.median(test_free_s) > usual / 2
+            return Gap(None, lasts, float(late.mean()), taken_m) if is_late else None
+        distance = (distance + slope) / 2  # after CFC 60 the one is up to 8 % short, the other up to 8 % long
+    if distance < LEAST_M or (test_speed.size and np.median(test_speed * test_free_s) > distance / 2):
+        return None
+    return Gap(distance, lasts, float(_is_through(free_s, distance / speed).mean()), taken_m)
+
+
+def gap_s(time_s: FloatArray, accel: FloatArray, speed_mps: float, distance_m: float) -> float:
+    """How long a run takes through a gap from time 0 on; 0 for one that decelerates before, as it has none."""
+    begun = time_s >= 0
+    if not speed_mps > CREEP_MPS or begun.sum() < _FEWEST:
+        return 0.0
+    lasts = distance_m / speed_mps
+    return lasts if _is_through(np.array(free_travel_s(time_s[begun], accel[begun])), np.array(lasts)) else 0.0
+
+
+def _scatter(values: FloatArray) -> float:
+    return float(np.median(np.abs(values / np.median(values) - 1)))
+
+
+def _is_through(free_s: FloatArray, lasts_s: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether runs move freely for as long as a gap lasts."""
+    return np.asarray(free_s > np.maximum(lasts_s / 3, lasts_s - _SMEARED_S))
+
+
+def _free_travel(
+    speeds_mps: FloatArray, accel: npt.NDArray[np.float32]
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Speed, time of free travel, and whether that ends suddenly, of at most 500 pulses that are fast enough."""
+    fastest = float(np.nanmax(speeds_mps, initial=0.0))
+    rows = np.flatnonzero((speeds_mps > max(CREEP_MPS, _FAST * fastest)) & ~np.isnan(accel[:, 0]))  # NaN: unread
+    rows = rows[:: max(-(-rows.size // _MOST_RUNS), 1)]
+    pulses = [accel[row].astype(np.float64) for row in rows]
+    begins = [onset(GRID_S, pulse) for pulse in pulses]
+    sudden = [begin is not None and begin.is_sudden(0.0) for begin in begins]
+    free_s = [free_travel_s(GRID_S, pulse) for pulse in pulses]
+    return speeds_mps[rows], np.array(free_s), np.array(sudden, dtype=bool)
+
+
+def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray]) -> list[str]:
+    """Warnings of tests whose onset, or mean acceleration over 0 to 100 ms, is unlike that of the other tests.
+
+    Both are by role; pulses are on the study grid in m/s², shape (n, 1250).
+    """
+    speeds, runs = (tables[role].speeds_mps for role in ("tests", "cae"))
+    moving, runs_moving = np.flatnonzero(speeds > CREEP_MPS), np.flatnonzero(runs > CREEP_MPS)
+    if not runs_moving.size:
+        return []
+    ids, speeds, measured = [tables["tests"].ids[row] for row in moving], speeds[moving], pulses["tests"][moving]
+    onsets, means = _onsets(measured, speeds), measured.mean(axis=1, dtype=np.float64)
+    usual_onsets, usual_means = np.empty_like(onsets), np.empty_like(means)
+    for i, v0 in enumerate(speeds.tolist()):
+        near = runs_moving[np.argsort(np.abs(runs[runs_moving] - v0), kind="stable")[:NEAR]]
+        usual_onsets[i] = np.median(_onsets(pulses["cae"][near], runs[near]))
+        usual_means[i] = v0 * np.median(pulses["cae"][near].mean(axis=1, dtype=np.float64) / runs[near])
+    by = "by the other tests and the CAE runs near its speed"
+    share = f"{100 * _ONSET:.0f} % of its speed is gone"
+    return [
+        *(
+            f"tests.csv, {ids[i]}: its deceleration begins {abs(off) / MS:.1f} ms {'late' if off > 0 else 'early'}: "
+            f"{share} at {onsets[i] / MS:.1f} ms, expected at {(onsets[i] - off) / MS:.1f} "
+            f"ms {by}; check its time zero, which is first contact."
+            for i, off in _odd(onsets - usual_onsets, _LATE_S)
+        ),
+        *(
+            f"tests.csv, {ids[i]}: its mean acceleration over 0 to 100 ms is {number(means[i] / G, '.1f')} g, expected "
+            f"{number((means[i] - off) / G, '.1f')} g {by}; check the zero of its sensor (off by "
+            f"{signed(off / G, 1)} g?), its time zero, scale and speed."
+            for i, off in _odd(means - usual_means, _OFFSET_MPS2)
+        ),
+    ]
+
+
+def confirmed_faults(
+    tables: Mapping[str, ConditionTable],
+    pulses: Mapping[str, FloatArray],
+    faults: Mapping[str, Sequence[SensorFault]],
+    *,
+    is_comparable: bool = True,
+) -> dict[str, tuple[SensorFault, ...]]:
+    """The faults of sensors that a record shows alone, and those likely ones that the other tests do not show.
+
+    What is flat in all tests is the structure. Tests are not comparable if the CAE runs begin before the barrier.
+    """
+    confirmed_of = {}
+    for test_id, likely in faults.items():
+        row = tables["tests"].ids.index(test_id)
+        measured = pulses["tests"][row]
+        expected = _expected(tables, pulses, row) if is_comparable else measured
+        confirmed_of[test_id] = confirmed(likely, GRID_S, measured, expected)
+    return {test_id: sure for test_id, sure in confirmed_of.items() if sure}
+
+
+def _expected(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], row: int) -> FloatArray:
+    """What the CAE runs near a test's speed show, and what the other tests at about that speed (else all) add to it."""
+    tests, runs = (tables[role].speeds_mps for role in ("tests", "cae"))
+
+    def model(v0: float) -> FloatArray:
+        return np.asarray(np.median(pulses["cae"][np.argsort(np.abs(runs - v0), kind="stable")[:NEAR]], axis=0))
+
+    others = np.delete(np.arange(tests.size), row)
+    alike = others[np.abs(tests[others] - tests[row]) < SPEED_STEP_MPS]
+    added = [pulses["tests"][other] - model(tests[other]) for other in (alike if alike.size else others)]
+    return model(tests[row]) + (np.median(added, axis=0) if added else 0.0)
+
+
+def _odd(differences: FloatArray, limit: float) -> list[tuple[int, float]]:
+    """Place and deviation of each test that is further than the limit from what the others are."""
+    odd = []
+    for i, difference in enumerate(differences):
+        others = np.delete(differences, i)
+        usual, most = 0.0, 2 * limit
+        if others.size >= _FEWEST_OTHERS:
+            usual = float(np.median(others))
+            most = max(limit, _SCATTERED * float(np.median(np.abs(others - usual))))
+        if abs(difference - usual) > most:
+            odd.append((i, float(difference - usual)))
+    return odd
+
+
+def _onsets(accel: FloatArray, speeds: FloatArray) -> FloatArray:
+    """When each pulse has taken its share of the impact speed, in s."""
+    early = accel[:, : GRID_S.size // 2]
+    gone = np.cumsum(early, axis=1, dtype=np.float64) * -DT_S >= _ONSET * speeds[:, None]
+    return np.where(gone.any(axis=1), GRID_S[gone.argmax(axis=1)], GRID_S[early.shape[1]])

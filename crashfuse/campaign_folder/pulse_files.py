@@ -7,28 +7,49 @@ Tables are read in batches and their samples go straight into the float32 array 
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
-from crashfuse.campaign_folder.columns import MOST_PROBLEMS
-from crashfuse.campaign_folder.gap import gap_s
-from crashfuse.campaign_folder.recorded_pulse import RecordedPulse, cover_trouble, ends_early, joined, time_trouble
-from crashfuse.campaign_folder.sample_tables import check_length, sample_batches, whole_record
-from crashfuse.errors import DataError, Problem, collecting, printable
-from crashfuse.files.csv_text import unreadable
+from crashfuse.campaign_folder.condition_tables import MOST_PROBLEMS, RowNumbers, find_column, listed, numbers_in
+from crashfuse.campaign_folder.plausibility import gap_s
+from crashfuse.errors import DataError, Problem, collecting, printable, shortened
+from crashfuse.files.csv_text import CsvTable, unreadable
+from crashfuse.files.parquet import ParquetTable
 from crashfuse.signals.filters import cfc_filter
-from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray
+from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault, sensor_faults
-from crashfuse.wording import time_text
+from crashfuse.units import ACCELERATION, MS, TIME
+from crashfuse.wording import number, time_text
 
-_composed = partial(unicodedata.normalize, "NFC")
+UNEVEN = 0.02
+"""Allowed unevenness as a share of a time step: what rounding the times to a few digits can cause."""
+SLOWEST_S = 1e-3 * (1 + UNEVEN)
+"""Longest time step of a record."""
+SHORTEST_S = 60e-3
+"""Shortest record from contact: the longest rated window by default."""
+_NO_CRASH_S, _AN_INSTANT_S = 10.0, 1e-3  # 60 ms and more taken for seconds; a second and less taken for ms
+_MOST_SAMPLES = 2_000_000  # a record of 10 s at 200 kHz
+_LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: beyond any sensor or vehicle
 _ENDINGS = (".csv", ".parquet")
 _MOST_RECORDS = 500_000
 _MOST_STRANGERS = 3  # named in the warning
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RecordedPulse:
+    """The samples of a record as stored in a file, and the file's row of each, shape (n,); the name of its times."""
+
+    time_s: FloatArray
+    accel_mps2: FloatArray
+    rows: RowNumbers
+    time_column: str
+
+    def __getitem__(self, part: slice) -> "RecordedPulse":
+        return RecordedPulse(self.time_s[part], self.accel_mps2[part], self.rows[part], self.time_column)
 
 
 @dataclass(slots=True)
@@ -65,14 +86,14 @@ class PulseFiles:
         accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)  # takes memory only where a pulse is written
         row_of = {run_id: row for row, run_id in enumerate(ids)}
         missing, unread = set(ids), set(row_of.values())
-        strangers, named = 0, list[str]()
+        strangers, first_strangers = 0, list[str]()
         for run_id, where, record in self.records(ids):
             if _composed(run_id) in passed_over:
                 continue
             if run_id not in row_of:
                 strangers += 1
                 if strangers <= _MOST_STRANGERS:
-                    named.append(printable(run_id, 60))
+                    first_strangers.append(printable(run_id, 60))
             elif run_id in missing:
                 missing.remove(run_id)
                 if record is None:
@@ -84,23 +105,23 @@ class PulseFiles:
                     unread.remove(row_of[run_id])
                     if self.role == "tests" and (faults := sensor_faults(record.time_s, record.accel_mps2)):
                         self.faults[run_id] = faults
-                    if ends_early(record.time_s):
+                    if _ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
         self.unread = sorted(unread)
         more = f" and {strangers - _MOST_STRANGERS} more" if strangers > _MOST_STRANGERS else ""
-        without_row = f"{', '.join(named)}{more}"
+        without_row = f"{', '.join(first_strangers)}{more}"
         if not self._unreadable:
             found, advice = f"none in {self.role}/ or {self.role}_pulses", "add its pulse or remove its row"
             found += f", but {without_row} without a row" if strangers else ""
-            named_first = islice((run_id for run_id in ids if run_id in missing), MOST_PROBLEMS)
-            for expected in (f"a pulse for {printable(run_id, 60)}" for run_id in named_first):
+            for run_id in islice((run_id for run_id in ids if run_id in missing), MOST_PROBLEMS):
+                expected = f"a pulse for {printable(run_id, 60)}"
                 self.problems.append(Problem(f"{self.role}.csv", expected, found, advice, "id"))
-            if (rest := len(missing) - MOST_PROBLEMS) > 0:
-                found, advice = f"{rest} more like these", "correct them too"
+            if (more_missing := len(missing) - MOST_PROBLEMS) > 0:
+                found, advice = f"{more_missing} more like these", "correct them too"
                 self.problems.append(Problem(f"{self.role}.csv", "a pulse for each id", found, advice, "id"))
         if strangers:
-            told = f"pulses without a row in {self.role}.csv are left out, namely {without_row}."
-            self.warnings.append(f"{self.role}: {told}")
+            where = f"{self.role}: pulses without a row in {self.role}.csv"
+            self.warnings.append(f"{where} are left out, namely {without_row}.")
         return accel
 
     def check(self) -> None:
@@ -111,7 +132,6 @@ class PulseFiles:
                     self._on_grid(record, _named(run_id, where))
 
     def _forms(self) -> list[Path]:
-        """The tables of pulses and the folder of single files, as far as they are there."""
         tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.role}_pulses{ending}").exists()]
         singles = self.folder / self.role
         return [*tables, *([singles] if singles.is_dir() else [])]
@@ -147,7 +167,7 @@ class PulseFiles:
                 self.problems.append(Problem(f"{folder.name}/", f"one pulse for {run_id}", found, advice))
             elif files:
                 with collecting(self.problems):
-                    record = whole_record(folder / files[0], where, self.problems)
+                    record = _whole_record(folder / files[0], where, self.problems)
             if files:
                 yield run_id, where, record
         known = set(map(_composed, ids))
@@ -163,12 +183,12 @@ class PulseFiles:
         pending: list[RecordedPulse] = []
         so_far = len(self.problems)
         try:
-            for codes, rows_of in sample_batches(path, path.name, self.problems, with_id=True):
+            for codes, rows_of in _sample_batches(path, path.name, self.problems, with_id=True):
                 starts = np.flatnonzero(np.r_[True, codes.codes[1:] != codes.codes[:-1]])
                 for start, stop in zip(starts, np.r_[starts[1:], len(codes)], strict=True):
                     run_id = str(codes.categories[codes.codes[start]]).strip()
                     if pending and run_id != pending_id:
-                        yield pending_id, path.name, joined(pending)
+                        yield pending_id, path.name, _joined(pending)
                         finished.add(pending_id)
                         pending = []
                     pending_id = run_id
@@ -181,16 +201,15 @@ class PulseFiles:
                         found = f"rows of {printable(run_id, 60)} in two places"
                         advice, row = "sort the file by id, then by time", int(pending[0].rows[0])
                         raise DataError(Problem(path.name, "the rows of one id together", found, advice, "id", row))
-                    check_length(pending, path.name)
+                    _check_length(pending, path.name)
         except DataError as error:
             self.problems.extend(error.problems)
             self._unreadable = True
             return
         if pending:
-            yield pending_id, path.name, joined(pending)
+            yield pending_id, path.name, _joined(pending)
 
     def _through_gap(self, record: RecordedPulse, run_id: str) -> RecordedPulse:
-        """The record with its time zero where the run is through the gap, if it has one."""
         time_s, accel = record.time_s, record.accel_mps2
         if not self.gap_m or time_s.size < 2 or not (np.isfinite(time_s).all() and np.isfinite(accel).all()):
             return record
@@ -203,7 +222,7 @@ class PulseFiles:
         time, accel = record.time_s, record.accel_mps2
         if not np.isfinite(time).all():
             return None  # already reported cell by cell
-        trouble = time_trouble(record, where) or cover_trouble(record, where)
+        trouble = _time_trouble(record, where) or _cover_trouble(record, where)
         if trouble is not None:
             self.problems.append(trouble)
         if trouble is not None or not np.isfinite(accel).all():
@@ -215,7 +234,7 @@ class PulseFiles:
             except DataError as error:
                 self.problems.extend(Problem(where, p.expected, p.found, p.advice) for p in error.problems)
                 return None
-        early = ends_early(time)
+        early = _ends_early(time)
         if early:
             self.warnings.append(
                 f"{where}: the record ends at {time_text(time[-1])}; it goes on with no acceleration, which nobody "
@@ -224,6 +243,145 @@ class PulseFiles:
         return np.interp(GRID_S, time, accel, right=0.0 if early else None)
 
 
+def _joined(parts: Sequence[RecordedPulse]) -> RecordedPulse:
+    if len(parts) == 1:
+        return parts[0]
+    columns = zip(*((part.time_s, part.accel_mps2, part.rows) for part in parts), strict=True)
+    time_s, accel_mps2, rows = map(np.concatenate, columns)
+    return RecordedPulse(time_s, accel_mps2, rows, parts[0].time_column)
+
+
+def _time_trouble(record: RecordedPulse, where: str) -> Problem | None:
+    time, rows, column = record.time_s, record.rows, record.time_column
+    if time.size < 2:
+        return Problem(where, "at least two samples", f"{time.size}", "export the whole record", column)
+    steps = np.diff(time)
+    if steps.min() <= 0:
+        at = int(np.argmax(steps <= 0))
+        found = f"{time_text(time[at + 1], 6)} after {time_text(time[at], 6)}"
+        advice = "sort the rows by time" if steps[at] else "delete the duplicates, or export time with more digits"
+        return Problem(where, "time that increases from row to row", found, advice, column, int(rows[at + 1]))
+    step = float(np.median(steps))
+    off = np.abs(steps - step)
+    if off.max() > UNEVEN * step:
+        at = int(off.argmax())
+        found = f"a step of {time_text(steps[at])} among steps of {time_text(step)}"
+        return Problem(where, "evenly sampled time", found, "resample the record", column, int(rows[at + 1]))
+    if slow := rate_trouble(step, float(time[-1] - time[0])):
+        return Problem(where, *slow, column)
+    return None
+
+
+def rate_trouble(step_s: float, lasts_s: float) -> tuple[str, str, str] | None:
+    """What was expected, what was found and what to do, if a record is sampled too slowly."""
+    if step_s <= SLOWEST_S:
+        return None
+    if lasts_s > _NO_CRASH_S:
+        advice = "check the unit of time: if it is ms, name it time_ms"
+        return "the record of a crash, of about 100 ms", f"one of {lasts_s:.4g} s", advice
+    return "at least 1000 samples a second", f"{1 / step_s:.0f} Hz", "export at a higher rate"
+
+
+def advice_if_short(lasts_s: float, otherwise: str) -> str:
+    """What to do about a record that is too short."""
+    return "check the unit of time: if it is s, name it time_s" if lasts_s < _AN_INSTANT_S else otherwise
+
+
+def _ends_early(time_s: FloatArray) -> bool:
+    return bool(time_s[-1] < GRID_S[-1] - (time_s[-1] - time_s[0]) / (time_s.size - 1))
+
+
+def _cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
+    time_s = record.time_s
+    step = time_s[1] - time_s[0]
+    if time_s[0] <= step and time_s[-1] >= SHORTEST_S - step:
+        return None
+    found = f"{number(time_s[0] / MS, '.4g')} to {time_text(time_s[-1])}"
+    advice = advice_if_short(time_s[-1] - time_s[0], "export the whole record, with time zero at first contact")
+    return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, record.time_column)
+
+
+def _sample_batches(
+    path: Path, where: str, problems: list[Problem], *, with_id: bool = False
+) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
+    """Yield the samples of a CSV or Parquet file in SI units, batch by batch, with the record id of each.
+
+    Cells that are not numbers become problems and NaN. Without an id column, all rows belong to one record. A file that
+    cannot be read, lacks a column or an id, or is empty raises a DataError.
+    """
+    empty = True
+    with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where) as table:
+        (time, to_s), (accel, to_mps2) = _columns(table.names, where, with_id=with_id)
+        for frame, rows in table.blocks([*(["id"] if with_id else []), time, accel]):
+            if any((blank := _blank(frame)).tolist()):
+                frame, rows = frame[~blank], rows[~blank]
+            if not len(frame):
+                continue
+            empty = False
+            ids = pd.Categorical(frame["id"] if with_id else np.zeros(len(frame), dtype=np.int8))
+            nameless = (ids.codes < 0) | np.isin(ids.codes, np.flatnonzero(ids.categories == ""))
+            if nameless.any():
+                row, advice = int(rows[nameless.argmax()]), "name the run that the row belongs to"
+                raise DataError(Problem(where, "an id in each row", "an empty cell", advice, "id", row))
+            time_s = to_s * numbers_in(frame[time], time, where, rows, problems, _LARGEST_S / to_s)
+            largest = _LARGEST_MPS2 / to_mps2
+            accel_mps2 = to_mps2 * numbers_in(frame[accel], accel, where, rows, problems, largest)
+            yield ids, RecordedPulse(time_s, accel_mps2, rows, time)
+    if empty:
+        raise DataError(Problem(where, "a header and rows", "an empty table", "add the samples"))
+
+
+def _whole_record(path: Path, where: str, problems: list[Problem]) -> RecordedPulse:
+    parts: list[RecordedPulse] = []
+    for _, part in _sample_batches(path, where, problems):
+        parts.append(part)
+        _check_length(parts, where)
+    return _joined(parts)
+
+
+def _check_length(parts: Sequence[RecordedPulse], where: str) -> None:
+    if (count := sum(part.rows.size for part in parts)) > _MOST_SAMPLES:
+        found, advice = f"{count} at least", "cut the record, or export it at a lower rate"
+        row, column = int(parts[0].rows[0]), parts[0].time_column
+        raise DataError(Problem(where, f"at most {_MOST_SAMPLES} samples a record", found, advice, column, row))
+
+
+def read_pulse(path: Path) -> Pulse:
+    """Read one pulse from a CSV or Parquet file as sampled; raise a DataError with every problem of the file."""
+    if not path.exists():
+        raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
+    problems: list[Problem] = []
+    with collecting(problems):
+        record = _whole_record(path, str(path), problems)
+        if not problems and (trouble := _time_trouble(record, str(path))) is not None:
+            problems.append(trouble)
+    if problems:
+        raise DataError(shortened(problems))
+    return Pulse(record.time_s, record.accel_mps2)
+
+
+def _columns(names: Sequence[str], where: str, *, with_id: bool) -> tuple[tuple[str, float], tuple[str, float]]:
+    problems: list[Problem] = []
+    time = find_column(names, "time", TIME, where, problems)
+    accel = find_column(names, "acceleration", ACCELERATION, where, problems)
+    if with_id and "id" not in names:
+        found = f"the columns {listed(names)}"
+        problems.append(Problem(where, "a column id", found, "name the run of each row in it"))
+    if problems or time is None or accel is None:
+        raise DataError(problems)
+    return time, accel
+
+
+def _blank(frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Mask of the lines that are empty in all columns, such as spreadsheets leave at the end."""
+    if not all(isinstance(kind, pd.StringDtype) for kind in frame.dtypes):
+        return np.zeros(len(frame), dtype=bool)
+    return np.asarray((frame == "").all(axis=1))
+
+
 def _named(run_id: str, where: str) -> str:
-    """The place of a record: its file, with its id if the file holds many."""
     return f"{where}, {printable(run_id, 60)}" if "_pulses" in where else where
+
+
+def _composed(name: str) -> str:
+    return unicodedata.normalize("NFC", name)

@@ -1,22 +1,44 @@
-"""Settings of a campaign: ``campaign.toml``."""
+"""Settings of a campaign: ``campaign.toml``, with the limits on its CAE runs and its occupant model."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
-from crashfuse.campaign_folder.occupant_settings import occupant_settings
-from crashfuse.campaign_folder.quality_columns import QualitySettings, quality_settings
+from crashfuse.cae_library import NAMED_LIMITS, QUALITIES, QualityLimits, RunQuality
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.toml_text import read_toml, shown
-from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
+from crashfuse.signals.occupant import OCCUPANT_RANGES, USUAL_OCCUPANT, OccupantModel, likely_m
 from crashfuse.units import MS
 
+_FILE = "campaign.toml"
 _MOST_MIB = 4  # some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
 _LARGEST_GAP_MM = 10_000
 LONGEST_REASON = 200
 """Characters of why a test is left out of use."""
+
+
+@dataclass(frozen=True, slots=True)
+class QualitySettings:
+    """Limits on the quality of the CAE runs, and whether runs beyond them are left out: ``[cae_quality]``."""
+
+    limits: QualityLimits | None = None
+    leave_out_failing: bool = False
+
+    def lines(self) -> list[str]:
+        """The settings as lines of ``campaign.toml``."""
+        if self.limits is None:
+            return []
+        names = [f'limits = "{name}"' for name, limits in NAMED_LIMITS.items() if limits == self.limits][:1]
+        single = [f"{name} = {getattr(self.limits, name)!r}" for name in self.limits.limited]
+        return ["[cae_quality]", *(names or single), *["leave_out_failing = true"] * self.leave_out_failing]
+
+    def failing(self, quality: Sequence[RunQuality]) -> list[int]:
+        """Places of the runs to be left out."""
+        if self.limits is None or not self.leave_out_failing:
+            return []
+        return [place for place, run in enumerate(quality) if self.limits.exceeded(run)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +62,7 @@ class Settings:
 
 def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
     """Read ``campaign.toml``, if there is one; append its problems to ``problems``."""
-    path = folder / "campaign.toml"
+    path = folder / _FILE
     unnamed = Settings(printable(folder.resolve().name, _LONGEST_NAME))
     if not path.exists():
         return unnamed
@@ -52,17 +74,20 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     cfc, already = (_filter_class(values, key, problems) for key in ("channel_filter_class", "filtered_with"))
     if cfc is not None and already is not None:
         expected, advice = "one of the two", "leave out channel_filter_class, or pulses are filtered twice"
-        problems.append(Problem(path.name, expected, "channel_filter_class and filtered_with", advice))
+        problems.append(Problem(_FILE, expected, "channel_filter_class and filtered_with", advice))
     imported = _imported_with(values.pop("imported", None))
-    quality, occupant = quality_settings(values, problems), occupant_settings(values, problems)
+    quality, occupant = _quality(values, problems), occupant_settings(values, problems)
     unused = _unused(values.pop("unused", []), problems)
-    gap_m = _gap(values, problems)
+    gap_mm = values.pop("cae_gap_mm", 0.0)
+    if not _is_number(gap_mm) or not 0 <= gap_mm <= _LARGEST_GAP_MM:
+        _refuse(f"a distance in mm, at most {_LARGEST_GAP_MM:,}", gap_mm, "cae_gap_mm", problems)
+        gap_mm = 0.0
     name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
     notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
     if values:
         unknown = printable(", ".join(values), 200)
-        warnings.append(f"{path.name}: {unknown} is not a setting that crashfuse knows; it is left alone.")
-    return Settings(name, notice, cfc, already, quality, occupant, imported, unused, gap_m)
+        warnings.append(f"{_FILE}: {unknown} is not a setting that crashfuse knows; it is left alone.")
+    return Settings(name, notice, cfc, already, quality, occupant, imported, unused, gap_mm * MS)
 
 
 def own_filter_class(folder: Path) -> float | None:
@@ -81,59 +106,113 @@ def reason(text: str) -> str:
     return whole if len(whole) <= LONGEST_REASON else printable(line, LONGEST_REASON - 1)
 
 
+def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> OccupantModel:
+    """Pop ``[occupant]`` from the settings of a campaign; append its problems to ``problems``."""
+    table = values.pop("occupant", {})
+    if not isinstance(table, dict):
+        expected = f"a table [occupant] with {', '.join(OCCUPANT_RANGES)}"
+        problems.append(Problem(_FILE, expected, "another value", "correct it", "occupant"))
+        return USUAL_OCCUPANT
+    sound: dict[str, float] = {}
+    for name, value in table.items():
+        if name not in OCCUPANT_RANGES:
+            expected, found = f"{', '.join(OCCUPANT_RANGES)} in [occupant]", printable(str(name), 60)
+            problems.append(Problem(_FILE, expected, found, "correct or remove it", name))
+            continue
+        low, high = OCCUPANT_RANGES[name]
+        advice = likely_m(name, value) if _is_number(value) else ""
+        if _is_number(value) and low <= value <= high and not advice:
+            sound[name] = float(value)
+        else:
+            advice = advice or "correct the value"
+            _refuse(f"a number from {low} to {high}", value, f"occupant.{name}", problems, advice)
+    return OccupantModel(**sound)
+
+
+def occupant_lines(occupant: OccupantModel) -> list[str]:
+    """What differs from the usual model, as lines of ``campaign.toml``."""
+    changed = [name for name in OCCUPANT_RANGES if getattr(occupant, name) != getattr(USUAL_OCCUPANT, name)]
+    return ["[occupant]", *(f"{name} = {getattr(occupant, name)!r}" for name in changed)] if changed else []
+
+
+def _quality(values: dict[str, Any], problems: list[Problem]) -> QualitySettings:
+    table, before = values.pop("cae_quality", {}), len(problems)
+    keys = f"limits, {', '.join(QUALITIES)} or leave_out_failing"
+    if not isinstance(table, dict):
+        _refuse(f"a table [cae_quality] with {keys}", table, "cae_quality", problems, "correct it")
+        return QualitySettings()
+    single: dict[str, float] = {}
+    for name in QUALITIES:
+        limit = table.get(name)
+        if _is_number(limit) and 0 < limit < 1:
+            single[name] = float(limit)
+        elif name in table:
+            expected = "a share between 0 and 1 (0.05 for 5 %)"
+            _refuse(expected, limit, f"cae_quality.{name}", problems, "correct the limit")
+    limits = QualityLimits("limits of this campaign", **single) if single else None
+    if "limits" in table:
+        name = table["limits"]
+        if limits is not None:
+            expected, advice = "a named set or limits of its own", "keep one of the two"
+            problems.append(Problem(_FILE, expected, "both", advice, "cae_quality.limits"))
+        limits = NAMED_LIMITS.get(name) if isinstance(name, str) else None
+        if limits is None:
+            _refuse(f"one of {', '.join(NAMED_LIMITS)}", name, "cae_quality.limits", problems, "correct it")
+    leave_out = table.get("leave_out_failing", False)
+    if not isinstance(leave_out, bool):
+        _refuse("true or false", leave_out, "cae_quality.leave_out_failing", problems, "correct it")
+    elif leave_out and limits is None and len(problems) == before:
+        advice = "say by which limits runs fail"
+        problems.append(Problem(_FILE, "limits in [cae_quality]", "none", advice, "cae_quality"))
+    if unknown := [key for key in table if key not in (*QUALITIES, "limits", "leave_out_failing")]:
+        found = printable(", ".join(unknown), 100)
+        problems.append(Problem(_FILE, keys, found, "correct or remove it", "cae_quality"))
+    return QualitySettings() if len(problems) > before else QualitySettings(limits, leave_out)
+
+
 def _imported_with(entries: object) -> dict[str, float]:
     """The CFCs that ``crashfuse import`` filtered tests with, by id, from the provenance that it wrote."""
-    found: dict[str, float] = {}
-    for entry in entries if isinstance(entries, list) else []:
-        told = entry if isinstance(entry, dict) else {}
-        run_id, cfc = told.get("id"), told.get("channel_filter_class")
-        if told.get("as") == "tests" and isinstance(run_id, str) and isinstance(cfc, int | float):
-            found[run_id] = float(cfc)
-    return found
+    tables = [entry for entry in (entries if isinstance(entries, list) else []) if isinstance(entry, dict)]
+    pairs = [(table.get("id"), table.get("channel_filter_class")) for table in tables if table.get("as") == "tests"]
+    return {run_id: float(cfc) for run_id, cfc in pairs if isinstance(run_id, str) and isinstance(cfc, int | float)}
 
 
 def _unused(listed: object, problems: list[Problem]) -> dict[str, str]:
-    """Ids as a list, or with a reason each."""
-    why = dict.fromkeys(listed, "") if isinstance(listed, list) and all(map(_is_text, listed)) else listed
-    if not isinstance(why, dict) or not all(map(_is_text, why.values())):
+    """Why tests are left out of use: they are listed by ids alone, or with a reason each."""
+    reasons = dict.fromkeys(listed, "") if _is_texts(listed) else listed
+    if not isinstance(reasons, dict) or not _is_texts([*reasons.values()]):
         expected = 'a list of ids such as ["T09"], or reasons by id such as {T09 = "sensor came loose"}'
-        problems.append(Problem("campaign.toml", expected, shown(listed), "correct the value", "unused"))
+        _refuse(expected, listed, "unused", problems)
         return {}
-    return {test_id: reason(own) for test_id, own in why.items()}
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
+    return {test_id: reason(text) for test_id, text in reasons.items()}
 
 
 def _text(values: dict[str, Any], key: str, default: str, most: int, problems: list[Problem]) -> str:
-    """Pop a line of text from the settings."""
     text = values.pop(key, default)
     if not isinstance(text, str) or len(text) > most:
         found = "a longer one" if isinstance(text, str) else shown(text)
-        expected = f"text of at most {most} characters"
-        problems.append(Problem("campaign.toml", expected, found, "correct the value", key))
+        problems.append(Problem(_FILE, f"text of at most {most} characters", found, "correct the value", key))
         return default
     return printable(" ".join(text.split("\n")), most)
 
 
 def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> float | None:
-    """Pop a channel filter class from the settings, None for "none"."""
     cfc = values.pop(key, "none")
     if cfc == "none":
         return None
-    if isinstance(cfc, bool) or not isinstance(cfc, int | float) or not 1 <= cfc <= 1000:
-        expected = 'a channel filter class such as 60 or 180, or "none"'
-        problems.append(Problem("campaign.toml", expected, shown(cfc), "correct the value", key))
+    if not _is_number(cfc) or not 1 <= cfc <= 1000:
+        _refuse('a channel filter class such as 60 or 180, or "none"', cfc, key, problems)
         return None
     return float(cfc)
 
 
-def _gap(values: dict[str, Any], problems: list[Problem]) -> float:
-    """Pop the gap before the barrier, in m."""
-    gap_mm = values.pop("cae_gap_mm", 0.0)
-    if isinstance(gap_mm, bool) or not isinstance(gap_mm, int | float) or not 0 <= gap_mm <= _LARGEST_GAP_MM:
-        expected = f"a distance in mm, at most {_LARGEST_GAP_MM:,}"
-        problems.append(Problem("campaign.toml", expected, shown(gap_mm), "correct the value", "cae_gap_mm"))
-        return 0.0
-    return gap_mm * MS
+def _refuse(expected: str, found: object, key: str, problems: list[Problem], advice: str = "correct the value") -> None:
+    problems.append(Problem(_FILE, expected, shown(found), advice, key))
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_texts(values: object) -> TypeGuard[list[str]]:
+    return isinstance(values, list) and all(isinstance(value, str) for value in values)

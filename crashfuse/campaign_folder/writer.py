@@ -1,42 +1,58 @@
-"""Writing a whole campaign folder, and the text of its files."""
+"""A whole campaign folder written, and the text of its files; its tables as data frames."""
 
-from collections.abc import Sequence
+import csv
+import re
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.ids import id_trouble
-from crashfuse.campaign_folder.occupant_settings import occupant_lines
-from crashfuse.campaign_folder.quality_columns import QualitySettings
+from crashfuse.campaign_folder.condition_tables import id_trouble
+from crashfuse.campaign_folder.load import read_folder
+from crashfuse.campaign_folder.settings import QualitySettings, occupant_lines
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, require_a
 from crashfuse.files.atomic import new_folder
-from crashfuse.files.csv_output import csv_text
+from crashfuse.files.csv_text import csv_bytes, csv_text, original, write_rows
+from crashfuse.files.parquet import check_size
 from crashfuse.files.toml_text import toml_text
-from crashfuse.run_quality import QUANTITIES, RunQuality
-from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.units import MASS, SPEED
+from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
+from crashfuse.units import ACCELERATION, MASS, MS, SPEED, TIME, G
 
 _RUNS_A_BATCH = 2000
+# what a folder's sentences call its files, as patterns, and what the arguments of a call are called
+_IN_MEMORY = {
+    r"^(tests|cae): pulses without a row in \1\.csv": r"\1_pulses: pulses without a row in \1",
+    r"\b(tests|cae)/ or \1_pulses\b": r"\1_pulses",
+    r"\b(tests|cae)_pulses\.parquet\b": r"\1_pulses",
+    r"\btests_pulses\b": "test_pulses",
+    r"\b(tests|cae|matrix)\.csv\b": r"\1",
+    r"\bcampaign\.toml\b": "campaign",
+    r"^sort the file\b": "sort the table",
+}
 
 
 def write_campaign(campaign: Campaign, folder: str | Path) -> None:
     """Write a campaign as a folder that reads back to the same fingerprint.
 
     Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
-    ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered; ``filtered_with`` in
-    ``campaign.toml`` says so, and they are not filtered again. Runs that were left out for their quality, and tests
-    that are left out of use, are not written.
+    ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered, which ``campaign.toml`` says.
+    Runs that were left out for their quality, and tests that are left out of use, are not written.
 
     Raises
     ------
-    DataError
-        If the folder is not empty, or an id is not a valid file name.
-    OSError
-        If writing fails; nothing is left behind.
+    DataError, OSError
+        If the folder is not empty, an id is no file name, or writing fails; nothing is left behind.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     folder = Path(folder)
@@ -64,31 +80,28 @@ def condition_rows(campaign: Campaign, role: str, speed: str, weight: str) -> tu
     quality: tuple[RunQuality, ...] = ()
     if role == "cae":
         rows, quality = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)), campaign.cae.quality
-    told = quality or (RunQuality(),) * len(rows)
+    quality = quality or (RunQuality(),) * len(rows)
     factors = list(dict.fromkeys(name for _, condition in rows for name, _ in condition.factors))
     units = f"speed_{speed}", f"front_weight_{weight}", f"rear_weight_{weight}"
-    header = ["id", *units, *factors, *quality_columns(told)]
-    return header, [table_row(header, *row, own) for row, own in zip(rows, told, strict=True)]
+    header = ["id", *units, *factors, *quality_columns(quality)]
+    return header, [table_row(header, *row, of_run) for row, of_run in zip(rows, quality, strict=True)]
 
 
 def quality_columns(quality: Sequence[RunQuality]) -> list[str]:
     """The columns for what the solver says of runs; none for what it says of no run."""
-    return [name for name in QUANTITIES if any(getattr(run, name) is not None for run in quality)]
+    return [name for name in QUALITIES if any(getattr(run, name) is not None for run in quality)]
 
 
 def table_row(header: Sequence[str], run_id: str, condition: Condition, quality: RunQuality) -> list[object]:
     """The cells of a condition in the columns of a table, empty for factors and quality it does not have."""
-    quantities = {
-        "speed": (condition.speed_mps, SPEED),
-        "front_weight": (condition.front_weight_kg, MASS),
-        "rear_weight": (condition.rear_weight_kg, MASS),
-    }
-    told = {name: value for name in QUANTITIES if (value := getattr(quality, name)) is not None}
-    cells: dict[str, object] = {"id": run_id, **dict(condition.factors), **told}
-    for quantity, (value, units) in quantities.items():
+    quantities = zip(
+        ("speed", "front_weight", "rear_weight"), condition.vector.tolist(), (SPEED, MASS, MASS), strict=True
+    )
+    of_run = {name: value for name in QUALITIES if (value := getattr(quality, name)) is not None}
+    cells: dict[str, object] = {"id": run_id, **dict(condition.factors), **of_run}
+    for quantity, value, units in quantities:
         for unit, factor in units.items():
-            exact = factor == 1.0
-            cells[f"{quantity}_{unit}"] = float(value) if exact else float(f"{value / factor:.12g}")
+            cells[f"{quantity}_{unit}"] = float(value) if factor == 1.0 else float(f"{value / factor:.12g}")
     return [cells.get(column, "") for column in header]
 
 
@@ -118,3 +131,138 @@ def check_ids(ids: Sequence[str], where: str) -> None:
     problems = [Problem(where, *trouble, "id") for run_id in ids if (trouble := id_trouble(run_id)) is not None]
     if problems:
         raise DataError(problems[:20])
+
+
+def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:
+    """Write ``<role>_pulses.parquet`` or ``.csv`` with more pulses, and without those of some ids, to another path.
+
+    Rows with the ids of added pulses, which no row of the condition table names, are replaced. A DataError says what
+    the table lacks.
+    """
+    left_out = {*without, *(run_id for run_id, _ in pulses)}
+    try:
+        (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, to, pulses, left_out)
+    except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
+        found = " ".join(str(error).split())[:200]
+        raise DataError(Problem(path.name, "a table that can be added to", found, "repair it first")) from None
+
+
+def _append_parquet(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], left_out: Set[str]) -> None:
+    with pq.ParquetFile(path) as file:
+        schema = file.schema_arrow
+        check_size(path, path.name, schema.names)
+        out = pa.array(sorted(left_out), pa.string())
+        with pq.ParquetWriter(to, schema, compression="zstd") as writer:
+            for batch in file.iter_batches():
+                ids = batch.column("id").cast(pa.string())
+                writer.write_batch(batch.filter(pc.invert(pc.is_in(ids, value_set=out))))
+            for run_id, pulse in pulses:
+                size, columns = pulse.time_s.size, _columns(schema.names, pulse, path.name)
+                arrays = {"id": pa.array([run_id] * size, pa.string()).dictionary_encode()}
+                arrays |= {name: pa.array(values) for name, values in columns.items()}
+                table = [
+                    arrays[field.name].cast(field.type) if field.name in arrays else pa.nulls(size, field.type)
+                    for field in schema
+                ]
+                writer.write_table(pa.table(table, schema=schema))
+
+
+def _append_csv(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], left_out: Set[str]) -> None:
+    with path.open(encoding="utf-8-sig", newline="") as old, to.open("w", encoding="utf-8", newline="") as stream:
+        rows = csv.reader(old, skipinitialspace=True)
+        header = [original(cell.strip()) for cell in next(rows, [])]
+        if "id" not in header:
+            raise DataError(Problem(path.name, "a column id", "none", "repair it first"))
+        at = header.index("id")
+        kept = ([*map(original, row)] for row in rows if len(row) <= at or row[at].strip() not in left_out)
+        write_rows(stream, chain([header], kept))
+        for run_id, pulse in pulses:
+            columns = _columns(header, pulse, path.name)
+            cells = {name: [*map(repr, values.tolist())] for name, values in columns.items()}
+            cells["id"], empty = [run_id] * pulse.time_s.size, [""] * pulse.time_s.size
+            write_rows(stream, zip(*(cells.get(name, empty) for name in header), strict=True))
+
+
+def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, FloatArray]:
+    wanted = {f"time_{unit}": pulse.time_s / factor for unit, factor in TIME.items()}
+    wanted |= {f"acceleration_{unit}": pulse.accel_mps2 / factor for unit, factor in ACCELERATION.items()}
+    columns = {name: np.asarray(wanted[name]) for name in names if name in wanted}
+    if len(columns) != 2:
+        found = ", ".join(names[:12])
+        raise DataError(Problem(where, "one column time_… and one acceleration_…", found, "repair it first"))
+    return columns
+
+
+def campaign_of_frames(
+    tests: pd.DataFrame,
+    test_pulses: pd.DataFrame,
+    cae: pd.DataFrame,
+    cae_pulses: pd.DataFrame,
+    settings: Mapping[str, str | float | None],
+) -> Campaign:
+    """The campaign of these tables and what ``campaign.toml`` would say, see :meth:`Campaign.from_frames`."""
+    tables = {"tests": tests, "test_pulses": test_pulses, "cae": cae, "cae_pulses": cae_pulses}
+    for argument, table in tables.items():
+        if not isinstance(table, pd.DataFrame):
+            found, advice = type(table).__name__, "give a pandas DataFrame"
+            raise DataError(Problem(argument, "a DataFrame", found, advice))
+        if twice := [str(column) for column in table.columns[table.columns.duplicated()]]:
+            raise DataError(Problem(argument, "each column once", f"{twice[0]} twice", "rename or remove one"))
+    with in_memory() as folder:
+        stated = {name: value for name, value in settings.items() if value not in ("", None)}
+        lines = (f"{k} = {toml_text(v) if isinstance(v, str) else repr(v)}\n" for k, v in stated.items())
+        (folder / "campaign.toml").write_text("".join(lines), encoding="utf-8")
+        for role, table, pulses in (("tests", tests, test_pulses), ("cae", cae, cae_pulses)):
+            (folder / f"{role}.csv").write_bytes(csv_bytes(table, float_format=None))
+            _write(pulses, folder / f"{role}_pulses.parquet")
+        campaign = read_folder(folder)
+    return replace(campaign, warnings=tuple(map(_of_tables, campaign.warnings)))
+
+
+def _write(pulses: pd.DataFrame, path: Path) -> None:
+    """Write pulses for the reader of folders, which tells what is wrong with them."""
+    try:
+        pulses.to_parquet(path, index=False)
+    except (pa.ArrowException, TypeError, ValueError) as error:  # texts and numbers in one column, say
+        expected, found = "columns that are numbers or text", " ".join(str(error).split())
+        raise DataError(Problem(path.name, expected, found, "give each column one type")) from None
+
+
+def conditions_frame(campaign: Campaign, role: str) -> pd.DataFrame:
+    """``tests.csv`` or ``cae.csv`` of a campaign, in mph and lb, see :attr:`Campaign.tests_frame`."""
+    header, rows = condition_rows(campaign, role, "mph", "lb")
+    return pd.DataFrame(rows, columns=header)
+
+
+def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:
+    """All pulses of one kind, tidy, at full precision, see :attr:`Campaign.test_pulses_frame`."""
+    ids = campaign.test_ids if role == "tests" else campaign.cae.ids
+    accel = campaign.cae.accel_mps2 if role == "cae" else np.array([test.pulse.accel_mps2 for test in campaign.tests])
+    return pd.DataFrame(
+        {
+            "id": pd.Categorical.from_codes(np.repeat(np.arange(len(ids)), N_SAMPLES), list(ids)),
+            "time_ms": np.tile(GRID_S / MS, len(ids)),
+            "acceleration_g": accel.ravel() / np.float64(G),
+        }
+    )
+
+
+@contextmanager
+def in_memory() -> Iterator[Path]:
+    """A folder for tables in memory: a problem of its files is told of the arguments, with rows that count from 0."""
+    with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
+        try:
+            yield Path(folder)
+        except DataError as error:
+            raise DataError([_of_argument(problem) for problem in error.problems]) from None
+
+
+def _of_argument(problem: Problem) -> Problem:
+    texts = {name: _of_tables(getattr(problem, name)) for name in ("where", "expected", "found", "advice")}
+    return replace(problem, row=None if problem.row is None else problem.row - 2, **texts)
+
+
+def _of_tables(text: str) -> str:
+    for file, argument in _IN_MEMORY.items():
+        text = re.sub(file, argument, text)
+    return text

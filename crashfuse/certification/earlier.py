@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.ids import id_trouble
-from crashfuse.campaign_folder.occupant_settings import occupant_settings
+from crashfuse.campaign_folder.condition_tables import id_trouble
+from crashfuse.campaign_folder.settings import occupant_settings
 from crashfuse.certification.criteria import Criteria, Criterion, criteria_of, is_number
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix

@@ -16,7 +16,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache, Entry, finite, numbers
 from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.one_thread import one_thread_throughout
+from crashfuse.execution.process import one_thread_throughout
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.signals.metrics import metric_values

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import read_conditions
-from crashfuse.campaign_folder.frames import in_memory
+from crashfuse.campaign_folder.writer import in_memory
 from crashfuse.condition import FILE_UNITS, Condition
 from crashfuse.errors import DataError, Problem, UsageError, shortened
-from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.csv_text import csv_bytes
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.estimate import BOUNDS, is_beyond
 from crashfuse.units import KPH

@@ -33,8 +33,7 @@ def sample(arguments: argparse.Namespace) -> None:
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
     from crashfuse.approaches.nearness import nearest_run
-    from crashfuse.campaign_folder.folder import unread_files
-    from crashfuse.campaign_folder.load import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign, unread_files
     from crashfuse.study.facts import campaign_facts
 
     campaign = load_campaign(arguments.campaign)

@@ -31,7 +31,7 @@ def studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it has non
 
 def compare(arguments: argparse.Namespace) -> None:
     """Say which of two studies rates better, and by how much."""
-    from crashfuse.files.csv_output import csv_bytes
+    from crashfuse.files.csv_text import csv_bytes
     from crashfuse.reporting.past_results import comparison_means
     from crashfuse.study.comparison import StudyComparison
 

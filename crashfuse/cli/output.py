@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.atomic import written_together
-from crashfuse.files.claim import sole_writer
+from crashfuse.files.locks import sole_writer
 from crashfuse.wording import SYSTEMS
 
 if TYPE_CHECKING:

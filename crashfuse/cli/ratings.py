@@ -19,7 +19,7 @@ _SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
 
 def rate(arguments: argparse.Namespace) -> None:
     """Rate one file against another, the pairs of a table, or two ISO-MME tests channel by channel."""
-    from crashfuse.files.csv_output import csv_bytes
+    from crashfuse.files.csv_text import csv_bytes
 
     if arguments.explain and (arguments.pairs or arguments.each_channel or arguments.csv):
         raise UsageError("--explain is for one pair of files, as text or with --json.")

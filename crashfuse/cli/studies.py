@@ -155,7 +155,7 @@ def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
     """Write the series so far, and keep the results of earlier series in this folder."""
     import pandas as pd
 
-    from crashfuse.files.csv_output import csv_bytes, read_csv_table
+    from crashfuse.files.csv_text import csv_bytes, read_csv_table
 
     study = ["campaign", "preset", "seed"]
     fresh, path = pd.concat(tables), folder / "studies.csv"

@@ -20,7 +20,7 @@ import platformdirs
 from crashfuse.errors import Cancelled, DataError, UsageError, out_of_memory
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.atomic import write_atomically
-from crashfuse.files.claim import locked
+from crashfuse.files.locks import locked
 from crashfuse.version import versions
 
 log = logging.getLogger(__name__)
@@ -66,15 +66,14 @@ class Cache:
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
         """File of the entry of this kind with this key, made of strings, numbers and frozen configs.
 
-        The versions of Python, crashfuse and the packages that compute are part of every key. That of a computed
-        result includes the digest of the code that computes it
-        (:func:`crashfuse.execution.code_digest.code_digest`).
+        The versions of Python, crashfuse and the packages that compute are part of every key; that of a computed result
+        includes the :func:`crashfuse.execution.code_digest.code_digest` of what computes it.
         """
         parts = json.dumps({**key, "versions": versions()}, sort_keys=True, default=_plain)
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
 
     def is_cached(self, kind: str, key: Mapping[str, object]) -> bool:
-        """True if there is an entry under this key; it is not read."""
+        """Whether there is an entry under this key; it is not read."""
         return self.path(kind, key).is_file()
 
     def get_or_compute(
@@ -87,18 +86,9 @@ class Cache:
     ) -> T:
         """Restore a result from the cache, or compute and store it; of several concurrent callers, only one computes.
 
-        Parameters
-        ----------
-        compute : callable
-            Returns the result, which must not be None, and the arrays to store.
-        restore : callable
-            Rebuilds the same result from these arrays. An entry for which it fails is discarded with a warning, and
-            computed again.
-
-        Raises
-        ------
-        Cancelled
-            If the watch was told to stop.
+        ``compute`` returns the result, which must not be None, and the arrays to store; ``restore`` rebuilds the same
+        result from these arrays. An entry for which it fails is discarded with a warning, and computed again. Raises
+        Cancelled if the watch is to stop.
         """
         result = self.find(kind, key, restore)
         if result is None:
@@ -125,7 +115,7 @@ class Cache:
             return None
 
     def discard(self, kind: str, key: Mapping[str, object], error: Exception) -> None:
-        """Delete an entry that is whole, and yet not what it should be: a fault of ours, so it is told."""
+        """Delete an entry that is whole, and yet not what it should be: a fault of ours, so it warns."""
         warnings.warn(f"A result ({kind}) could not be read back and is computed again: {error!r}", stacklevel=2)
         self.drop(kind, key)
 
@@ -164,10 +154,9 @@ class Cache:
 
     @contextmanager
     def alone(self, kind: str, key: Mapping[str, object], watch: Watch = SILENT) -> Iterator[None]:
-        """Context that only one process or thread at a time can hold for an entry; the others wait.
+        """Context that only one process or thread at a time can hold for an entry; look for it again inside.
 
-        Look for the entry again inside. Where files can't be locked, or the lock is held for an hour, the worst case is
-        that the same result is computed twice.
+        Where files can't be locked, or the lock is held for an hour, the same result may be computed twice.
         """
         path, waited = self.path(kind, key).with_suffix(".lock"), False
 
@@ -228,17 +217,16 @@ class Cache:
                 stat = path.stat()
                 entries.append((stat.st_mtime, stat.st_size, path))
         excess = sum(size for _, size, _ in entries) + size - self.most_bytes
-        for used, own, path in sorted(entries):
+        for used, taken, path in sorted(entries):
             if excess <= 0 or time.time() - used < _IN_USE_S:
                 break
             if self._name(path) not in self.used:
                 with suppress(OSError):
                     path.unlink()
-                    excess -= own
+                    excess -= taken
 
 
 def _most_bytes() -> float:
-    """``$CRASHFUSE_CACHE_GIB`` in bytes."""
     text = os.environ.get("CRASHFUSE_CACHE_GIB") or _MOST_GIB
     with suppress(ValueError):
         if (most := float(text)) > 0:
@@ -249,15 +237,14 @@ def _most_bytes() -> float:
 def numbers(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
     """The real numbers of an entry under a name; raises if they are not of this shape (None: of any length)."""
     array = entry[name]
-    if array.dtype.kind != "f" or array.ndim != len(shape):
-        raise ValueError(f"{name}: not numbers in {len(shape)} dimensions")
-    if any(wanted not in (None, found) for wanted, found in zip(shape, array.shape, strict=True)):
-        raise ValueError(f"{name}: shape {array.shape} instead of {shape}")
+    is_of_shape = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
+    if array.dtype.kind != "f" or not is_of_shape:
+        raise ValueError(f"{name}: {array.dtype} of shape {array.shape} instead of numbers of shape {shape}")
     return array
 
 
 def finite(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
-    """The same; raises also if one of them is infinite or NaN."""
+    """As :func:`numbers`; raises also if one of them is infinite or NaN."""
     array = numbers(entry, name, *shape)
     if not np.isfinite(array).all():
         raise ValueError(f"{name}: numbers without a value")

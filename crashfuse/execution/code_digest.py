@@ -38,12 +38,10 @@ def code_digest(module: str, package: Path = _PACKAGE) -> str:
 
 @cache
 def _sources_digest(package: Path) -> str:
-    """Digest of all files of the package, byte for byte."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(package.rglob("*.py")))).hexdigest()
 
 
 def _foreign_sources(module: str) -> bytes:
-    """The sources of the package that a module is from, one after another."""
     spec = find_spec(module.partition(".")[0])
     if spec is None or spec.origin is None:
         return module.encode()
@@ -53,19 +51,17 @@ def _foreign_sources(module: str) -> bytes:
 
 
 def _parsed_digest(module: str, package: Path) -> str:
-    """Digest of a module and all its imports, from their syntax trees."""
     waiting, digests = [module], {}
     while waiting:
         name = waiting.pop()
         if name in digests or (path := _source(name, package)) is None:
             continue
         digests[name], imports = _stripped(path.read_bytes())
-        waiting += [each for each in imports if each.split(".")[1] not in _NOT_COMPUTING]
+        waiting += [other for other in imports if other.split(".")[1] not in _NOT_COMPUTING]
     return hashlib.sha256(repr((module, sorted(digests.items()))).encode()).hexdigest()
 
 
 def _source(module: str, package: Path) -> Path | None:
-    """The file of a module, or None if the package has no such module."""
     top, *parts = module.split(".")
     path = package.joinpath(*parts)
     files = (path.with_suffix(".py"), path / "__init__.py") if top == package.name else ()

@@ -8,6 +8,7 @@ import logging
 import multiprocessing
 import os
 import queue
+import re
 import signal
 import sys
 import tempfile
@@ -16,7 +17,8 @@ import time
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from concurrent.futures import CancelledError
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -27,10 +29,12 @@ from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from crashfuse.campaign import Campaign
-from crashfuse.errors import CrashfuseError
+from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.memory import give_back, share_one_heap
+from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.process import give_back, share_one_heap
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.version import versions
 
 log = logging.getLogger(__name__)
 
@@ -40,10 +44,15 @@ R = TypeVar("R")
 Work = Callable[[Campaign, T, Cache, Watch], list[R]]
 """Computes one task of a campaign; importable in another process, as its tasks can be pickled."""
 
-RESUME = "Whatever was finished is in the cache: the same command with --resume continues from there"
+_RESUME = "Whatever was finished is in the cache: the same command with --resume continues from there"
 _LIVES = 3  # deaths of workers in a row, with nothing finished, before giving up
-GLANCE_S = 0.1  # interval at which pending tasks are polled
+_GLANCE_S = 0.1  # interval at which pending tasks are polled
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ADDRESS = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
+_ANSWER_S = 5.0  # time limit for a scheduler to answer
+_WORKER_S = 30.0  # time limit for a scheduler without workers to get some
+_TASKS = ("crashfuse.certification.certify", "crashfuse.study.learning_curve")  # with all that they import
+_one_at_a_time = threading.Lock()  # the number of threads is a setting of the whole process
 
 
 class Workers(ABC):
@@ -68,18 +77,16 @@ class Workers(ABC):
         """Raise if no worker is left and none is expected."""
 
     def completed(
-        self,
-        work: Work[T, R],
-        campaign: Campaign,
-        tasks: Sequence[T],
-        cache: Cache,
-        watch: Watch,  # noqa: ARG002 - progress of tasks in other processes is not reported
+        self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], cache: Cache, watch: Watch
     ) -> Generator[list[R]]:
         """Yield the results of each task once it is done, in any order; occasionally an empty list.
 
-        Entries :attr:`~crashfuse.execution.cache.Cache.used` so far are what all tasks share. The watch is told
-        about tasks computed in this process only. Raises if workers die repeatedly.
+        Entries :attr:`~crashfuse.execution.cache.Cache.used` so far are what all tasks share. The watch is told about
+        tasks computed in this process only. Raises if workers die repeatedly.
         """
+        if not self.are_elsewhere(tasks):
+            yield from (work(campaign, task, cache, watch) for task in tasks)
+            return
         left, lives = dict(enumerate(tasks)), _LIVES
         while left:
             try:
@@ -94,15 +101,13 @@ class Workers(ABC):
                             yield result
                         if not done:
                             self.check()
-                            time.sleep(GLANCE_S)
+                            time.sleep(_GLANCE_S)
                             yield []  # lets the caller stop
             except self.deaths as error:
                 lives -= 1
                 if not lives:
-                    raise CrashfuseError(
-                        f"Workers died {_LIVES} times in a row, perhaps because memory ran out. {RESUME}; "
-                        "fewer --workers need less memory."
-                    ) from error
+                    found = f"Workers died {_LIVES} times in a row, perhaps because memory ran out"
+                    raise CrashfuseError(f"{found}. {_RESUME}; fewer --workers need less memory.") from error
                 log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
 
 
@@ -112,14 +117,6 @@ class Local(Workers):
 
     processes: int | None = None
     deaths = (BrokenProcessPool,)
-
-    def completed(
-        self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], cache: Cache, watch: Watch
-    ) -> Generator[list[R]]:
-        """See :class:`Workers`."""
-        if self.are_elsewhere(tasks):
-            return Workers.completed(self, work, campaign, tasks, cache, watch)
-        return (work(campaign, task, cache, watch) for task in tasks)
 
     def are_elsewhere(self, tasks: Sequence[object]) -> bool:
         """See :class:`Workers`; a single task is computed here, as starting other processes takes seconds."""
@@ -166,7 +163,6 @@ def _begin(parent: int) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """Wait for the parent to end, which may have been killed, then exit."""
     if sys.platform == "win32":
         if (process := multiprocessing.parent_process()) is not None:
             process.join()
@@ -174,3 +170,110 @@ def _end_with(parent: int) -> None:
         while os.getppid() == parent:
             time.sleep(1)
     os._exit(1)
+
+
+@contextmanager
+def connected(scheduler: str) -> Iterator["Cluster"]:
+    """Connect to the workers of the Dask scheduler at ``tcp://host:port``; raises if there are none or they differ.
+
+    Dask sends Python objects and code by pickle, both ways: anyone who can reach the scheduler, or any worker, can run
+    code on all of them and on this machine. So use it only with a cluster and a network that you trust; nothing does so
+    unless an address is given, and the dashboard never does.
+    """
+    try:
+        import distributed  # it takes a second
+    except ModuleNotFoundError as error:
+        raise UsageError('A Dask cluster needs an extra: python -m pip install "crashfuse[dask]".') from error
+    if not _ADDRESS.fullmatch(scheduler):
+        raise UsageError(f"The address of a Dask scheduler looks like tcp://192.0.2.1:8786, not {scheduler!r}.")
+    its_log = logging.getLogger("distributed")
+    level = its_log.level
+    its_log.setLevel(logging.CRITICAL)  # what matters is raised as an exception
+    try:
+        try:
+            client = distributed.Client(scheduler, timeout=_ANSWER_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise CrashfuseError(f"No Dask scheduler answers at {scheduler}.") from error
+        with closing(client):
+            cluster = Cluster(scheduler, client)
+            cluster.check()
+            for worker, found in client.run(versions_here, on_error="return").items():
+                if isinstance(found, BaseException):
+                    raise CrashfuseError(f"The Dask worker at {worker} cannot run crashfuse: {found}.") from found
+                _compare(worker, found, versions_here())
+            yield cluster
+    finally:
+        its_log.setLevel(level)
+
+
+@dataclass(frozen=True, slots=True)
+class Cluster(Workers):
+    """Workers of a Dask scheduler.
+
+    The campaign and the tasks' shared data are sent to each worker once; results are stored in its machine's cache and
+    copied to the caller's. Its process computes one task at a time; Dask resubmits the task of a worker that died.
+    """
+
+    scheduler: str
+    client: Any
+    deaths = (OSError, CancelledError)  # the connection was lost, and with it the data sent
+
+    @contextmanager
+    def submitted(
+        self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
+    ) -> Iterator[dict[int, Any]]:
+        """See :class:`Workers`; a task that has started is not interrupted, and its worker stores the result."""
+        from distributed import KilledWorker
+
+        self.check()
+        (shared,) = self.client.scatter([(campaign, cache.pack(cache.used))], broadcast=True, hash=False)
+        submit, ours = self.client.submit, versions_here()
+        futures = {n: submit(_at_worker, work, shared, task, ours, pure=False) for n, task in tasks.items()}
+        try:
+            yield futures
+        except KilledWorker as error:
+            found = "A task ended every Dask worker that took it up, perhaps because memory ran out"
+            raise CrashfuseError(f"{found}. {_RESUME}.") from error
+        finally:
+            for future in futures.values():
+                future.cancel()
+
+    def check(self) -> None:
+        """Wait for a lost scheduler to answer again, and for a worker to be available."""
+        while self.client.status == "connecting":
+            time.sleep(_GLANCE_S)
+        if self.client.status != "running":
+            raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {_RESUME}.")
+        try:
+            self.client.wait_for_workers(1, timeout=_WORKER_S)
+        except TimeoutError as error:
+            raise CrashfuseError(f"The Dask cluster at {self.scheduler} has no worker. {_RESUME}.") from error
+
+
+def versions_here() -> dict[str, str]:
+    """:func:`crashfuse.version.versions`, and what tells this code from that of another commit."""
+    return {**versions(), "crashfuse's code": " ".join(code_digest(module)[:12] for module in _TASKS)}
+
+
+def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -> None:
+    differing = [
+        f"{name} {found.get(name)} instead of {ours}" for name, ours in wanted.items() if found.get(name) != ours
+    ]
+    if differing:
+        raise CrashfuseError(
+            f"The Dask worker at {worker} has {', '.join(differing)}: install the same there, and start it again."
+        )
+
+
+def _at_worker(
+    work: Work[T, R], shared: tuple[Campaign, Mapping[str, bytes]], task: T, wanted: Mapping[str, str]
+) -> tuple[list[R], dict[str, bytes]]:
+    from distributed import get_worker
+
+    _compare(get_worker().address, versions_here(), wanted)  # the worker may have joined late
+    campaign, files = shared
+    cache = Cache()
+    with _one_at_a_time:
+        cache.unpack(files)
+        result = work(campaign, task, cache, SILENT)
+    return result, cache.pack(cache.used - files.keys())

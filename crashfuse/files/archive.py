@@ -1,24 +1,27 @@
-"""Zip archives: our own, and untrusted ones, with safe names and sizes counted while unpacking.
+"""Zip and tar archives: our own, and untrusted ones, with safe names and sizes counted while unpacking.
 
 The sizes that an archive declares are not trusted: unpacked bytes are counted chunk by chunk, and every name is checked
 before the first byte is read. Names must be valid on every platform, so that accepted files can be copied anywhere.
 """
 
+import gzip
 import io
 import stat
 import struct
+import tarfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import IO
+from typing import IO, cast
 
 from crashfuse.errors import DataError, Problem, printable
 
 _CHUNK = 1 << 20
-HARMLESS = 1 << 20  # bytes that any archive may unpack to, whatever its ratio
+_HARMLESS = 1 << 20  # bytes that any archive may unpack to, whatever its ratio
 _MOST_PROBLEMS = 20  # listed; the rest are counted
 _LONGEST_NAME, _LONGEST_PATH = 200, 1000  # bytes in UTF-8; file systems allow 255 per name
 _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
@@ -26,30 +29,26 @@ _DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456
 _SYSTEM_FILES = {"thumbs.db", "desktop.ini", "__macosx"}  # and any name that starts with a dot
 _ENCRYPTED = 0x1 | 0x40 | 0x2000  # flag bits of an entry: classic, strong, directory too
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # other methods may demand any amount of memory
-_BROKEN = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError, OverflowError, OSError)
+# what damaged ones raise
+_BROKEN = (
+    zipfile.BadZipFile, tarfile.TarError, zlib.error, struct.error,
+    EOFError, RuntimeError, ValueError, OverflowError, OSError,
+)  # fmt: skip
+_TAR = "a sound tar archive", "pack the folder anew"
+_LONGEST_HEADER, _LONGEST_READ = 1 << 16, 1 << 21  # bytes of a tar at once
+ENDINGS = (".tar.gz", ".tgz", ".tar")
+"""Endings of the names of tar archives."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits on the unpacked content of an upload.
+    """Limits on the unpacked content of an upload."""
 
-    Parameters
-    ----------
-    total_bytes, member_bytes : int
-        All files together (2 GiB: 100,000 CAE runs as Parquet), and any one of them (1 GiB).
-    members : int
-        Archive entries or files (20,000: twice a library of 10,000 runs with one file each).
-    ratio : float
-        Unpacked bytes per byte of the archive (100: tables of numbers reach 5 to 20, a zip bomb 1000 and more).
-    rows : int
-        Rows of a Parquet table, which its file size does not bound (200 million: 100,000 runs of 2000 samples).
-    """
-
-    total_bytes: int = 2 << 30
-    member_bytes: int = 1 << 30
-    members: int = 20_000
-    ratio: float = 100.0
-    rows: int = 200_000_000
+    total_bytes: int = 2 << 30  # all files together: 100,000 CAE runs as Parquet
+    member_bytes: int = 1 << 30  # any one of them
+    members: int = 20_000  # entries or files: twice a library of 10,000 runs with one file each
+    ratio: float = 100.0  # unpacked over packed bytes: tables of numbers reach 5 to 20, a zip bomb 1000 and more
+    rows: int = 200_000_000  # of a Parquet table, which its size does not bound: 100,000 runs of 2000 samples
 
 
 DEFAULT_LIMITS = Limits()
@@ -61,20 +60,19 @@ class Budget:
     def __init__(self, limits: Limits, packed: int) -> None:
         self.limits = limits
         self.total = 0
-        self._by_ratio = max(limits.ratio * packed, HARMLESS)
+        self._by_ratio = max(limits.ratio * packed, _HARMLESS)
 
     def spend(self, count: int, member_bytes: int, where: str) -> None:
         """Count a chunk of a member that has now reached ``member_bytes``; raise a DataError beyond the limits."""
         self.total += count
-        limits = self.limits
         if self.total > self._by_ratio:
-            expected, found = f"at most {limits.ratio:g} times the size of the archive", "more: it is a zip bomb"
+            expected, found = f"at most {self.limits.ratio:g} times the size of the archive", "more: it is a zip bomb"
             raise DataError(Problem(where, expected, found, "zip the folder anew"))
-        if member_bytes > limits.member_bytes:
-            expected, advice = f"at most {_size(limits.member_bytes)} a file", "split it, or save it as Parquet"
+        if member_bytes > self.limits.member_bytes:
+            expected, advice = f"at most {_size(self.limits.member_bytes)} a file", "split it, or save it as Parquet"
             raise DataError(Problem(where, expected, "more", advice))
-        if self.total > limits.total_bytes:
-            raise too_much(where, limits)
+        if self.total > self.limits.total_bytes:
+            raise too_much(where, self.limits)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,19 +81,16 @@ class Member:
 
     path: PurePosixPath
     where: str
-    opened: Callable[[], IO[bytes]]
+    opened: Callable[[], AbstractContextManager[IO[bytes]]]
 
     def chunks(self, budget: Budget) -> Iterator[bytes]:
         """Yield the unpacked content in chunks of at most 1 MiB; raise a DataError if it is damaged or too large."""
         size = 0
-        try:
-            with self.opened() as stream:
-                while chunk := stream.read(_CHUNK):
-                    size += len(chunk)
-                    budget.spend(len(chunk), size, self.where)
-                    yield chunk
-        except _BROKEN as error:
-            raise _damaged(self.where, error) from error
+        with _readable(self.where), self.opened() as stream:
+            while chunk := stream.read(_CHUNK):
+                size += len(chunk)
+                budget.spend(len(chunk), size, self.where)
+                yield chunk
 
     def content(self, budget: Budget) -> bytes:
         """The whole unpacked content; raises as :meth:`chunks` does."""
@@ -126,26 +121,18 @@ def in_memory(name: str, content: bytes) -> Member:
 def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
     """List the files of a zip, without folders and system files (``__MACOSX``, ``.DS_Store``).
 
-    The members read from the stream, so it must stay open.
-
-    Raises
-    ------
-    DataError
-        If it is not a valid zip, has too many entries, or has one that is encrypted, a link, compressed by an
-        unsupported method, or unsafely named.
+    The members read from the stream, so it must stay open. Raises a DataError if it is no valid zip, has too many
+    entries, or has one that is encrypted, a link, packed by another method, or unsafely named.
     """
-    try:
+    with _readable(name):
         archive = zipfile.ZipFile(stream)
         entries = archive.infolist()
-    except _BROKEN as error:
-        raise _damaged(name, error) from error
     if len(entries) > limits.members:
         raise too_many(name, len(entries), limits)
     problems, members = [], []
     for entry in entries:
         where = f"{name}: {printable(entry.orig_filename)}"
-        trouble = _entry_trouble(entry)
-        if trouble is not None:
+        if trouble := _entry_trouble(entry):
             problems.append(Problem(where, *trouble))
         elif not entry.is_dir() and not left_by_the_system(entry.filename):
             members.append(Member(PurePosixPath(entry.filename), where, partial(archive.open, entry)))
@@ -156,7 +143,6 @@ def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -
 def name_trouble(name: str) -> tuple[str, str, str] | None:
     """Expected, found and advice for a relative path that is not safe on every platform."""
     parts = name.split("/")
-    found = None
     if not name.isprintable():
         found = "a character that cannot be printed"
     elif "\\" in name:
@@ -173,7 +159,9 @@ def name_trouble(name: str) -> tuple[str, str, str] | None:
         found = "a name that Windows keeps for a device"
     elif max(len(part.encode()) for part in parts) > _LONGEST_NAME or len(name.encode()) > _LONGEST_PATH:
         found = "a name that is too long"
-    return None if found is None else ("a plain name in a folder", found, "rename it")
+    else:
+        return None
+    return "a plain name in a folder", found, "rename it"
 
 
 def left_by_the_system(name: str) -> bool:
@@ -203,7 +191,6 @@ def too_much(where: str, limits: Limits) -> DataError:
 
 
 def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
-    """Expected, found and advice for an entry of a zip that is not acceptable."""
     kind = stat.S_IFMT(entry.external_attr >> 16)
     if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
         return "files", "a link or a device", "zip the files themselves"
@@ -214,10 +201,99 @@ def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
     return name_trouble(entry.orig_filename.removesuffix("/"))
 
 
-def _damaged(where: str, error: Exception) -> DataError:
-    found = f"a damaged one ({printable(str(error)) or type(error).__name__})"
-    return DataError(Problem(where, "a sound zip", found, "zip the folder anew"))
+@contextmanager
+def _readable(where: str, sound: str = "a sound zip", advice: str = "zip the folder anew") -> Iterator[None]:
+    try:
+        yield
+    except _BROKEN as error:
+        found = f"a damaged one ({printable(str(error)) or type(error).__name__})"
+        raise DataError(Problem(where, sound, found, advice)) from error
 
 
 def _size(count: int) -> str:
     return f"{count / (1 << 30):.3g} GiB" if count >= 1 << 30 else f"{count / (1 << 20):.3g} MiB"
+
+
+def is_tar(name: str) -> bool:
+    """Whether a file is a tar archive, by its name."""
+    return name.lower().endswith(ENDINGS)
+
+
+def tar_members(stream: IO[bytes], name: str, limits: Limits) -> list[Member]:
+    """List the files of a tar, without folders and files that systems leave behind.
+
+    The members read from the stream, so it must stay open; in order they are read in one pass. Raises a DataError if it
+    is not a valid tar, has too many files or bytes, or has a link, a device or an unsafe name.
+    """
+    packed = stream.seek(0, 2)
+    stream.seek(0)
+    gzipped = stream.read(2) == b"\x1f\x8b"
+    stream.seek(0)
+    plain = cast(IO[bytes], gzip.GzipFile(fileobj=stream)) if gzipped else stream
+    walk = _Walk(plain, name, min(limits.total_bytes, max(int(limits.ratio * packed), _HARMLESS)))
+    problems: list[Problem] = []
+    members: list[Member] = []
+    with _readable(name, *_TAR):
+        archive = tarfile.open(fileobj=cast(IO[bytes], walk), mode="r:")  # noqa: SIM115 - members read from it later
+        for count, entry in enumerate(archive, start=1):
+            if count > limits.members:
+                raise too_many(name, count, limits)
+            path = entry.name.removeprefix("./").rstrip("/")
+            where = f"{name}: {printable(entry.name)}"
+            if entry.size < 0:
+                raise tarfile.ReadError("a header of negative size")
+            if entry.isdir() or (left_by_the_system(path) and not name_trouble(path)):
+                continue
+            if entry.type not in (tarfile.REGTYPE, tarfile.AREGTYPE):
+                problems.append(Problem(where, "files", "a link or a device", "pack the files themselves"))
+            elif trouble := name_trouble(path):
+                problems.append(Problem(where, *trouble))
+            else:
+                members.append(Member(PurePosixPath(path), where, partial(_opened, archive, entry, walk)))
+        walk.finish(archive.offset)
+    refuse(problems, name)
+    return members
+
+
+@contextmanager
+def _opened(archive: tarfile.TarFile, entry: tarfile.TarInfo, walk: "_Walk") -> Iterator[IO[bytes]]:
+    walk.listing = False
+    with _readable(walk.where, *_TAR), cast(IO[bytes], archive.extractfile(entry)) as stream:
+        yield stream
+
+
+class _Walk:
+    """The bytes of a tar as tarfile reads them, within bounds; while it lists the members, only onwards."""
+
+    def __init__(self, stream: IO[bytes], where: str, most: int) -> None:
+        self.where, self.listing = where, True
+        self._stream, self._most = stream, most
+
+    def tell(self) -> int:
+        return self._stream.tell()
+
+    def seek(self, to: int) -> int:
+        if self.listing and to < self.tell() - 1:
+            raise tarfile.ReadError("a header of negative size")
+        self._check(to)
+        return self._stream.seek(to)
+
+    def read(self, size: int) -> bytes:
+        if not 0 <= size <= (_LONGEST_HEADER if self.listing else _LONGEST_READ):
+            raise tarfile.ReadError("a header that claims to be too long")
+        self._check(self.tell() + size)
+        return self._stream.read(size)
+
+    def finish(self, at: int) -> None:
+        """Check that the archive ends where tarfile stopped, which a damaged header makes it do, too, and in full."""
+        self.listing = False
+        self.seek(at)
+        if self.read(tarfile.BLOCKSIZE).strip(b"\0"):
+            raise tarfile.ReadError("a header that makes no sense")
+        while self.read(_LONGEST_HEADER):  # gzip keeps its checksum at the end
+            pass
+
+    def _check(self, end: int) -> None:
+        if end > self._most + _LONGEST_READ:
+            expected = f"at most {self._most >> 20} MiB unpacked"
+            raise DataError(Problem(self.where, expected, "more", "pack the files of one test alone"))

@@ -41,8 +41,8 @@ def replacing(path: Path) -> Iterator[Path]:
 def flush(path: Path) -> None:
     """Wait until a file, or the names in a folder, are on the disk for good."""
     is_folder, windows = path.is_dir(), sys.platform == "win32"
-    if is_folder and windows:  # which keeps names by itself, and opens no folder
-        return
+    if is_folder and windows:
+        return  # it keeps names by itself, and opens no folder
     descriptor = os.open(path, os.O_RDWR if windows else os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -100,17 +100,13 @@ def name_target(error: BaseException, temporary: Path, target: Path) -> None:
 
 
 def _unfinished(folder: Path) -> Path:
-    """A temporary name for what is about to be written there."""
     _sweep(folder)
     return folder / f".unfinished-{uuid.uuid4().hex}"
 
 
 @cache  # once per process is enough
 def _sweep(folder: Path) -> None:
-    """Remove temporary files that killed processes left long ago.
-
-    Time alone tells: containers and machines that share a folder do not see each other's processes.
-    """
+    """Remove what killed processes left long ago, told by its age: machines that share a folder see only their own."""
     for path in folder.glob(".unfinished-*"):
         with suppress(OSError):
             if _UNFINISHED.fullmatch(path.name) and time.time() - path.stat().st_mtime > _LONG_S:

@@ -1,21 +1,88 @@
-"""Untrusted comma-separated text: UTF-8, no wider than its header, never more than one block of it in memory."""
+"""CSV tables: untrusted ones, read in bounds, and our own, in which no cell is a formula to a spreadsheet."""
 
 import csv
 import io
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import chain, count
 from pathlib import Path
-from typing import Self, TextIO
+from typing import Literal, Self, TextIO
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.csv_output import original
+
+# where a cell begins, or where one begins in a spreadsheet that separates by semicolons or tabs
+_CELL = r"""(?P<begin>(?:^|[;\t\r\n])[^\S\t\r\n]*"*)"""
+_FORMULA = re.compile(rf"{_CELL}(?P<marks>'*)(?=[=+\-@＝＋－＠]|(?<![;\t\r\n])[\t\r\n])(?P<rest>[^;\t\r\n]*)")
+_HARMLESS = re.compile(r"[-+]?([.,]?\d[\d.,]*([eE][-+]?\d+)?)?\s*")  # a number, decimal commas too, or a sign alone
+
+
+def neutral(text: str) -> str:
+    """Text as a cell that no spreadsheet takes for a formula; :func:`original` undoes it.
+
+    Such as ``=HYPERLINK(…)``: it gets an apostrophe, as spreadsheets mark text themselves. Numbers stay as they are.
+    """
+
+    def marked(found: re.Match[str]) -> str:
+        harmless = not found["marks"] and found["rest"] and _HARMLESS.fullmatch(found["rest"])
+        return found[0] if harmless else f"{found['begin']}'{found['marks']}{found['rest']}"
+
+    return _FORMULA.sub(marked, text)
+
+
+def original(cell: str) -> str:
+    """The text of a cell that :func:`neutral` made."""
+    if "'" not in cell:  # as nearly all of millions
+        return cell
+    return _FORMULA.sub(lambda found: f"{found['begin']}{found['marks'][1:]}{found['rest']}", cell)
+
+
+def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
+    """A table with every text :func:`neutral`, names of columns included."""
+    safe = table.rename(columns=_neutral)
+    for at in range(safe.shape[1]):
+        if not pd.api.types.is_numeric_dtype((column := safe.iloc[:, at]).dtype):
+            safe.isetitem(at, column.map({cell: _neutral(cell) for cell in column.unique()}))
+    return safe
+
+
+def csv_bytes(table: pd.DataFrame, float_format: Callable[[float], str] | None = "{:z.6g}".format) -> bytes:
+    """A table as CSV in UTF-8, by default with six significant digits and without a negative zero."""
+    text = without_formulas(table).to_csv(index=False, float_format=float_format, lineterminator="\n")
+    return str(text).encode()
+
+
+def read_csv_table(path: Path, numbers: Collection[str]) -> pd.DataFrame:
+    """A table as :func:`csv_bytes` wrote it, with text in all columns but ``numbers``.
+
+    Nothing but an empty cell of a number is missing: a test may be called NA, nan, None, 007 or 1e5.
+    Raises a ValueError if a number is none.
+    """
+    table = pd.read_csv(path, dtype=str, keep_default_na=False)
+    return table.apply(lambda cells: pd.to_numeric(cells) if cells.name in numbers else cells.map(original))
+
+
+def csv_text(rows: Iterable[Sequence[object]]) -> str:
+    """Rows as CSV; every text is quoted, so that leading and trailing spaces survive."""
+    stream = io.StringIO()
+    write_rows(stream, rows, quoting=csv.QUOTE_NONNUMERIC)
+    return stream.getvalue()
+
+
+def write_rows(stream: TextIO, rows: Iterable[Sequence[object]], quoting: Literal[0, 2] = csv.QUOTE_MINIMAL) -> None:
+    """Write rows as CSV to a stream, one by one."""
+    writer = csv.writer(stream, lineterminator="\n", quoting=quoting)
+    writer.writerows([_neutral(cell) for cell in row] for row in rows)
+
+
+def _neutral(cell: object) -> object:
+    return neutral(cell) if isinstance(cell, str) else cell
+
 
 _BLOCK = 4 << 20  # characters
 _LONGEST_LINE = 100_000
@@ -23,8 +90,7 @@ _MOST_COLUMNS = 500
 _LARGEST_TABLE, _MOST_LINES = 32 << 20, 500_000  # of a condition table; the first in characters
 _MOST_CELLS = 2_000_000  # 100,000 runs with 20 columns
 _MOST_PADDING = 5_000_000  # empty cells of a block whose lines are shorter than its header
-MOST_ROWS = 200_000
-"""Rows of a condition table: twice the largest library."""
+MOST_ROWS = 200_000  # of a condition table: twice the largest library
 _MOST_WIDE = 20  # lines with more cells than the header that are told
 _COMMA, _POINT = re.compile(r"\s*[+-]?\d+,\d+\s*"), re.compile(r"\s*[+-]?\d+\.\d+\s*")
 _AGAIN = "export it again as comma-separated text in UTF-8"
@@ -40,10 +106,7 @@ class CsvTable:
     @classmethod
     @contextmanager
     def opened(cls, path: Path, where: str) -> Iterator[Self]:
-        """Open a file; a DataError if it is empty, not UTF-8 text, not comma-separated, or cannot be read.
-
-        :meth:`blocks` may raise it too.
-        """
+        """Open a file; a DataError here or later if it is empty, not comma-separated UTF-8, or cannot be read."""
         with text_from(path, where) as stream:
             yield cls(stream, where)
 
@@ -73,8 +136,7 @@ class CsvTable:
     def _header(self) -> tuple[int, list[str]]:
         line = self._stream.readline(_LONGEST_LINE)
         _refuse_nul(line, self._where)
-        cells = _cells(line)
-        names = header_names(cells, self._where)
+        names = _header_names(cells := _cells(line), self._where)
         if names.count("id") > 1:
             raise DataError(Problem(self._where, "one column id", f"{names.count('id')} of them", "keep one of them"))
         return len(cells), names
@@ -88,16 +150,9 @@ class CsvTable:
             warnings.simplefilter("error", pd.errors.ParserWarning)
             try:
                 frame = pd.read_csv(
-                    io.StringIO(text),
-                    header=None,
-                    names=range(self._width),
-                    index_col=False,
-                    dtype=texts,
-                    keep_default_na=False,
-                    skip_blank_lines=False,
-                    skipinitialspace=True,
-                    low_memory=False,
-                )
+                    io.StringIO(text), header=None, names=range(self._width), index_col=False, dtype=texts,
+                    keep_default_na=False, skip_blank_lines=False, skipinitialspace=True, low_memory=False,
+                )  # fmt: skip
             except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError):
                 frame = pd.DataFrame()
         if len(frame) != text.count("\n") + (not text.endswith("\n")):
@@ -111,7 +166,7 @@ class CsvTable:
                 found = f"one alone in {printable(line, 60)!r}"
                 return Problem(self._where, "quotation marks in pairs on each line", found, _AGAIN, row=number)
             if len(cells := _cells(line)) > self._width:
-                return too_wide(self._where, self._width, cells, number)
+                return _too_wide(self._where, self._width, cells, number)
         return Problem(self._where, "a comma-separated table", "lines that cannot be told apart", _AGAIN, row=row)
 
 
@@ -131,10 +186,10 @@ def read_rows(
     with text_from(path, where) as stream:
         lines = _lines(stream, where)
         first = next(lines, "")
-        between = _separator(first) if by_hand else ","
+        between = "," if not by_hand or "," in first else next((mark for mark in ";\t" if mark in first), ",")
         reader = csv.reader(chain([first], lines), skipinitialspace=True, strict=True, delimiter=between)
         try:
-            names = header_names(next(reader, []), where)
+            names = _header_names(next(reader, []), where)
             most = min(most_rows, _MOST_CELLS // len(names))
             for number, cells in enumerate(reader, start=2):
                 is_blank = not any(map(str.strip, cells))
@@ -143,7 +198,7 @@ def read_rows(
                     raise DataError(Problem(where, expected, "more", advice))
                 if not is_blank:
                     if any(map(str.strip, cells[len(names) :])) and len(wide) < _MOST_WIDE:
-                        wide.append(too_wide(where, len(names), cells, number))
+                        wide.append(_too_wide(where, len(names), cells, number))
                     rows.append([*map(original, cells[: len(names)]), *[""] * (len(names) - len(cells))])
                     numbers.append(number)
         except csv.Error as error:
@@ -155,7 +210,6 @@ def read_rows(
 
 
 def _lines(stream: TextIO, where: str) -> Iterator[str]:
-    """The lines of a table, one at a time; a DataError at the first that no table has."""
     size = 0
     for row in count(1):
         line = stream.readline(_LONGEST_LINE + 1)
@@ -170,11 +224,6 @@ def _lines(stream: TextIO, where: str) -> Iterator[str]:
         yield line
 
 
-def _separator(header: str) -> str:
-    """What stands between the columns by the header, in whose names nothing of the kind stands."""
-    return next((other for other in ";\t" if other in header and "," not in header), ",")
-
-
 def _with_points(rows: list[list[str]]) -> list[list[str]]:
     """Decimal commas as points; but where any number has a point, a comma may stand between thousands and is left."""
     if any(_POINT.fullmatch(cell) for row in rows for cell in row):
@@ -182,8 +231,8 @@ def _with_points(rows: list[list[str]]) -> list[list[str]]:
     return [[cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
 
 
-def header_names(cells: Sequence[str], where: str) -> list[str]:
-    """The column names; a DataError if there are none or too many, or if they are not separated by commas."""
+def _header_names(cells: Sequence[str], where: str) -> list[str]:
+    """The column names; a DataError if there are none or too many, or no commas between them."""
     names = [original(cell.strip()) for cell in cells]
     while names and not names[-1]:
         names.pop()  # a comma at the end of each line
@@ -225,7 +274,7 @@ def unreadable(where: str, error: OSError) -> Problem:
     return Problem(where, "a file that can be read", found, "check what it is and who may read it")
 
 
-def too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem:
+def _too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem:
     """The problem of a line with more cells than the header."""
     found = f"{len(cells)} in the line {printable(','.join(cells), 60)!r}"
     advice = "write decimal points, not commas, and put text with commas between quotes"

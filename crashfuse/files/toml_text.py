@@ -47,7 +47,7 @@ def toml_text(value: str | float | Sequence[str] | Mapping[str, str]) -> str:
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{toml_text(key)} = {toml_text(own)}' for key, own in value.items())}}}"
+        return f"{{{', '.join(f'{toml_text(key)} = {toml_text(text)}' for key, text in value.items())}}}"
     items = [toml_text(item) for item in value]
     line = f"[{', '.join(items)}]"
     return line if len(line) < _LINE else "[\n" + "".join(f"    {item},\n" for item in items) + "]"

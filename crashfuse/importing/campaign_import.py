@@ -8,10 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, get_args
 
-from crashfuse.campaign_folder.added import Added
-from crashfuse.campaign_folder.additions import Addition, add_each
-from crashfuse.campaign_folder.columns import listed
-from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.campaign_folder.condition_tables import Role, listed
+from crashfuse.campaign_folder.editing import Added, Addition, add_to_campaign
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem, UsageError, one_of, require_a
 from crashfuse.files.archive import refuse
@@ -304,7 +302,7 @@ def add_settled(out: Path, settled: Sequence[Settled]) -> tuple[Added, ...]:
     for one in settled:
         addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality)
         additions.setdefault(one.role, []).append(addition)
-    return add_each(out, additions)
+    return add_to_campaign(out, additions)
 
 
 def _named(record: Record, problem: Problem) -> Problem:

@@ -8,12 +8,12 @@ from itertools import combinations
 import numpy as np
 
 from crashfuse.campaign_folder.plausibility import CREEP_MPS
-from crashfuse.campaign_folder.recorded_pulse import UNEVEN
+from crashfuse.campaign_folder.pulse_files import UNEVEN
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, stated_zero
 from crashfuse.readers.record import Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, speed
-from crashfuse.signals.onset import smoothed
+from crashfuse.signals.filters import smoothed
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.sensor_faults import confirmed, sensor_faults
 from crashfuse.units import G

@@ -6,13 +6,11 @@ from typing import Literal
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import Role
-from crashfuse.campaign_folder.gap import LEAST_M, gap_s
-from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
+from crashfuse.campaign_folder.plausibility import CREEP_MPS, LEAST_M, STOPS, gap_s
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
 from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, acceleration_unit, speed
-from crashfuse.signals.filters import CFC60_NOISE, noise_share
-from crashfuse.signals.onset import free_travel_s, onset
+from crashfuse.signals.filters import CFC60_NOISE, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from crashfuse.campaign_folder.sample_tables import read_pulse
+from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable, require_a, several
 from crashfuse.files.csv_text import CsvTable, read_rows

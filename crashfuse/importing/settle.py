@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from crashfuse.campaign_folder.columns import listed
-from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.cae_library import RunQuality
+from crashfuse.campaign_folder.condition_tables import Role, listed
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, MOVING, STOPS
-from crashfuse.campaign_folder.recorded_pulse import SHORTEST_S, advice_if_short, rate_trouble
+from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.importing.channels import agreeing_channels, average, measurement_problems, missing_choices
@@ -34,7 +34,6 @@ from crashfuse.importing.detection import (
 )
 from crashfuse.readers.record import AxleWeights, PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, speed, weight
-from crashfuse.run_quality import RunQuality
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, Pulse, kinematics
 from crashfuse.units import MS, G

@@ -11,12 +11,22 @@ from pathlib import Path, PurePath, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import get_args
 
-from crashfuse.campaign_folder.columns import listed
-from crashfuse.campaign_folder.ids import safe_id
-from crashfuse.campaign_folder.upload import check_uploads, members_of_zip
+from crashfuse.campaign_folder.condition_tables import listed, safe_id
+from crashfuse.campaign_folder.load import check_uploads, members_of_zip
 from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable, require_a
-from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member, in_memory, refuse, too_much, zip_members
-from crashfuse.files.tarball import ENDINGS, is_tar, tar_members
+from crashfuse.files.archive import (
+    DEFAULT_LIMITS,
+    ENDINGS,
+    Budget,
+    Limits,
+    Member,
+    in_memory,
+    is_tar,
+    refuse,
+    tar_members,
+    too_much,
+    zip_members,
+)
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral, read_tables
 from crashfuse.readers.format import Travel
 from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of

@@ -9,7 +9,7 @@ from typing import get_args
 
 import pandas as pd
 
-from crashfuse.campaign_folder.columns import listed
+from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable
 from crashfuse.readers.format import Travel
 from crashfuse.readers.record import PartialCondition, Record

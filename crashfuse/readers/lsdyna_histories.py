@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from crashfuse.cae_library import RunQuality
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.solver_run import Energies, History, axis_of_travel, complete_quality
-from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 
 MOST_NODES = 200_000

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from crashfuse.cae_library import RunQuality
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_of, is_computed, is_simulated, weight
-from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, joined
 

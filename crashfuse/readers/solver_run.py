@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS
-from crashfuse.run_quality import QUANTITIES, RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 from crashfuse.wording import number
@@ -282,16 +282,16 @@ class Energies:
 
 def complete_quality(quality: RunQuality, by: RunQuality) -> RunQuality:
     """Quality with what is not recorded taken from another source."""
-    pairs = {name: (getattr(quality, name), getattr(by, name)) for name in QUANTITIES}
+    pairs = {name: (getattr(quality, name), getattr(by, name)) for name in QUALITIES}
     return RunQuality(**{name: other if value is None else value for name, (value, other) in pairs.items()})
 
 
 def quality_sentence(quality: RunQuality, source: str) -> str:
     """What a source says of a run."""
     parts = [
-        f"{QUANTITIES[name]} {number(100 * value, '.3g')} % of {of}"
+        f"{QUALITIES[name]} {number(100 * value, '.3g')} % of {of}"
         if (value := getattr(quality, name)) is not None
-        else f"{QUANTITIES[name]} not recorded"
+        else f"{QUALITIES[name]} not recorded"
         for name, of in _OF.items()
     ]
     return f"Run quality ({source}): {', '.join(parts)}."

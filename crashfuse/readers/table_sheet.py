@@ -22,7 +22,7 @@ import pandas as pd
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, zip_members
-from crashfuse.files.csv_output import original
+from crashfuse.files.csv_text import original
 from crashfuse.readers.table_headers import use_of
 from crashfuse.readers.vocabulary import statement_of_simulation, unit_named
 from crashfuse.signals.pulse import FloatArray

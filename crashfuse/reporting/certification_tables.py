@@ -13,7 +13,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS, Verdict, all_met
 from crashfuse.condition import Condition
-from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.evidence_sentences import support_sentence
 from crashfuse.reporting.plots.display import Display
 from crashfuse.wording import MPH_LB, UnitSystem, probability_text, said, unbroken

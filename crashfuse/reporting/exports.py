@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from markupsafe import Markup
 
-from crashfuse.files.csv_output import neutral
+from crashfuse.files.csv_text import neutral
 
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:

@@ -8,8 +8,7 @@ import pandas as pd
 
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
-from crashfuse.signals.metrics import MAIN_METRICS, Metric
-from crashfuse.signals.missing_metrics import missing_sentences
+from crashfuse.signals.metrics import MAIN_METRICS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.wording import MPH_LB, Quantity, Sentence, UnitSystem
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.files.csv_output import read_csv_table
+from crashfuse.files.csv_text import read_csv_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, Ratings, parsed

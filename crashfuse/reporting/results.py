@@ -12,7 +12,7 @@ from crashfuse.certification.changes import Changes
 from crashfuse.certification.earlier import Earlier, read_earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
-from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import csv_as_given

@@ -10,8 +10,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from crashfuse.errors import UsageError, one_of
-from crashfuse.execution.progress import Progress, Watch
-from crashfuse.execution.progress_bar import ProgressBar
+from crashfuse.execution.progress import Progress, ProgressBar, Watch
 from crashfuse.reporting.plots.learning import learning_curves
 
 _CURVE_POINTS = 1000

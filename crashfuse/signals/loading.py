@@ -1,25 +1,20 @@
-"""The loading phase of a crash: from contact to the time of zero velocity, where displacement only grows (Fig. 14)."""
+"""The loading phase of a crash, from contact to the time of zero velocity, and the energy absorbed over crush."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
+from crashfuse.errors import DataError, Problem
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, TAIL, FloatArray, checked_pulse, kinematics
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LoadingPhase:
-    """A pulse up to the time of zero velocity, as functions of time.
+    """A pulse up to the time of zero velocity, as functions of time; shape (n,).
 
-    Displacement is strictly increasing, so acceleration is a function of it, too.
-
-    Attributes
-    ----------
-    time_s, displacement_m, velocity_mps, accel_mps2 : ndarray, shape (n,)
-        The last sample is the time of zero velocity, or the end of the record if the vehicle never stops.
-    t0_s : float
-        Time of zero velocity (t0 in the paper, TTZV in crash laboratories); NaN where the vehicle does not stop within
-        the record.
+    Displacement is strictly increasing, so acceleration is a function of it, too. The last sample is the time of zero
+    velocity ``t0_s`` (t0 in the paper, TTZV in crash laboratories), or the end of the record if the vehicle does not
+    stop within it, where that is NaN.
     """
 
     time_s: FloatArray
@@ -62,7 +57,65 @@ def loading_phase(accel_mps2: FloatArray, speed_mps: float) -> LoadingPhase:
     n = accel.size if np.isnan(t0) else int(np.searchsorted(time, t0))  # number of samples before t0, where v > 0
     phase = np.array([time[:n], motion.displacement_m[:n], motion.velocity_mps[:n], accel[:n]])
     if not np.isnan(t0):
-        rest = t0 - time[n - 1]
-        crush = motion.displacement_m[n - 1] + 0.5 * motion.velocity_mps[n - 1] * rest
+        left_s = t0 - time[n - 1]
+        crush = motion.displacement_m[n - 1] + 0.5 * motion.velocity_mps[n - 1] * left_s
         phase = np.column_stack([phase, [t0, crush, 0.0, np.interp(t0, time, accel)]])
     return LoadingPhase(phase[0], phase[1], phase[2], phase[3], t0)
+
+
+_POINTS = 201
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class EnergyCurve:
+    """Energy absorbed over crush in J/kg, shape (n,); multiply by the vehicle's mass in kg for J.
+
+    ``lower_jpkg`` and ``upper_jpkg`` are the central 95 % of the draws at each crush, None without draws.
+    """
+
+    crush_m: FloatArray
+    energy_jpkg: FloatArray
+    lower_jpkg: FloatArray | None = None
+    upper_jpkg: FloatArray | None = None
+
+
+def energy_crush(accel_mps2: FloatArray, speed_mps: float, *, draws_mps2: FloatArray | None = None) -> EnergyCurve:
+    """Energy that the vehicle has absorbed per kg of its mass over crush: e(s) = (v0² − v(s)²)/2.
+
+    It is the area under deceleration over displacement, and v0²/2 at the maximum dynamic crush.
+
+    Parameters and errors are those of :func:`crashfuse.signals.metrics.pulse_metrics`, of a pulse on the study grid:
+    12.5 kHz over 0–100 ms.
+
+    Returns
+    -------
+    EnergyCurve
+        At 201 evenly spaced displacements from contact to the pulse's maximum dynamic crush, or the end of its record.
+
+    Notes
+    -----
+    A draw that stops before some crush counts there as v0²/2. One whose record ends before it counts as the energy
+    absorbed so far in the lower end of the band, and as v0²/2 in the upper.
+    """
+    accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, DT_S, draws_mps2)
+    if accel_mps2.size != N_SAMPLES:
+        expected, found = f"{N_SAMPLES} samples, 12.5 kHz over 0–100 ms", f"{accel_mps2.size} samples"
+        raise DataError(Problem("accel_mps2", expected, found, "use crashfuse.Pulse.resampled"))
+    return checked_energy(accel_mps2, speed_mps, draws_mps2)
+
+
+def checked_energy(accel_mps2: FloatArray, speed_mps: float, draws_mps2: FloatArray | None = None) -> EnergyCurve:
+    """:func:`energy_crush` of a pulse whose units were checked as it was read."""
+    phase = loading_phase(accel_mps2, speed_mps)
+    crush = np.linspace(0.0, phase.crush_m, _POINTS)
+    total = speed_mps**2 / 2
+    energy = np.interp(crush, phase.displacement_m, total - phase.velocity_mps**2 / 2)
+    if draws_mps2 is None:
+        return EnergyCurve(crush, energy)
+    least, most = np.empty((2, len(draws_mps2), crush.size))
+    for i, draw in enumerate(draws_mps2):
+        phase = loading_phase(draw, speed_mps)
+        absorbed = total - phase.velocity_mps**2 / 2
+        least[i] = np.interp(crush, phase.displacement_m, absorbed)
+        most[i] = np.interp(crush, phase.displacement_m, absorbed, right=total)
+    return EnergyCurve(crush, energy, np.quantile(least, TAIL, axis=0), np.quantile(most, 1 - TAIL, axis=0))

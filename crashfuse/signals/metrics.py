@@ -4,48 +4,30 @@ Each metric is a small function of a :class:`~crashfuse.signals.pulse.Kinematics
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, require_a, require_number
+from crashfuse.errors import require_a
 from crashfuse.signals import pulse_shape
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel, occupant_load_criterion, vehicle_pulse_index
-from crashfuse.signals.pulse import (
-    DT_S,
-    FloatArray,
-    Kinematics,
-    Pulse,
-    kinematics,
-    numbers,
-    require_step,
-    with_late_stops,
-)
-from crashfuse.units import KPH, MPH, MS, G
+from crashfuse.signals.pulse import DT_S, TAIL, FloatArray, Kinematics, checked_pulse, kinematics, with_late_stops
+from crashfuse.units import KPH, MS, G
+from crashfuse.wording import Sentence, joined
 
-TAIL = 0.025  # share on either side of the central 95 %
 _WINDOW_S = 0.025  # of SM25
-_FASTEST_MPS = 100.0
-_OVER = 0.02  # share of the peak that is left in the last tenth of a record when the crash is over
-_GAINED = 0.1  # share of the impact speed; a pulse before contact may add some hundredths
-_REBOUND = (0.98, 1.3)  # change of velocity over impact speed, rebound included
 
 
 @dataclass(frozen=True, slots=True)
 class Metric:
     """One metric of a pulse.
 
-    Parameters
-    ----------
-    value : float or None
-        None if the record is too short for the metric; :mod:`~crashfuse.signals.missing_metrics` states the reason.
-    lower, upper : float or None
-        Central 95 % interval; None without draws, or if too many of them are too short to determine that end.
-    drawn : bool
-        Whether there are draws.
+    ``value`` is None if the record is too short for it, see :func:`missing_metrics`. ``lower`` and ``upper`` are the
+    central 95 % interval, each None without draws (``drawn``) or if too many of them are too short to determine it.
     """
 
     name: str
@@ -68,16 +50,12 @@ class Metric:
 
     @property
     def text(self) -> str:
-        """Value and interval as displayed, without unit: ``25.3 [24.1, 26.0]``, or ``25.3 [open]`` if no end is known.
-
-        Where the record is too short for a value, what is known of the interval is told, with its level:
-        ``≤ 15.3 (95 %, record too short)``.
-        """
+        """As displayed, without unit: ``25.3 [24.1, 26.0]``, ``25.3 [open]``, ``≤ 15.3 (95 %, record too short)``."""
         return self._text("")
 
     @property
     def text_with_unit(self) -> str:
-        """The same with the unit: ``25.3 [24.1, 26.0] g``."""
+        """As displayed, with the unit: ``25.3 [24.1, 26.0] g``."""
         return self._text(f" {self.unit}" if self.unit else "")
 
     def _text(self, unit: str) -> str:
@@ -93,32 +71,29 @@ class Metric:
 
 
 def _peak(motion: Kinematics) -> FloatArray:
-    """Largest deceleration."""
     return np.asarray(-motion.accel_mps2.min(axis=-1))
 
 
 def _peak_time(motion: Kinematics) -> FloatArray:
-    """Time of the largest deceleration."""
     return np.asarray(motion.accel_mps2.argmin(axis=-1) * motion.dt_s)
 
 
 def _delta_v(motion: Kinematics) -> FloatArray:
-    """Largest change of velocity over the record, rebound included."""
     return np.asarray((motion.velocity_mps[..., :1] - motion.velocity_mps).max(axis=-1))
 
 
 def _t0(motion: Kinematics) -> FloatArray:
-    """Time of zero velocity; infinite, meaning beyond the record, if there is none."""
+    """Infinite, meaning beyond the record, if there is none."""
     return np.nan_to_num(motion.t0_s, nan=np.inf)
 
 
 def _max_crush(motion: Kinematics) -> FloatArray:
-    """Maximum dynamic crush, the largest displacement; infinite if the vehicle does not stop."""
+    """Infinite if the vehicle does not stop."""
     return np.nan_to_num(motion.crush_m, nan=np.inf)
 
 
 def _mean(motion: Kinematics) -> FloatArray:
-    """Mean deceleration from contact to zero velocity, v0/t0: the later the stop, the smaller."""
+    """v0/t0: the later the stop, the smaller."""
     return np.nan_to_num(motion.velocity_mps[..., 0] / motion.t0_s, nan=-np.inf)
 
 
@@ -136,14 +111,14 @@ def _sm25(motion: Kinematics) -> FloatArray:
 
 
 def _olc(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
-    """Occupant load criterion; counts as smaller if the record ends before it, and before the vehicle moves freely."""
+    """Counts as smaller if the record ends before it, and before the vehicle moves freely."""
     free = pulse_shape.moves_freely(motion)
     olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant, free)
     return np.where(np.isnan(olc), -np.inf, olc)
 
 
 def _vpi(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
-    """Vehicle pulse index; NaN, neither smaller nor larger, if its peak is yet to come."""
+    """NaN, neither smaller nor larger, if its peak is yet to come."""
     return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant)
 
 
@@ -185,10 +160,10 @@ _READINGS: Mapping[str, _Reading] = {
         "VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked", occupant="vpi_words"
     ),
     "esw": _Reading("Equivalent square wave", pulse_shape.equivalent_square_wave, "g", G, _STOP, minor=True),
-    "g1": _Reading("Two-step pulse, G1", pulse_shape.first_step, "g", G, _STOP, minor=True),
-    "g2": _Reading("Two-step pulse, G2", pulse_shape.second_step, "g", G, _STOP, minor=True),
+    "g1": _Reading("Two-step pulse, G1", lambda m: pulse_shape.two_step(m).g1_mps2, "g", G, _STOP, minor=True),
+    "g2": _Reading("Two-step pulse, G2", lambda m: pulse_shape.two_step(m).g2_mps2, "g", G, _STOP, minor=True),
     "step_time": _Reading(
-        "Two-step pulse, time of the step", pulse_shape.step_time, "ms", MS, _STOP,
+        "Two-step pulse, time of the step", lambda m: pulse_shape.two_step(m).time_s, "ms", MS, _STOP,
         minor=True,
     ),
     "centroid_time": _Reading("Centroid time of the pulse", pulse_shape.centroid_time, "ms", MS, _STOP, minor=True),
@@ -215,23 +190,20 @@ MAIN_METRICS = tuple(name for name, reading in _READINGS.items() if not reading.
 
 
 def metric_headings(filter_class: str = "", occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, str]:
-    """Labels of the metrics with their units, as table rows and axes.
-
-    Beside an occupant metric stand its settings, if they are not the usual ones, and the filter class, if given.
-    """
+    """Labels of the metrics with their units, as table rows and axes; those of the occupant with their bases."""
     bases = metric_bases(filter_class, occupant)
-
-    def heading(name: str, reading: _Reading) -> str:
-        beside = f", {bases[name]}" if reading.occupant and bases[name] else ""
-        return f"{reading.label}{beside}" + (f" ({reading.unit})" if reading.unit else "")
-
-    return {name: heading(name, reading) for name, reading in _READINGS.items()}
+    return {
+        name: reading.label
+        + (f", {bases[name]}" if reading.occupant and bases[name] else "")
+        + (f" ({reading.unit})" if reading.unit else "")
+        for name, reading in _READINGS.items()
+    }
 
 
 def metric_bases(filter_class: str, occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, str]:
     """What each metric rests on: the filter class, and settings of the occupant model that are not the usual ones."""
-    settings = {name: getattr(occupant, own.occupant) if own.occupant else "" for name, own in _READINGS.items()}
-    return {name: ", ".join(filter(None, (own, filter_class))) for name, own in settings.items()}
+    settings = {name: getattr(occupant, read.occupant) if read.occupant else "" for name, read in _READINGS.items()}
+    return {name: ", ".join(filter(None, (setting, filter_class))) for name, setting in settings.items()}
 
 
 def metric_values(
@@ -246,60 +218,12 @@ def metric_values(
 
     The impact speed may be one for all, or one for each pulse. Of draws that are ``predicted``, not measured, more is
     known beyond the record: one that is nearly at rest stops as in :func:`crashfuse.signals.pulse.with_late_stops`.
-
     If the record ends too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
     """
     motion = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
     if predicted:
         motion = with_late_stops(motion)
     return {name: reading.of(motion, occupant) for name, reading in _READINGS.items()}
-
-
-def checked_pulse(
-    accel_mps2: FloatArray, speed_mps: float, dt_s: float, draws_mps2: FloatArray | None
-) -> tuple[FloatArray, FloatArray | None]:
-    """A pulse from contact on and its draws as float64.
-
-    Raises
-    ------
-    DataError
-        If they are no such arrays, or what they do to the impact speed tells that a unit or the sign is another.
-    """
-    expected, accel_mps2 = "the impact speed in m/s", numbers("accel_mps2", accel_mps2)
-    require_step(dt_s, accel_mps2.size)
-    accel_mps2 = Pulse(np.arange(accel_mps2.size) * dt_s, accel_mps2).accel_mps2
-    require_number("speed_mps", speed_mps)
-    stated = f"{speed_mps:g}"
-    if not 0 < speed_mps < math.inf:
-        raise DataError(Problem("speed_mps", expected, stated, "state a number above 0"))
-    motion = kinematics(accel_mps2, speed_mps, dt_s)
-    if (lost := float(speed_mps - motion.velocity_mps.min())) > _FASTEST_MPS:
-        expected, found = "times in s and acceleration in m/s²", f"a pulse that takes away {lost / KPH:,.0f} km/h"
-        raise DataError(Problem("accel_mps2", expected, found, "correct the unit, of dt_s or of the acceleration"))
-    gained = float(motion.velocity_mps.max()) / speed_mps - 1
-    if gained > _GAINED and gained > lost / speed_mps:
-        found = f"a pulse that adds {100 * gained:.0f} % to the impact speed"
-        raise DataError(Problem("accel_mps2", "acceleration, negative while braking", found, "change its sign"))
-    likely = {"km/h": KPH} if speed_mps > _FASTEST_MPS else {}
-    accel, last = np.abs(motion.accel_mps2), max(motion.accel_mps2.size // 10, 1)
-    is_over = motion.velocity_mps[-1] > 0 and accel[-last:].mean() < _OVER * accel.max()
-    change, (least, most) = lost / speed_mps, _REBOUND
-    if is_over:
-        likely |= {unit: size for unit, size in (("mph", MPH), ("km/h", KPH)) if least < change / size < most}
-        stated += f", of which the pulse takes away {100 * change:.0f} %"
-    for unit, size in likely.items():
-        advice = f"convert it: {speed_mps:g} {unit} are {speed_mps * size:.4g} m/s"
-        raise DataError(Problem("speed_mps", expected, stated, advice))
-    if is_over and least < change * G < most:
-        found = f"a pulse that takes away {100 * change:.0f} % of the impact speed"
-        raise DataError(Problem("accel_mps2", "acceleration in m/s²", found, f"multiply it by {G:g} if it is in g"))
-    if draws_mps2 is None:
-        return accel_mps2, None
-    draws_mps2 = numbers("draws_mps2", draws_mps2)
-    if draws_mps2.ndim != 2 or draws_mps2.shape[-1] != accel_mps2.size or not draws_mps2.size:
-        expected, shape = f"whole pulses, shape (n_draws, {accel_mps2.size})", f"shape {draws_mps2.shape}"
-        raise DataError(Problem("draws_mps2", expected, shape, "give each draw as many samples as the pulse has"))
-    return accel_mps2, draws_mps2
 
 
 def pulse_metrics(
@@ -341,9 +265,8 @@ def pulse_metrics(
     -----
     peak is the largest deceleration, delta_v the largest change of velocity, rebound included; t0 the time of zero
     velocity, max_crush the largest displacement, mean v0/t0; sm25 the largest mean over any 25 ms within the record,
-    (v(t) − v(t + 25 ms))/25 ms; olc the occupant load criterion (65 mm of free flight, 235 mm of restraint) and vpi the
-    vehicle pulse index (ISO/TR 12353-3), with formulas in :mod:`crashfuse.signals.occupant`. The others describe the
-    shape of the pulse and the rebound, with formulas and sources in :mod:`crashfuse.signals.pulse_shape`.
+    (v(t) − v(t + 25 ms))/25 ms. For olc, the occupant load criterion, and vpi, the vehicle pulse index, see
+    :mod:`crashfuse.signals.occupant`; for the others, shape and rebound, :mod:`crashfuse.signals.pulse_shape`.
 
     The value is that of the pulse itself, so it can be checked against its curve. The interval is that of the draws.
     The pulse, a mean curve, is smoother than any draw, so its peak may lie below the interval.
@@ -370,16 +293,16 @@ def checked_metrics(
     draws_mps2: FloatArray | None = None,
     occupant: OccupantModel = USUAL_OCCUPANT,
 ) -> tuple[Metric, ...]:
-    """The same of a pulse whose units were checked as it was read."""
+    """:func:`pulse_metrics` of a pulse whose units were checked as it was read."""
     values = metric_values(accel_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
-    drawn = (
-        None
-        if draws_mps2 is None
-        else metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant, predicted=True)
+    intervals: dict[str, tuple[float | None, float | None]] = dict.fromkeys(values, (None, None))
+    if draws_mps2 is not None:
+        drawn = metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant, predicted=True)
+        intervals = {name: _interval(of_draws) for name, of_draws in drawn.items()}
+    return tuple(
+        Metric(name, _finite(value), *intervals[name], METRIC_UNITS[name], draws_mps2 is not None)
+        for name, value in values.items()
     )
-    intervals = {name: (None, None) if drawn is None else _interval(drawn[name]) for name in values}
-    has = drawn is not None
-    return tuple(Metric(n, _finite(value), *intervals[n], METRIC_UNITS[n], has) for n, value in values.items())
 
 
 def _interval(values: FloatArray) -> tuple[float | None, float | None]:
@@ -392,3 +315,31 @@ def _interval(values: FloatArray) -> tuple[float | None, float | None]:
 def _finite(value: npt.ArrayLike) -> float | None:
     number = float(np.asarray(value))
     return number if math.isfinite(number) else None
+
+
+def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
+    """Sentences on which metrics and interval ends of a pulse are missing, one per reason; empty if none is."""
+    values, ends = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
+    for metric in metrics:
+        needs, label = METRIC_NEEDS[metric.name], METRIC_LABELS[metric.name]
+        if metric.value is None:
+            values[needs].append(label)
+        missing = [name for name, end in (("lower", metric.lower), ("upper", metric.upper)) if end is None]
+        if metric.drawn and missing:
+            ends[needs].append(f"{label} ({' and '.join(missing)} end)")
+    no_value = "The record ends before {}, which leaves no value of: {}."
+    open_end = "More than one draw in forty ends before {}, which leaves open: {}."
+    return tuple(
+        sentence.format(needs, "; ".join(labels))
+        for sentence, lacking in ((no_value, values), (open_end, ends))
+        for needs, labels in lacking.items()
+    )
+
+
+def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[str]:
+    """Sentences of :func:`missing_metrics` for named pulses, each once with the names that it applies to."""
+    names: dict[str, list[str]] = {}
+    for name, of_pulse in metrics:
+        for sentence in missing_metrics(of_pulse):
+            names.setdefault(sentence, []).append(name)
+    return [Sentence("{}: {}", joined(of_sentence, ", "), sentence) for sentence, of_sentence in names.items()]

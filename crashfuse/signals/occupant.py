@@ -59,8 +59,8 @@ class OccupantModel:
         return " and ".join(filter(None, (self.olc_words, self.vpi_words))) or "the usual one"
 
     def _unless_usual(self, words: str) -> str:
-        own = words.format(self)
-        return "" if own == words.format(USUAL_OCCUPANT) else own
+        text = words.format(self)
+        return "" if text == words.format(USUAL_OCCUPANT) else text
 
 
 def likely_m(name: str, value: float) -> str:
@@ -101,10 +101,6 @@ def occupant_load_criterion(
     ----------
     velocity_mps, displacement_m : ndarray, shape (..., n)
         Motion of the vehicle, the first sample at contact.
-    dt_s : float
-        Time step in s.
-    occupant : OccupantModel
-        Its distances.
     free : ndarray of bool, shape (...)
         Whether the vehicle moves freely when the record ends: it then goes on at its last velocity, which tells a later
         t2, too.
@@ -127,8 +123,8 @@ def occupant_load_criterion(
     t1 = first_reached(flown, free_flight_m)[..., None] * dt_s
     way = (speed + velocity_mps) / 2 * (time - t1) - (displacement_m - (speed * t1 - free_flight_m))
     end, last = first_reached(way, restraint_m), velocity_mps.shape[-1] - 1
-    closing, rest = (speed[..., 0] - velocity_mps[..., -1]) / 2 * dt_s, restraint_m - way[..., -1]
-    later = np.divide(rest, closing, out=np.full_like(rest, np.nan), where=closing > 0)
+    closing, left = (speed[..., 0] - velocity_mps[..., -1]) / 2 * dt_s, restraint_m - way[..., -1]
+    later = np.divide(left, closing, out=np.full_like(left, np.nan), where=closing > 0)
     end = np.where(free & np.isnan(end), last + later, end)
     return np.asarray((speed[..., 0] - value_at(velocity_mps, np.minimum(end, last))) / (end * dt_s - t1[..., 0]))
 
@@ -161,10 +157,10 @@ def _stretched(taut: FloatArray, step: FloatArray, pull: float) -> FloatArray:
     """How far the spring is stretched, shape (n, n_pulses), where it is taut from ``taut`` on; all pulses at once."""
     stretch = np.zeros_like(taut)
     now, pulled = step.copy(), np.empty_like(step)
-    for at, own in zip(taut[1:], stretch[1:], strict=True):
-        np.subtract(now, at, out=own)
-        np.maximum(own, 0.0, out=own)
-        np.multiply(own, pull, out=pulled)
+    for at, row in zip(taut[1:], stretch[1:], strict=True):
+        np.subtract(now, at, out=row)
+        np.maximum(row, 0.0, out=row)
+        np.multiply(row, pull, out=pulled)
         step -= pulled
         now += step
     return stretch
@@ -176,10 +172,10 @@ def _stretched_of_few(taut: FloatArray, step: FloatArray, pull: float) -> FloatA
     for pulse, moved in enumerate(step.tolist()):
         now = moved
         for sample, at in enumerate(taut[1:, pulse].tolist(), start=1):
-            own = max(now - at, 0.0)
-            if own:
-                stretch[sample, pulse] = own
-            moved -= own * pull
+            stretched = max(now - at, 0.0)
+            if stretched:
+                stretch[sample, pulse] = stretched
+            moved -= stretched * pull
             now += moved
     return stretch
 

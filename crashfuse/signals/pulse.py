@@ -4,12 +4,14 @@ Signs follow SAE J1733: braking is negative, so velocity is ``v0`` plus the inte
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, printable, require_number
+from crashfuse.units import KPH, MPH, G
 
 FloatArray = npt.NDArray[np.floating[Any]]
 
@@ -19,8 +21,13 @@ DT_S = 1 / SAMPLE_RATE_HZ
 GRID_S: FloatArray = np.arange(N_SAMPLES) * DT_S
 """The time grid of every pulse in a campaign and every prediction: 12.5 kHz over 0–100 ms, shape (1250,), in s."""
 GRID_S.flags.writeable = False
+TAIL = 0.025  # share on either side of the central 95 % of draws
 
 _LONGEST_STEP_S, _LONGEST_S = 0.02, 10.0  # beyond any record of a crash: what is meant is in ms
+_FASTEST_MPS = 100.0
+_OVER = 0.02  # share of the peak that is left in the last tenth of a record when the crash is over
+_GAINED = 0.1  # share of the impact speed; a pulse before contact may add some hundredths
+_REBOUND = (0.98, 1.3)  # change of velocity over impact speed, rebound included
 _NEARLY_STOPPED = 0.25  # share of the impact speed
 _LEAST_BRAKING = 0.5  # share of the mean deceleration so far: cut anywhere, no crash of 70 random vehicles braked less
 
@@ -95,7 +102,6 @@ def require_step(dt_s: float, n: int) -> None:
 
 
 def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
-    """Describe what makes the two arrays invalid as a pulse, if anything."""
     if time.ndim != 1 or time.shape != accel.shape or time.size < 2:
         return f"time of shape {time.shape} and acceleration of shape {accel.shape}"
     if not (np.isfinite(time).all() and np.isfinite(accel).all()):
@@ -108,16 +114,10 @@ def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Kinematics:
-    """Acceleration, and the motion that follows from it and the impact speed; leading axes are draws.
+    """Acceleration, and the motion that follows from it and the impact speed, shape (..., n); leading axes are draws.
 
-    Attributes
-    ----------
-    accel_mps2, velocity_mps, displacement_m : ndarray, shape (..., n)
-    t0_s : ndarray, shape (...)
-        Time of zero velocity, linearly interpolated; NaN where the vehicle does not stop within the record. It lies
-        beyond the record only in :func:`with_late_stops`.
-    dt_s : float
-        Time step in s.
+    ``t0_s``, shape (...), is the time of zero velocity, linearly interpolated; NaN where the vehicle does not stop
+    within the record. It lies beyond the record only in :func:`with_late_stops`.
     """
 
     accel_mps2: FloatArray
@@ -188,3 +188,66 @@ def zero_velocity_time(velocity: FloatArray, dt_s: float) -> FloatArray:
     drop = v_before - v_after
     share = np.divide(v_before, drop, out=np.zeros_like(v_before), where=drop > 0)
     return np.where(stopped.any(axis=-1), (before + share) * dt_s, np.nan)
+
+
+def checked_pulse(
+    accel_mps2: FloatArray, speed_mps: float, dt_s: float, draws_mps2: FloatArray | None
+) -> tuple[FloatArray, FloatArray | None]:
+    """A pulse from contact on and its draws as float64.
+
+    Raises a DataError if they are no such arrays, or what they do to the impact speed tells that a unit or the sign is
+    another.
+    """
+    expected, accel_mps2 = "the impact speed in m/s", numbers("accel_mps2", accel_mps2)
+    require_step(dt_s, accel_mps2.size)
+    accel_mps2 = Pulse(np.arange(accel_mps2.size) * dt_s, accel_mps2).accel_mps2
+    require_number("speed_mps", speed_mps)
+    stated = f"{speed_mps:g}"
+    if not 0 < speed_mps < np.inf:
+        raise DataError(Problem("speed_mps", expected, stated, "state a number above 0"))
+    motion = kinematics(accel_mps2, speed_mps, dt_s)
+    if (lost := float(speed_mps - motion.velocity_mps.min())) > _FASTEST_MPS:
+        expected, found = "times in s and acceleration in m/s²", f"a pulse that takes away {lost / KPH:,.0f} km/h"
+        raise DataError(Problem("accel_mps2", expected, found, "correct the unit, of dt_s or of the acceleration"))
+    gained = float(motion.velocity_mps.max()) / speed_mps - 1
+    if gained > _GAINED and gained > lost / speed_mps:
+        found = f"a pulse that adds {100 * gained:.0f} % to the impact speed"
+        raise DataError(Problem("accel_mps2", "acceleration, negative while braking", found, "change its sign"))
+    likely = {"km/h": KPH} if speed_mps > _FASTEST_MPS else {}
+    accel, last = np.abs(motion.accel_mps2), max(motion.accel_mps2.size // 10, 1)
+    is_over = motion.velocity_mps[-1] > 0 and accel[-last:].mean() < _OVER * accel.max()
+    change, (least, most) = lost / speed_mps, _REBOUND
+    if is_over:
+        likely |= {unit: size for unit, size in (("mph", MPH), ("km/h", KPH)) if least < change / size < most}
+        stated += f", of which the pulse takes away {100 * change:.0f} %"
+    for unit, size in likely.items():
+        advice = f"convert it: {speed_mps:g} {unit} are {speed_mps * size:.4g} m/s"
+        raise DataError(Problem("speed_mps", expected, stated, advice))
+    if is_over and least < change * G < most:
+        found = f"a pulse that takes away {100 * change:.0f} % of the impact speed"
+        raise DataError(Problem("accel_mps2", "acceleration in m/s²", found, f"multiply it by {G:g} if it is in g"))
+    if draws_mps2 is None:
+        return accel_mps2, None
+    draws_mps2 = numbers("draws_mps2", draws_mps2)
+    if draws_mps2.ndim != 2 or draws_mps2.shape[-1] != accel_mps2.size or not draws_mps2.size:
+        expected, shape = f"whole pulses, shape (n_draws, {accel_mps2.size})", f"shape {draws_mps2.shape}"
+        raise DataError(Problem("draws_mps2", expected, shape, "give each draw as many samples as the pulse has"))
+    return accel_mps2, draws_mps2
+
+
+def in_full(thinned: FloatArray, stride: int) -> FloatArray:
+    """Interpolate every n-th sample back to the study grid by a cubic spline, shape (..., 1250).
+
+    A CFC 60 pulse holds no finer detail than ten samples.
+    """
+    return thinned if stride == 1 else np.asarray(thinned @ _spline(stride))
+
+
+@cache
+def _spline(stride: int) -> FloatArray:
+    """The spline of each thinned sample alone, one a row: interpolation is linear in the samples."""
+    from scipy.interpolate import CubicSpline  # a rating needs none
+
+    time = GRID_S[::stride]
+    spline: FloatArray = CubicSpline(time, np.eye(time.size), axis=1)(GRID_S)
+    return spline

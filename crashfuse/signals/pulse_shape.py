@@ -3,6 +3,8 @@
 All up to the time of zero velocity T, at which the crush C is largest, but for the rebound, which begins there. Each
 function takes one motion or many (leading dimensions) and returns SI. Where the vehicle is not known to stop, the
 result is infinite on the side where it would lie, or NaN if that is not known.
+
+Square wave, centroid time and static crush: M. Huang: Vehicle Crash Mechanics. CRC Press 2002, chapter 2.
 """
 
 from collections.abc import Callable
@@ -22,7 +24,6 @@ _INSTANT_S = 1e-9
 _QUIET_MPS2, _QUIET_S = 0.5 * G, 2e-3  # when nothing throws the vehicle back any more
 _FREE_SHARE, _FREE_S = 0.05, 10e-3  # of all speed lost, so little is lost in the last 10 ms by one that is free
 
-
 T = TypeVar("T")
 
 
@@ -39,33 +40,22 @@ def _once(of_motion: Callable[[Kinematics], T]) -> Callable[[Kinematics], T]:
     known: WeakKeyDictionary[Kinematics, T] = WeakKeyDictionary()
 
     @wraps(of_motion)
-    def found(motion: Kinematics) -> T:
-        result = known.get(motion)
-        if result is None:
-            result = known[motion] = of_motion(motion)
-        return result
+    def once(motion: Kinematics) -> T:
+        if motion not in known:
+            known[motion] = of_motion(motion)
+        return known[motion]
 
-    return found
+    return once
 
 
 def equivalent_square_wave(motion: Kinematics) -> FloatArray:
-    """The constant deceleration that stops the vehicle within the same crush, v0²/(2 C).
-
-    References
-    ----------
-    M. Huang: Vehicle Crash Mechanics. CRC Press 2002, chapter 2 (ESW).
-    """
+    """The constant deceleration that stops the vehicle within the same crush, v0²/(2 C) (ESW)."""
     speed = motion.velocity_mps[..., 0]
     return np.nan_to_num(speed**2 / 2 / motion.crush_m, nan=-np.inf)
 
 
 def centroid_time(motion: Kinematics) -> FloatArray:
-    """The time of the centroid of the pulse up to T, ∫ a t dt / ∫ a dt, which is C/v0.
-
-    References
-    ----------
-    M. Huang: Vehicle Crash Mechanics. CRC Press 2002, chapter 2.
-    """
+    """The time of the centroid of the pulse up to T, ∫ a t dt / ∫ a dt, which is C/v0."""
     speed = motion.velocity_mps[..., 0]
     return np.nan_to_num(motion.crush_m / speed, nan=np.inf)
 
@@ -94,21 +84,6 @@ def two_step(motion: Kinematics) -> TwoStep:
     at, then = np.take_along_axis(velocity, step, axis=-1), time[step]
     found = (speed - at) / then, at / (end - then), then
     return TwoStep(*(np.where(np.isnan(motion.t0_s), np.nan, of[..., 0]) for of in found))
-
-
-def first_step(motion: Kinematics) -> FloatArray:
-    """G1 of :func:`two_step`, the deceleration before the step."""
-    return two_step(motion).g1_mps2
-
-
-def second_step(motion: Kinematics) -> FloatArray:
-    """G2 of :func:`two_step`, the deceleration after the step."""
-    return two_step(motion).g2_mps2
-
-
-def step_time(motion: Kinematics) -> FloatArray:
-    """Time of the step of :func:`two_step`."""
-    return two_step(motion).time_s
 
 
 def loading_ratio(motion: Kinematics) -> FloatArray:
@@ -148,10 +123,6 @@ def static_crush(motion: Kinematics) -> FloatArray:
     """Displacement when the vehicle leaves the barrier: the crush that remains.
 
     Minus infinity if the record ends before, as the vehicle still moves back then.
-
-    References
-    ----------
-    M. Huang: Vehicle Crash Mechanics. CRC Press 2002, chapter 2 (static crush at the time of separation).
     """
     left, at = _separation(motion)
     crush = np.take_along_axis(motion.displacement_m, at[..., None], axis=-1)[..., 0]

@@ -1,37 +1,23 @@
 """Rating of the match between two pulses: the objective rating metric of ISO/TS 18571, edition 2024.
 
-Four scores from 0 to 1, each on two curves sampled at 10 kHz, the reference T (the test) and the comparison C:
-
-corridor
-    how much of C lies in a tube around T;
-phase
-    how little C has to be shifted in time to correlate best with T;
-magnitude
-    how close C is to T once both are shifted and warped in time;
-slope
-    how close their derivatives are once shifted.
+Four scores from 0 to 1 on two curves at 10 kHz, the reference T (the test) and the comparison C. Corridor: how much of
+C lies in a tube around T. Phase: how little C has to be shifted in time to correlate best with T. Magnitude: how close
+C is to T once both are shifted and warped in time. Slope: how close their derivatives are once shifted.
 
 The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. No intermediate result is rounded. What a
 rating lost where is told by :mod:`crashfuse.signals.rating_explanation`.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, UsageError, printable, require_number
 from crashfuse.signals.pulse import FloatArray, Pulse, numbers, require_step
-from crashfuse.signals.rating_scores import (
-    MAX_SHIFT,
-    WARP_BAND,
-    best_shifts,
-    corridor_score,
-    magnitude_score,
-    overlap,
-    slope_score,
-)
 
 STANDARD = "ISO/TS 18571:2024"
 """The edition: weights, corridors and grades as in 2014, and the window of the warping fixed at 10 %."""
@@ -42,6 +28,16 @@ GRADES = ((0.94, "Excellent"), (0.80, "Good"), (0.58, "Fair"))
 """Grades with the overall rating that each must exceed; anything lower is Poor."""
 WEIGHTS = {"corridor": 0.4, "phase": 0.2, "magnitude": 0.2, "slope": 0.2}
 """Weight of each of the four scores in the overall rating."""
+INNER_CORRIDOR, OUTER_CORRIDOR = 0.05, 0.5
+"""Half widths of the corridors, as shares of the largest |T|."""
+MAX_SHIFT = 0.2
+"""Largest shift tried, as a share of the samples."""
+WARP_BAND = 0.1
+"""Half width of the band of the time warping, as a share of the overlap."""
+
+_MAGNITUDE_LIMIT, _SLOPE_LIMIT = 0.5, 2.0  # relative errors from which the score is 0
+WarpingPath = tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]
+"""Indices into the comparison and into the reference, step by step from (0, 0) to the last samples."""
 
 _LARGEST = 1e100  # squares of larger values may overflow; a diverged simulation gets there
 _BAND_BYTES = 64 * 2**20  # memory for the warping of one block of curves
@@ -161,16 +157,8 @@ class Ratings(dict[float, Rating]):
 
 
 def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float]) -> Ratings:
-    """Rate two pulses, on any time grids, over the windows [0, w).
-
-    Raises
-    ------
-    DataError
-        As :func:`rate_iso18571`, or if a window reaches beyond a record.
-    """
-    return Ratings(
-        {float(window_ms): rate_iso18571(reference, comparison, window_ms=window_ms) for window_ms in windows_ms}
-    )
+    """Rate two pulses, on any time grids, over the windows [0, w); raises as :func:`rate_iso18571`."""
+    return Ratings({float(end_ms): rate_iso18571(reference, comparison, window_ms=end_ms) for end_ms in windows_ms})
 
 
 def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple[FloatArray, FloatArray]:
@@ -204,7 +192,6 @@ def _check(reference: FloatArray, comparisons: FloatArray, dt_s: float) -> None:
 
 
 def _at_10_khz(curves: FloatArray, dt_s: float) -> FloatArray:
-    """Interpolate along the last axis to 0.1 ms over [0, n dt_s)."""
     n = curves.shape[-1]
     if math.isclose(dt_s, RATING_DT_S, rel_tol=1e-9):
         return curves
@@ -231,3 +218,179 @@ def _rate(reference: FloatArray, comparisons: FloatArray) -> list[Rating]:
     overall = sum(weight * part for weight, part in zip(WEIGHTS.values(), parts, strict=True))
     scores = np.column_stack([overall, *parts]).tolist()
     return [Rating(o, c, p, m, s, grade(o)) for o, c, p, m, s in scores]
+
+
+def corridor_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
+    """Mean of the :func:`corridor_values` over time, shape (n_curves,)."""
+    return np.asarray(corridor_values(reference, comparisons).mean(axis=-1))
+
+
+def corridor_values(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
+    """At each time 1 inside the inner corridor, 0 outside the outer one, and a parabola in between."""
+    norm = np.abs(reference).max()
+    inner, outer = INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm
+    distance = np.abs(comparisons - reference)
+    return np.asarray(np.clip((outer - distance) / (outer - inner), 0.0, 1.0) ** 2)
+
+
+def overlap(reference: FloatArray, comparisons: FloatArray, shift: int) -> tuple[FloatArray, FloatArray]:
+    """The overlap of both when the comparison moves left by ``shift`` samples (right if negative)."""
+    if shift >= 0:
+        return reference[: reference.size - shift], comparisons[..., shift:]
+    return reference[-shift:], comparisons[..., :shift]
+
+
+def best_shifts(reference: FloatArray, comparisons: FloatArray) -> npt.NDArray[np.int_]:
+    """Find each curve's shift of best correlation, the first of equals in the order 0, 1, −1, 2, −2 and so on.
+
+    All correlations come from one Fourier transform, with a bound of their rounding errors; the few shifts that these
+    errors leave undecided are recomputed one by one by the formula of the standard. Shape (n_curves,).
+    """
+    largest = math.floor(MAX_SHIFT * reference.size)
+    shifts = np.array([0, *(side * m for m in range(1, largest + 1) for side in (1, -1))])
+    rho, error = _correlations(reference, comparisons, shifts)
+    possible = rho + error >= (rho - error).max(axis=1, keepdims=True)
+    best: npt.NDArray[np.int_] = shifts[possible.argmax(axis=1)]
+    for curve in np.flatnonzero(possible.sum(axis=1) > 1):
+        candidates = shifts[possible[curve]]
+        exact = [_correlation(*overlap(reference, comparisons[curve], shift)) for shift in candidates]
+        best[curve] = candidates[np.argmax(exact)]
+    best[(comparisons == reference).all(axis=1)] = 0  # a correlation of 1, which rounding might hide
+    return best
+
+
+def _correlations(
+    reference: FloatArray, comparisons: FloatArray, shifts: npt.NDArray[np.int_]
+) -> tuple[FloatArray, FloatArray]:
+    """Pearson correlation on every overlap, and a bound on its rounding error, both shape (n_curves, n_shifts)."""
+    n = reference.size
+    t = reference - reference.mean()
+    c = comparisons - comparisons.mean(axis=1, keepdims=True)
+    n_fft = 2 ** (n + int(shifts.max())).bit_length()
+    cross = np.fft.irfft(np.fft.rfft(t, n_fft).conj() * np.fft.rfft(c, n_fft), n_fft)[:, shifts % n_fft]
+
+    left, right = np.maximum(shifts, 0), np.maximum(-shifts, 0)
+    length = n - left - right
+    sum_t, sum_c = _sums(t, right, n - left), _sums(c, left, n - right)
+    square_t = _sums(t**2, right, n - left) - sum_t**2 / length
+    square_c = _sums(c**2, left, n - right) - sum_c**2 / length
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rho = (cross - sum_t * sum_c / length) / np.sqrt(square_t * square_c)
+        error = 1e-12 * ((t**2).sum() / square_t + (c**2).sum(axis=1, keepdims=True) / square_c)
+    undefined = ~((square_t > 0) & (square_c > 0))
+    rho[undefined], error[undefined] = 0.0, np.inf
+    return rho, error
+
+
+def _sums(values: FloatArray, start: npt.NDArray[np.int_], stop: npt.NDArray[np.int_]) -> FloatArray:
+    """Sum ``values[..., start:stop]`` for all pairs of bounds at once."""
+    running = np.zeros((*values.shape[:-1], values.shape[-1] + 1))
+    np.cumsum(values, axis=-1, out=running[..., 1:])
+    return np.asarray(running.take(stop, axis=-1) - running.take(start, axis=-1))
+
+
+def _correlation(t: FloatArray, c: FloatArray) -> float:
+    if np.ptp(t) == 0 or np.ptp(c) == 0:
+        return -math.inf  # undefined: never better than another
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.nan_to_num(np.corrcoef(t, c)[0, 1], nan=-math.inf))
+
+
+def magnitude_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
+    """Score of the relative difference along the dynamic time warping path, shape (n_curves,)."""
+    error = np.empty(len(comparisons))
+    for curve, (i, j) in enumerate(warping_paths(comparisons, reference, band=WARP_BAND)):
+        comparison = comparisons[curve]
+        error[curve] = np.abs(comparison[i] - reference[j]).sum() / np.abs(reference[j]).sum()
+    return np.maximum((_MAGNITUDE_LIMIT - error) / _MAGNITUDE_LIMIT, 0.0)
+
+
+def slope_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
+    """Score of the relative difference of the smoothed derivatives, shape (n_curves,)."""
+    t, c = smooth_slope(reference), smooth_slope(comparisons)
+    difference, norm = np.abs(c - t).sum(axis=-1), np.abs(t).sum()
+    error = difference / norm if norm > 0 else np.where(difference > 0, np.inf, 0.0)
+    return np.maximum((_SLOPE_LIMIT - error) / _SLOPE_LIMIT, 0.0)
+
+
+def smooth_slope(curves: FloatArray) -> FloatArray:
+    """Central differences per sample, then a mean of 9 points; near the ends, of as many as fit: 1, 3, 5, 7."""
+    middle = np.arange(curves.shape[-1])
+    reach = np.minimum(np.minimum(middle, middle[::-1]), 4)
+    return np.asarray(_sums(np.gradient(curves, axis=-1), middle - reach, middle + reach + 1) / (2 * reach + 1))
+
+
+def warping_paths(comparisons: FloatArray, reference: FloatArray, *, band: float) -> Iterator[WarpingPath]:
+    """Warp each curve, shape (n_curves, L), onto the reference along the path of least squared differences.
+
+    The path stays within |i − j| ≤ ceil(band · L) − 1. Steps are (1, 0), (0, 1) and (1, 1) of equal weight; ties
+    are broken in this order.
+    """
+    costs = _costs(reference, comparisons, band)
+    for curve in range(len(comparisons)):
+        yield _path(costs, curve)
+
+
+def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> FloatArray:
+    """Least sum of squared differences from (0, 0) to each cell (i, j) of the band |i − j| ≤ r, i counting C, j T.
+
+    The cells of one anti-diagonal depend only on the two before it, so each is one step for all cells and curves.
+    Row i + j + 1 holds a diagonal, column k of it the cell i − j = 2 (k − h), one less where i + j is odd; what lies
+    outside the band or the curves is infinite, and so is row 0. Shape (2 L, 2 h + 2, n_curves).
+    """
+    length, n_curves = reference.size, len(comparisons)
+    r = math.ceil(band * length) - 1
+    h = (r + 1) // 2
+    width = 2 * h + 2
+    cost = np.empty((2 * length, width, n_curves))
+    odd, even = cost[0::2], cost[1::2]
+    c = np.pad(comparisons.T, ((h, h + 1), (0, 0)), constant_values=np.inf)
+    t = np.pad(reference, (h + 1, h), constant_values=-np.inf)
+    c_rows = np.lib.stride_tricks.sliding_window_view(c, width, axis=0).transpose(0, 2, 1)
+    t_rows = np.lib.stride_tricks.sliding_window_view(t, width)[:, ::-1, None]
+    np.subtract(c_rows, t_rows, out=even)
+    np.subtract(c_rows[:-1], t_rows[1:], out=odd[1:])
+    np.square(cost[1:], out=cost[1:])
+    odd[0] = even[:, -1] = odd[:, [0, -1]] = np.inf
+    if r % 2:
+        even[:, [0, -2]] = np.inf
+
+    odd, even = odd.reshape(length, -1), even.reshape(length, -1)  # views: the next column is n_curves further on
+    head, tail = slice(None, -n_curves), slice(n_curves, None)
+    least = np.empty_like(odd[0, tail])
+    minimum, add = np.minimum, np.add  # the overhead of each call dominates here
+    for before, even_head, even_tail, odd_head, odd_tail, next_even in zip(
+        odd[:-1, tail], even[:-1, head], even[:-1, tail], odd[1:, head], odd[1:, tail], even[1:, head], strict=True
+    ):
+        minimum(even_head, even_tail, out=least)
+        minimum(least, before, out=least)
+        add(odd_tail, least, out=odd_tail)
+        minimum(odd_head, odd_tail, out=least)
+        minimum(least, even_head, out=least)
+        add(next_even, least, out=next_even)
+    return cost
+
+
+def _path(cost: FloatArray, curve: int) -> WarpingPath:
+    """Trace the cheapest path back from the last cell; ties go to (i−1, j), then (i, j−1), then (i−1, j−1)."""
+    n_rows, width, n_curves = cost.shape
+    row = width * n_curves
+    flat: Any = memoryview(cost.reshape(-1))  # type: ignore[arg-type]
+    start = row + (width // 2 - 1) * n_curves + curve
+    cell = start + (n_rows - 2) * row
+    is_odd = False
+    path = [cell]
+    while cell != start:
+        up = cell - row - (n_curves if is_odd else 0)
+        left, both = up + n_curves, cell - 2 * row
+        cost_up, cost_left, cost_both = flat[up], flat[left], flat[both]
+        if cost_up <= cost_left and cost_up <= cost_both:
+            cell, is_odd = up, not is_odd
+        elif cost_left <= cost_both:
+            cell, is_odd = left, not is_odd
+        else:
+            cell = both
+        path.append(cell)
+    diagonal, column = np.divmod(np.array(path) // n_curves - width, width)
+    i = diagonal // 2 + column - (width // 2 - 1)
+    return i, diagonal - i

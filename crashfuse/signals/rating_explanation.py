@@ -1,40 +1,40 @@
 """What a rating is made of: the shift that was found, the curves that were compared, and where each score was lost.
 
 Every number is one that ISO/TS 18571 uses on the way to the scores (:mod:`crashfuse.signals.rating`), kept by time:
-summed up again they give the scores. Only the humps are our own, see :mod:`crashfuse.signals.humps`.
+summed up again they give the scores. Only the humps are our own, see :func:`counterparts`.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.signals.humps import counterparts, humps
 from crashfuse.signals.pulse import FloatArray, Pulse
-from crashfuse.signals.rating import RATING_DT_S, WEIGHTS, Rating, curves_at_10_khz, rate_iso18571
-from crashfuse.signals.rating_scores import (
+from crashfuse.signals.rating import (
     INNER_CORRIDOR,
     MAX_SHIFT,
     OUTER_CORRIDOR,
+    RATING_DT_S,
     WARP_BAND,
+    WEIGHTS,
+    Rating,
     best_shifts,
     corridor_values,
+    curves_at_10_khz,
     overlap,
+    rate_iso18571,
     smooth_slope,
+    warping_paths,
 )
-from crashfuse.signals.warping import warping_paths
+
+_PROMINENCE = 0.1  # of the largest |a|: what rises less above its valleys is a ripple
+_FARTHEST = 0.2  # of the samples: as far apart as the rating looks for a shift
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Compared:
-    """Two curves that a score compares point by point.
-
-    Attributes
-    ----------
-    time_s : ndarray, shape (n,)
-        Time in the reference.
-    reference, comparison : ndarray, shape (n,)
-        In m/s², slopes in m/s³.
-    """
+    """Two curves that a score compares point by point, shape (n,), in m/s² (slopes: m/s³), by time in the reference."""
 
     time_s: FloatArray
     reference: FloatArray
@@ -48,17 +48,10 @@ class Compared:
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """A stretch of time outside the inner corridor.
+    """A stretch of time outside the inner corridor, and what it costs of the overall rating.
 
-    Attributes
-    ----------
-    begin_s, end_s : float
-    difference_mps2 : float
-        Comparison minus reference where they are farthest apart.
-    beyond_outer : bool
-        Whether the outer corridor is left as well.
-    loss : float
-        What the stretch costs of the overall rating.
+    ``difference_mps2`` is comparison minus reference where they are farthest apart, ``beyond_outer`` whether the outer
+    corridor is left as well.
     """
 
     begin_s: float
@@ -72,17 +65,10 @@ class Excursion:
 class RatedHump:
     """A hump of the reference, and what happens to each score while it lasts.
 
-    Attributes
-    ----------
-    begin_s, peak_s, end_s : float
-    counterpart_s : float or None
-        Peak of the same hump in the comparison, as it stands; None if the comparison has no such hump.
-    shift_gain : float
-        What the shift gains here of the correlation over the whole window.
-    magnitude_share, slope_share : float
-        Share of the error of the score that arises here.
-    difference_mps2 : float
-        Mean of comparison minus reference here, shifted and warped, negative where it is nearer to zero.
+    ``counterpart_s`` is the peak of the same hump in the comparison, as it stands, None if there is none;
+    ``shift_gain`` what the shift gains here of the correlation over the whole window. ``magnitude_share`` and
+    ``slope_share`` are the shares of the errors of these scores that arise here, ``difference_mps2`` the mean of
+    comparison minus reference here, shifted and warped, negative where it is nearer to zero.
     """
 
     begin_s: float
@@ -112,8 +98,8 @@ class RatingExplanation:
         Both curves as they stand, as the corridor score compares them.
     inner_mps2, outer_mps2 : float
         Half widths of the corridors.
-    excursions : tuple of Excursion
-        Stretches outside the inner corridor, in order of time.
+    excursions, humps : tuple
+        In order of time, humps of the reference.
     shift_s : float
         How late the comparison comes by the shift of best correlation; negative if it comes early.
     at_limit : bool
@@ -121,8 +107,6 @@ class RatingExplanation:
     shifted, warped, slopes : Compared
         The curves shifted; shifted and warped, as the magnitude score compares them, one value for each step of the
         path; and the slopes of those shifted.
-    humps : tuple of RatedHump
-        Those of the reference, in order of time.
     """
 
     rating: Rating
@@ -150,8 +134,7 @@ class RatingExplanation:
     @property
     def costliest(self) -> str:
         """The part that costs most."""
-        losses = self.losses
-        return max(losses, key=lambda part: losses[part])
+        return max(WEIGHTS, key=self.losses.__getitem__)
 
 
 def explain_rating(
@@ -174,22 +157,14 @@ def explain_rating(
     at = slice(max(-shift, 0), max(-shift, 0) + shifted_t.size)  # of the overlap, in samples of the reference
     (i, j), *_ = warping_paths(shifted_c[None], shifted_t, band=WARP_BAND)
     warped = Compared(time_s[at][j], shifted_t[j], shifted_c[i])
-    slopes = Compared(time_s[at], *(smooth_slope(own) / RATING_DT_S for own in (shifted_t, shifted_c)))
+    slopes = Compared(time_s[at], *(smooth_slope(curve) / RATING_DT_S for curve in (shifted_t, shifted_c)))
     norm = float(np.abs(t).max())
     return RatingExplanation(
-        rating,
-        round(t.size * RATING_DT_S * 1e3, 6) if window_ms is None else float(window_ms),
-        Compared(time_s, t, c),
-        INNER_CORRIDOR * norm,
-        OUTER_CORRIDOR * norm,
-        _excursions(t, c),
-        shift * RATING_DT_S,
-        abs(shift) >= int(MAX_SHIFT * t.size),
-        Compared(time_s[at], shifted_t, shifted_c),
-        warped,
-        slopes,
-        _rated_humps(t, c, shift, warped, slopes),
-    )
+        rating, round(t.size * RATING_DT_S * 1e3, 6) if window_ms is None else float(window_ms),
+        Compared(time_s, t, c), INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm, _excursions(t, c),
+        shift * RATING_DT_S, abs(shift) >= int(MAX_SHIFT * t.size),
+        Compared(time_s[at], shifted_t, shifted_c), warped, slopes, _rated_humps(t, c, shift, warped, slopes),
+    )  # fmt: skip
 
 
 def _excursions(t: FloatArray, c: FloatArray) -> tuple[Excursion, ...]:
@@ -197,60 +172,90 @@ def _excursions(t: FloatArray, c: FloatArray) -> tuple[Excursion, ...]:
     outside = np.flatnonzero(values < 1)
     if not outside.size:
         return ()
-    found = []
+    excursions = []
     for stretch in np.split(outside, np.flatnonzero(np.diff(outside) > 1) + 1):
+        begin_s, end_s = float(stretch[0] * RATING_DT_S), float((stretch[-1] + 1) * RATING_DT_S)
         farthest = stretch[np.abs(c - t)[stretch].argmax()]
-        found.append(
-            Excursion(
-                float(stretch[0] * RATING_DT_S),
-                float((stretch[-1] + 1) * RATING_DT_S),
-                float(c[farthest] - t[farthest]),
-                bool((values[stretch] == 0).any()),
-                WEIGHTS["corridor"] * float((1 - values[stretch]).sum()) / t.size,
-            )
-        )
-    return tuple(found)
+        loss = WEIGHTS["corridor"] * float((1 - values[stretch]).sum()) / t.size
+        is_beyond = bool((values[stretch] == 0).any())
+        excursions.append(Excursion(begin_s, end_s, float(c[farthest] - t[farthest]), is_beyond, loss))
+    return tuple(excursions)
 
 
 def _rated_humps(t: FloatArray, c: FloatArray, shift: int, warped: Compared, slopes: Compared) -> tuple[RatedHump, ...]:
     gain = _correlation_terms(t, c, shift) - _correlation_terms(t, c, 0)
-    magnitude, slope = (np.abs(own.comparison - own.reference) for own in (warped, slopes))
-    same = counterparts(t, c)
-    found = []
+    magnitude, slope = (np.abs(pair.comparison - pair.reference) for pair in (warped, slopes))
+    same, rated = counterparts(t, c), []
     for number, hump in enumerate(humps(t)):
         begin_s, peak_s, end_s = (sample * RATING_DT_S for sample in (hump.begin, hump.peak, hump.end))
         of_path, of_slopes = (
-            (own.time_s > begin_s - RATING_DT_S / 2) & (own.time_s < end_s - RATING_DT_S / 2)
-            for own in (warped, slopes)
+            (pair.time_s > begin_s - RATING_DT_S / 2) & (pair.time_s < end_s - RATING_DT_S / 2)
+            for pair in (warped, slopes)
         )
         nearer = (np.sign(t[hump.peak]) * (warped.comparison - warped.reference))[of_path]
-        found.append(
+        rated.append(
             RatedHump(
-                begin_s,
-                peak_s,
-                end_s,
-                same[number].peak * RATING_DT_S if number in same else None,
-                float(gain[hump.samples].sum()),
-                _share(magnitude, of_path),
-                _share(slope, of_slopes),
+                begin_s, peak_s, end_s, same[number].peak * RATING_DT_S if number in same else None,
+                float(gain[hump.begin : hump.end].sum()), _share(magnitude, of_path), _share(slope, of_slopes),
                 float(nearer.mean()) if nearer.size else 0.0,
             )
-        )
-    return tuple(found)
+        )  # fmt: skip
+    return tuple(rated)
 
 
 def _correlation_terms(t: FloatArray, c: FloatArray, shift: int) -> FloatArray:
     """What each sample of the reference adds to the correlation of the overlap, shape (n,); 0 outside the overlap."""
-    terms = np.zeros_like(t)
-    own = overlap(t, c, shift)
-    if all(np.ptp(curve) > 0 for curve in own):
-        centred = [curve - curve.mean() for curve in own]
-        begin = max(-shift, 0)
+    terms, curves, begin = np.zeros_like(t), overlap(t, c, shift), max(-shift, 0)
+    if all(np.ptp(curve) > 0 for curve in curves):
+        centred = [curve - curve.mean() for curve in curves]
         size = np.sqrt(np.prod([(curve**2).sum() for curve in centred]))
-        terms[begin : begin + own[0].size] = centred[0] * centred[1] / size
+        terms[begin : begin + curves[0].size] = centred[0] * centred[1] / size
     return terms
 
 
 def _share(error: FloatArray, part: np.ndarray) -> float:
     total = float(error.sum())
     return float(error[part].sum()) / total if total > 0 else 0.0
+
+
+class Hump(NamedTuple):
+    """A hump of a pulse from valley to valley, ``[begin, end)``, in samples."""
+
+    begin: int
+    peak: int
+    end: int
+
+
+def humps(curve: FloatArray) -> tuple[Hump, ...]:
+    """The humps of a curve, shape (n,), on the side of zero where most of it lies, in order of time.
+
+    A hump rises by at least a tenth of the largest value above the valleys beside it. Together they fill the curve; it
+    may have none.
+    """
+    from scipy.signal import find_peaks  # half a second
+
+    upright = curve if curve.sum() > 0 else -curve
+    peaks, _ = find_peaks(upright, prominence=_PROMINENCE * np.abs(curve).max())
+    valleys = [int(left + upright[left:right].argmin()) for left, right in pairwise(peaks)]
+    ends = pairwise([0, *valleys, curve.size])
+    return tuple(Hump(begin, peak, end) for peak, (begin, end) in zip(peaks.tolist(), ends, strict=False))
+
+
+def counterparts(reference: FloatArray, comparison: FloatArray) -> dict[int, Hump]:
+    """The hump of the comparison that is each of the reference's, by number in :func:`humps`, where there is one.
+
+    Both curves, shape (n,), are warped onto each other as they stand. Two humps are the same if the peak of each is
+    aligned with a moment of the other.
+    """
+    (i, j), *_ = warping_paths(comparison[None], reference, band=_FARTHEST)
+
+    def meets(samples: np.ndarray, hump: Hump) -> bool:
+        return bool(((samples >= hump.begin) & (samples < hump.end)).any())
+
+    others = humps(comparison)
+    return {
+        number: other
+        for number, hump in enumerate(humps(reference))
+        for other in others
+        if meets(i[j == hump.peak], other) and meets(j[i == other.peak], hump)
+    }

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crashfuse.signals.rating_explanation import Compared, RatedHump, RatingExplanation
+from crashfuse.signals.rating_explanation import RatedHump, RatingExplanation
 from crashfuse.units import MS
 from crashfuse.wording import Sentence, acceleration
 
@@ -16,19 +16,16 @@ _IN_PLACE_S = 0.0005  # a hump that comes this near to its time is not out of pl
 def rating_sentences(explanation: RatingExplanation, comparison: str = "prediction") -> dict[str, Sentence]:
     """Say what a rating is made of: ``overall`` what costs most of it, then each part by its name.
 
-    Parameters
-    ----------
-    comparison : str
-        What the curve that is compared with the test is called, in a word.
+    ``comparison`` is what the curve that is compared with the test is called, in a word.
     """
     rating, losses = explanation.rating, explanation.losses
-    reasons = {name: reason(explanation, comparison) for name, reason in _REASONS.items()}
+    reasons = {name: reason_of(explanation, comparison) for name, reason_of in _REASONS.items()}
     overall = rating_headline(explanation)
     if 1 - rating.overall >= _NOTHING:
         overall = Sentence("{} {}.", overall, _capital(reasons[explanation.costliest]))
     parts = {
-        name: Sentence("{}: {}.", f"{name.capitalize()} {getattr(rating, name):.2f} (costs {losses[name]:.3f})", said)
-        for name, said in reasons.items()
+        name: Sentence("{}: {}.", f"{name.capitalize()} {getattr(rating, name):.2f} (costs {losses[name]:.3f})", reason)
+        for name, reason in reasons.items()
     }
     return {"overall": overall, **parts}
 
@@ -37,29 +34,24 @@ def rating_headline(explanation: RatingExplanation) -> Sentence:
     """A rating, and the part that costs most of it."""
     rating, part, lost = explanation.rating, explanation.costliest, 1 - explanation.rating.overall
     head, costs = f"{rating.overall:.3f} ({rating.grade}) over 0–{explanation.window_ms:g} ms", explanation.losses[part]
-    said = "nothing is lost" if lost < _NOTHING else f"{part} costs most, {costs:.3f} of the {lost:.3f} missing to 1"
-    return Sentence("{}: {}.", head, said)
+    most = "nothing is lost" if lost < _NOTHING else f"{part} costs most, {costs:.3f} of the {lost:.3f} missing to 1"
+    return Sentence("{}: {}.", head, most)
 
 
 def _corridor(explanation: RatingExplanation, comparison: str) -> Sentence:
     inner, outer = (acceleration(half) for half in (explanation.inner_mps2, explanation.outer_mps2))
     if not explanation.excursions:
         return Sentence(f"the {comparison} stays inside the inner corridor, ± {{}}", inner)
-    outside_s = sum(own.end_s - own.begin_s for own in explanation.excursions)
-    beyond = any(own.beyond_outer for own in explanation.excursions)
-    worst = max(explanation.excursions, key=lambda own: own.loss)
+    outside_s = sum(excursion.end_s - excursion.begin_s for excursion in explanation.excursions)
+    beyond = any(excursion.beyond_outer for excursion in explanation.excursions)
+    worst = max(explanation.excursions, key=lambda excursion: excursion.loss)
+    side = _side(worst.difference_mps2 * float(np.sign(explanation.compared.reference.sum())))
     return Sentence(
-        f"the {comparison} is outside the inner corridor (± {{}}) for {{}} ms of {{}}, "
-        "{} outside the outer (± {}); most is lost from {} ms, where it is up to {} {}",
-        inner,
-        _ms(outside_s),
-        f"{explanation.window_ms:g}",
-        "in part" if beyond else "never",
-        outer,
-        f"{_ms(worst.begin_s)} to {_ms(worst.end_s)}",
-        acceleration(abs(worst.difference_mps2)),
-        _side(worst.difference_mps2 * _braking(explanation.compared)),
-    )
+        f"the {comparison} is outside the inner corridor (± {{}}) for {_ms(outside_s)} ms of "
+        f"{explanation.window_ms:g}, {'in part' if beyond else 'never'} outside the outer (± {{}}); most is lost from "
+        f"{_ms(worst.begin_s)} to {_ms(worst.end_s)} ms, where it is up to {{}} {side}",
+        inner, outer, acceleration(abs(worst.difference_mps2)),
+    )  # fmt: skip
 
 
 def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
@@ -67,47 +59,47 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
     displaced = [hump for hump in humps if hump.late_s is not None and abs(hump.late_s) > _IN_PLACE_S]
     farthest = max(displaced, key=lambda hump: abs(hump.late_s or 0.0), default=None)
     if shift_s == 0:
-        told = f"no shift of the {comparison} correlates better with the test"
-        return Sentence(told if farthest is None else f"{told}; {_displaced(explanation, farthest, comparison)}")
+        text = f"no shift of the {comparison} correlates better with the test"
+        return Sentence(text if farthest is None else f"{text}; {_displaced(explanation, farthest, comparison)}")
     way = f"{_ms(abs(shift_s))} ms {'earlier' if shift_s > 0 else 'later'}"
     limit = ", the largest shift that is tried" if explanation.at_limit else ""
-    told = f"the {comparison} correlates best with the test when moved {way}{limit}"
+    text = f"the {comparison} correlates best with the test when moved {way}{limit}"
     if not humps:
-        return Sentence(told)
+        return Sentence(text)
     decisive = max(humps, key=lambda hump: hump.shift_gain)
-    told += f"; that gains most at the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms)"
+    text += f"; that gains most at the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms)"
     if decisive.counterpart_s is None:
-        told += f", to which no hump of the {comparison} corresponds"
+        text += f", to which no hump of the {comparison} corresponds"
     if named := decisive in displaced and (decisive.late_s or 0.0) * shift_s > 0:  # else it says the opposite
-        told += f", which comes {_lateness(decisive)} in the {comparison}"
+        text += f", which comes {_lateness(decisive)} in the {comparison}"
     if farthest is not None and (farthest.late_s or 0.0) * shift_s < 0:
-        told += f"; {_against(explanation, farthest)}"
+        text += f"; {_against(explanation, farthest)}"
     elif farthest is not None and not (named and farthest is decisive):
-        told += f"; {_displaced(explanation, farthest, comparison)}"
-    return Sentence(told)
+        text += f"; {_displaced(explanation, farthest, comparison)}"
+    return Sentence(text)
 
 
 def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
     moved = "shifted and " if explanation.shift_s else ""
-    told = f"{moved}warped, the {comparison} still differs by {100 * explanation.warped.error:.0f} % of the test"
+    text = f"{moved}warped, the {comparison} still differs by {100 * explanation.warped.error:.0f} % of the test"
     if len(explanation.humps) < _SEVERAL or explanation.warped.error == 0:
-        return Sentence(told)
+        return Sentence(text)
     worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
-    told += f"; {100 * worst.magnitude_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
+    text += f"; {100 * worst.magnitude_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
     if abs(worst.difference_mps2) < _BALANCED_MPS2:
-        return Sentence(f"{told}, on average neither too strong nor too weak")
+        return Sentence(f"{text}, on average neither too strong nor too weak")
     size, side = acceleration(abs(worst.difference_mps2)), _side(worst.difference_mps2)
-    return Sentence(f"{told}, on average {{}} {side}", size)
+    return Sentence(f"{text}, on average {{}} {side}", size)
 
 
 def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
     moved = "shifted, " if explanation.shift_s else ""
-    told = f"{moved}the slope of the {comparison} differs by {100 * explanation.slopes.error:.0f} % of the test's"
+    text = f"{moved}the slope of the {comparison} differs by {100 * explanation.slopes.error:.0f} % of the test's"
     if len(explanation.humps) < _SEVERAL or explanation.slopes.error == 0:
-        return Sentence(told)
+        return Sentence(text)
     worst = max(explanation.humps, key=lambda hump: hump.slope_share)
     share = f"{100 * worst.slope_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
-    return Sentence(f"{told}; {share}")
+    return Sentence(f"{text}; {share}")
 
 
 _REASONS = {"corridor": _corridor, "phase": _phase, "magnitude": _magnitude, "slope": _slope}
@@ -119,10 +111,10 @@ def _displaced(explanation: RatingExplanation, hump: RatedHump, comparison: str)
 
 def _against(explanation: RatingExplanation, hump: RatedHump) -> str:
     """A hump that the shift moves farther away: where it is by itself, and where the shift puts it."""
-    told = f"by itself the {_nth(explanation, hump)} hump comes {_lateness(hump)}"
+    text = f"by itself the {_nth(explanation, hump)} hump comes {_lateness(hump)}"
     moved_to_s = (hump.counterpart_s or 0.0) - explanation.shift_s
-    met = next((own for own in explanation.humps if own.begin_s <= moved_to_s < own.end_s), hump)
-    return told if met is hump else f"{told}, and is laid over the test's {_nth(explanation, met)}"
+    met = next((other for other in explanation.humps if other.begin_s <= moved_to_s < other.end_s), hump)
+    return text if met is hump else f"{text}, and is laid over the test's {_nth(explanation, met)}"
 
 
 def _lateness(hump: RatedHump) -> str:
@@ -137,10 +129,6 @@ def _nth(explanation: RatingExplanation, hump: RatedHump) -> str:
 
 def _range(hump: RatedHump) -> str:
     return f"{_ms(hump.begin_s)}–{_ms(hump.end_s)} ms"
-
-
-def _braking(curves: Compared) -> float:
-    return float(np.sign(curves.reference.sum()))
 
 
 def _side(difference: float) -> str:

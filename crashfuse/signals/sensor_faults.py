@@ -5,7 +5,7 @@ in a band of some 200 Hz, in which CFC 60 is undone where a record went through 
 a flat top its corners. Each limit stands beside what sound records reach: simulated and measured ones, raw and CFC 60.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -19,16 +19,14 @@ from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, acceleration, number
 
 Kind = Literal["saturated", "held", "lost", "spike", "noise"]
+_Fall = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]  # of the means of stretches, and of both sides
 
 LIKELY = 0.5
 """Least strength of a fault that is worth a comparison with other records."""
-
 _CFC = 60.0
 _SLOWEST_HZ, _BAND_HZ = 2000, 1000  # least rate at which CFC 60 is undone; what is looked at of what it left
 _PADDING_S = 0.02
-_FILTERED = (
-    0.25  # of the amplitude at 125–250 Hz lies at 250–500 Hz, at most, after CFC 60; of raw noise or a jump, more
-)
+_FILTERED = 0.25  # of the amplitude at 125–250 Hz lies at 250–500 Hz after CFC 60, at most; of noise or a jump, more
 _RISE = 1.5  # of the amplitude with frequency, where nothing but rounding is left
 _IN_CRASH = 0.1  # of the peak at CFC 60: from the first to the last such sample
 _SAME = 1e-7  # of the peak, by which equal values differ in another unit
@@ -54,13 +52,9 @@ _NOISE, _NOISE_MPS2, _BLOCK_S, _STEADY = 2.2, 0.8 * G, 10e-3, 5.0
 class SensorFault:
     """What happened to a sensor, from when to when, and its size.
 
-    Parameters
-    ----------
-    size_mps2 : float
-        The signed level of what is saturated or held; the level around what is lost; the signed height of a spike; the
-        root mean square of noise.
-    strength : float
-        From 1 on the record alone shows it; from :data:`LIKELY` on it is one if other records do not show it.
+    ``size_mps2`` is the signed level of what is saturated or held, the level around what is lost, the signed height of
+    a spike, or the root mean square of noise. From a ``strength`` of 1 on, the record alone shows it; from
+    :data:`LIKELY` on it is one if other records do not show it.
     """
 
     kind: Kind
@@ -102,10 +96,7 @@ class _Signal(NamedTuple):
 def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFault, ...]:
     """What looks like a fault of the sensor in a record at its own rate, raw or filtered, in the order of time.
 
-    Parameters
-    ----------
-    time_s, accel_mps2 : ndarray, shape (n,)
-        Evenly sampled and finite, in s and m/s², with either sign; the record may begin before contact.
+    Both arrays have shape (n,), evenly sampled and finite, with either sign; the record may begin before contact.
     """
     step_s = float((time_s[-1] - time_s[0]) / (time_s.size - 1))
     if time_s.size * step_s < _PADDING_S or 1 / step_s < 10 * _CFC:
@@ -155,7 +146,7 @@ def _overlap(one: SensorFault, other: SensorFault) -> bool:
 
 
 def _signal(time_s: FloatArray, accel: FloatArray, step_s: float, smooth: FloatArray) -> _Signal | None:
-    """None of a record in which nothing happens."""
+    """None if nothing happens."""
     peak = float(np.abs(smooth).max())
     crash = np.flatnonzero(np.abs(smooth) > _IN_CRASH * peak)
     return _Signal(time_s, accel, step_s, int(crash[0]), int(crash[-1]), peak) if peak > G else None
@@ -245,71 +236,76 @@ def _saturated(signal: _Signal, level: float, strength: float) -> SensorFault:
     return signal.fault("saturated", flat[0], flat[-1], level, strength)
 
 
-class _Spans(NamedTuple):
-    """Spans of one length, at each sample: first sample, mean, range, and how far off the signal is on both sides."""
+class _Flat(NamedTuple):
+    """The flattest stretch for what is around it: its score, samples and level, and the mean distance to both sides."""
 
-    first: npt.NDArray[np.int_]
-    mean: FloatArray
-    range: FloatArray
-    before: FloatArray
-    after: FloatArray
+    score: float = 0.0
+    first: int = 0
+    length: int = 0
+    level: float = 0.0
+    around: float = 0.0
 
 
-def _spans(band: _Signal, length: int, gap_s: float) -> _Spans | None:
-    """All spans within the crash that have a sample so far off on both sides; None if there is none."""
-    gap = max(length // 2, band.samples(gap_s))
-    first = np.arange(max(gap, band.first + 1), min(band.accel.size - length - gap, band.last - length))
-    if length < _FEWEST or not first.size:
-        return None
-    views = sliding_window_view(band.accel, length + 1)[first]
-    mean = views.mean(axis=1)
-    return _Spans(
-        first, mean, np.ptp(views, axis=1), band.accel[first - gap] - mean, band.accel[first + length + gap] - mean
-    )
+def _flattest(band: _Signal, lasts_ms: Sequence[float], gap_ms: float, floor: float, fall: _Fall) -> _Flat:
+    """The stretch within the crash whose fall to what lies so far off on both sides is largest beside its range."""
+    best = _Flat()
+    for lasts in lasts_ms:
+        length = band.samples(lasts * MS)
+        gap = max(length // 2, band.samples(gap_ms * MS))
+        first = np.arange(max(gap, band.first + 1), min(band.accel.size - length - gap, band.last - length))
+        if length < _FEWEST or not first.size:
+            continue
+        views = sliding_window_view(band.accel, length + 1)[first]
+        mean = views.mean(axis=1)
+        before, after = band.accel[first - gap] - mean, band.accel[first + length + gap] - mean
+        score = fall(mean, before, after) / np.maximum(np.ptp(views, axis=1), floor * band.peak)
+        at = int(score.argmax())
+        around = float(before[at] + after[at]) / 2
+        best = max(best, _Flat(float(score[at]), int(first[at]), length, float(mean[at]), around))
+    return best
 
 
 def _flat_top(band: _Signal) -> Iterator[SensorFault]:
     """The best flat stretch at the extreme, from which the signal falls on both sides; sound: 0.5."""
-    best = (0.0, 0, 0)
     extremes = float(band.accel.min()), float(band.accel.max())
-    for lasts_s in (3, 4, 6, 9, 14, 20, 30):
-        length = band.samples(lasts_s * MS)
-        spans = _spans(band, length, 2 * MS)
-        if spans is None:
-            continue
-        sign = np.sign(spans.mean)
-        at_top = np.abs(spans.mean) > 0.97 * np.where(sign < 0, -extremes[0], extremes[1])
-        fall = np.minimum(-sign * spans.before, -sign * spans.after)
-        high = at_top & (np.abs(spans.mean) > 3 * _IN_CRASH * band.peak)
-        score = high * fall / np.maximum(spans.range, _FLOOR * band.peak)
-        place = int(score.argmax())
-        best = max(best, (float(score[place]), int(spans.first[place]), length))
-    score_, first, length = best
-    if score_:
-        level = float(band.accel[first : first + length + 1].mean())
-        yield _saturated(band, level, score_ / _FLAT)
+
+    def fall(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+        sign = np.sign(mean)
+        at_top = np.abs(mean) > 0.97 * np.where(sign < 0, -extremes[0], extremes[1])
+        high = at_top & (np.abs(mean) > 3 * _IN_CRASH * band.peak)
+        return np.asarray(high * np.minimum(-sign * before, -sign * after))
+
+    best = _flattest(band, (3, 4, 6, 9, 14, 20, 30), 2, _FLOOR, fall)
+    if best.score:
+        level = float(band.accel[best.first : best.first + best.length + 1].mean())
+        yield _saturated(band, level, best.score / _FLAT)
 
 
 def _lost(band: _Signal) -> Iterator[SensorFault]:
     """The best flat stretch about zero, among what is far from it on one side of zero; sound: 0.5."""
-    best = (0.0, 0, 0, 0.0)
-    for lasts_s in (1.6, 2, 2.5, 3, 4):
-        length = band.samples(lasts_s * MS)
-        spans = _spans(band, length, 2 * MS)
-        if spans is None:
-            continue
-        around = np.minimum(np.abs(spans.before), np.abs(spans.after))
-        gap = (np.abs(spans.mean) < _ZERO * around) & (spans.before * spans.after > 0) & (around > 0.2 * band.peak)
-        score = gap * around / np.maximum(spans.range, 2 * _FLOOR * band.peak)
-        place = int(score.argmax())
-        both = float(spans.before[place] + spans.after[place]) / 2
-        best = max(best, (float(score[place]), int(spans.first[place]), length, both))
-    score_, first, length, around_ = best
-    if score_:
-        away = np.abs(band.accel) > abs(around_) / 2
-        start = first - int(np.argmax(away[first::-1]))
-        end = first + length + int(np.argmax(away[first + length :]))
-        yield band.fault("lost", start, end, around_, score_ / _LOST)
+
+    def fall(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+        around = np.minimum(np.abs(before), np.abs(after))
+        gap = (np.abs(mean) < _ZERO * around) & (before * after > 0) & (around > 0.2 * band.peak)
+        return np.asarray(gap * around)
+
+    best = _flattest(band, (1.6, 2, 2.5, 3, 4), 2, 2 * _FLOOR, fall)
+    if best.score:
+        away, end = np.abs(band.accel) > abs(best.around) / 2, best.first + best.length
+        start = best.first - int(np.argmax(away[best.first :: -1]))
+        yield band.fault("lost", start, end + int(np.argmax(away[end:])), best.around, best.score / _LOST)
+
+
+def _held(band: _Signal) -> Iterator[SensorFault]:
+    """The best flat stretch of 3 ms that the signal leaves at once on one side; sound: 0.8."""
+
+    def leap(mean: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+        size = np.maximum(np.abs(before), np.abs(after))
+        return np.asarray(size * (size > _JUMP * band.peak) * (np.abs(mean) > _IN_CRASH * band.peak))
+
+    best = _flattest(band, (3,), 1.5, _HELD_FLOOR, leap)
+    if best.score:
+        yield band.fault("held", best.first, best.first + best.length, best.level, best.score / _HELD)
 
 
 def _left_at_once(raw: _Signal) -> Iterator[SensorFault]:
@@ -329,20 +325,6 @@ def _left_at_once(raw: _Signal) -> Iterator[SensorFault]:
     elif abs(level) > _IN_CRASH * raw.peak:
         top = abs(level) > 0.97 * float((np.sign(level) * raw.accel).max())
         yield raw.fault("saturated" if top else "held", start, start + length, level, score[place] / _LEAP)
-
-
-def _held(band: _Signal) -> Iterator[SensorFault]:
-    """The best flat stretch of 3 ms that the signal leaves at once on one side; sound: 0.8."""
-    length = band.samples(3 * MS)
-    spans = _spans(band, length, 1.5 * MS)
-    if spans is None:
-        return
-    leap = np.maximum(np.abs(spans.before), np.abs(spans.after))
-    score = leap * (leap > _JUMP * band.peak) * (np.abs(spans.mean) > _IN_CRASH * band.peak)
-    score = score / np.maximum(spans.range, _HELD_FLOOR * band.peak)
-    place = int(score.argmax())
-    first = int(spans.first[place])
-    yield band.fault("held", first, first + length, spans.mean[place], score[place] / _HELD)
 
 
 def _spike(raw: _Signal, band: _Signal) -> Iterator[SensorFault]:

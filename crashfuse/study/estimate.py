@@ -20,7 +20,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a
 from crashfuse.execution.cache import Cache, Entry, finite, numbers
 from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.one_thread import one_thread
+from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel

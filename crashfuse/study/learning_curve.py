@@ -31,7 +31,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.one_thread import one_thread_throughout
+from crashfuse.execution.process import one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows

@@ -19,7 +19,7 @@ from crashfuse.approaches.displacement_domain.hierarchical_bias import Hierarchi
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
-from crashfuse.execution.one_thread import one_thread
+from crashfuse.execution.process import one_thread
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem
 

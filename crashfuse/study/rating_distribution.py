@@ -8,8 +8,7 @@ import numpy as np
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.signals.pulse import DT_S, FloatArray
-from crashfuse.signals.rating import WEIGHTS
-from crashfuse.signals.rating_scores import corridor_score, slope_score
+from crashfuse.signals.rating import WEIGHTS, corridor_score, slope_score
 from crashfuse.units import MPH
 
 _COMPARED_S, _DRAWS = 0.06, 100  # of each draw, and about how many

@@ -20,10 +20,9 @@ from crashfuse.approaches.registry import APPROACHES, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError, printable, several
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.memory import give_back
-from crashfuse.execution.one_thread import one_thread_throughout
+from crashfuse.execution.process import give_back, one_thread_throughout
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.workers import Local, Workers
+from crashfuse.execution.workers import Local, Workers, connected
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.repeatability import Repeatability, repeatability
@@ -297,6 +296,4 @@ def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextM
         raise UsageError(f"The number of workers is 1 or more, not {printable(repr(processes), 20)}.")
     if scheduler is None:
         return nullcontext(Local(processes))
-    from crashfuse.execution.cluster import connected  # import takes 1 s and needs an optional extra
-
     return connected(scheduler)

@@ -12,8 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.metrics import Metric
-from crashfuse.signals.missing_metrics import missing_sentences
+from crashfuse.signals.metrics import Metric, missing_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
 from crashfuse.units import MPH

@@ -10,8 +10,8 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import read_folder
-from crashfuse.campaign_folder.sample_folder import sample_folder
+from crashfuse.campaign_folder.history import sample_folder
+from crashfuse.campaign_folder.load import read_folder
 from crashfuse.errors import DataError, Problem
 from crashfuse.ui import journal
 from crashfuse.ui.visitors import visitor

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pandas as pd
 import streamlit as st
 
-from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for
 from crashfuse.ui.captions import file_name, settings
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, say_why, use_again
-from crashfuse.campaign_folder.history import changed_by, changes, undo
-from crashfuse.campaign_folder.sample_folder import is_sample
+from crashfuse.campaign_folder.history import changed_by, changes, is_sample, undo
 from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError

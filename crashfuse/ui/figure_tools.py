@@ -12,7 +12,7 @@ from dataclasses import asdict
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
 from crashfuse.reporting.plots.palette import IN_THE_DARK
 from crashfuse.ui.captions import Caption

@@ -9,7 +9,7 @@ import pandas as pd
 import streamlit as st
 
 from crashfuse.errors import Problem
-from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.csv_text import csv_bytes
 from crashfuse.ui.tables import show_table
 
 _MOST_ROWS = 50  # shown; the downloaded file has all

@@ -11,7 +11,7 @@ from pathlib import Path
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
-from crashfuse.files.claim import sole_writer
+from crashfuse.files.locks import sole_writer
 from crashfuse.ui import campaigns
 from crashfuse.ui.visitors import logged_in, visitor
 

@@ -23,7 +23,7 @@ from streamlit.runtime.pages_manager import PagesManager
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
-from crashfuse.execution.memory import share_one_heap
+from crashfuse.execution.process import share_one_heap
 from crashfuse.ui import journal, login
 from crashfuse.ui.starting import start_importing
 from crashfuse.ui.text import plain

@@ -18,8 +18,8 @@ import streamlit as st
 from filelock import FileLock, Timeout
 
 from crashfuse.campaign_folder.condition_tables import TABLES
-from crashfuse.campaign_folder.sample_folder import is_sample
-from crashfuse.campaign_folder.upload import lay_out
+from crashfuse.campaign_folder.history import is_sample
+from crashfuse.campaign_folder.load import lay_out
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.importing.sources import is_archive, lay_out_source, members_of

@@ -10,7 +10,7 @@ from selenium.webdriver.common.keys import Keys
 
 from crashfuse.files.archive import zipped
 from tests.browser.conftest import MAIN, PILL, SIDEBAR, TABLE
-from tests.campaign_folder.test_all_problems import spoil
+from tests.campaign_folder.test_uploads import spoil
 from tests.conftest import content_of
 from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g

@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 
 from crashfuse.cae.quality import judge_quality
-from crashfuse.cae_library import CaeLibrary
+from crashfuse.cae_library import NAMED_LIMITS, CaeLibrary, QualityLimits, RunQuality
 from crashfuse.campaign import Campaign
-from crashfuse.run_quality import NAMED_LIMITS, QualityLimits, RunQuality
 
 EURO_NCAP, NCHRP = NAMED_LIMITS["euro-ncap-vt-2025"], NAMED_LIMITS["nchrp-179"]
 

@@ -13,8 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.campaign_folder.condition_tables import read_candidates
-from crashfuse.campaign_folder.pulse_files import PulseFiles
-from crashfuse.campaign_folder.sample_tables import read_pulse
+from crashfuse.campaign_folder.pulse_files import PulseFiles, read_pulse
 from crashfuse.errors import DataError
 
 MIB = 1 << 20

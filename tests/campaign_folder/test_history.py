@@ -21,12 +21,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from crashfuse.campaign_folder import history
-from crashfuse.campaign_folder.additions import add_each
-from crashfuse.campaign_folder.editing import leave_out, remove_tests, say_why, use_again
+from crashfuse.campaign_folder.editing import add_to_campaign, leave_out, remove_tests, say_why, use_again
 from crashfuse.campaign_folder.history import Change, changed_by, changes, settle, undo
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError, UsageError
-from tests.campaign_folder.test_additions import addition
+from tests.campaign_folder.test_editing import addition
 from tests.conftest import ROOT, content_of
 
 Content = dict[str, bytes]
@@ -87,7 +86,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("small") / "car"
     speeds = {"A": 22.0, "B": 30.0, "C": 35.0, "D": 40.0}
     tests = [addition(test_id, speed_mph) for test_id, speed_mph in speeds.items()]
-    add_each(folder, {"tests": tests, "cae": [addition("R1", 33.0)]})
+    add_to_campaign(folder, {"tests": tests, "cae": [addition("R1", 33.0)]})
     pd.read_csv(folder / "cae" / "R1.csv").assign(id="R1").to_csv(folder / "cae_pulses.csv", index=False)
     shutil.rmtree(folder / "cae")
     shutil.rmtree(folder / ".undo")
@@ -96,7 +95,8 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _add(folder: Path) -> object:
-    return add_each(folder, {"tests": [addition("E", 45.0)], "cae": [addition("R2", 31.0), addition("R3", 32.0)]})
+    runs = [addition("R2", 31.0), addition("R3", 32.0)]
+    return add_to_campaign(folder, {"tests": [addition("E", 45.0)], "cae": runs})
 
 
 CHANGES: dict[str, Callable[[Path], object]] = {
@@ -369,7 +369,7 @@ def test_an_interrupted_change_waits_where_nothing_can_be_written(
     def read_only(*_: object, **__: object) -> None:
         raise OSError(30, "Read-only file system")
 
-    monkeypatch.setattr("crashfuse.files.claim.FileLock.acquire", read_only)
+    monkeypatch.setattr("crashfuse.files.locks.FileLock.acquire", read_only)
     with pytest.raises(DataError, match="found one that was interrupted in the middle; open it where its folder can"):
         settle(folder)
 

@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 from crashfuse import cli
 from crashfuse.campaign_folder.condition_tables import read_candidates
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.campaign_folder.sample_tables import read_pulse
+from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.errors import DataError
 
 pytestmark = pytest.mark.slow
@@ -54,70 +54,14 @@ FILES = (
 )
 TABLES = tuple(name for name in FILES if name.endswith(".csv"))
 CELLS = (
-    *(
-        "",
-        " ",
-        "nan",
-        "NaN",
-        "inf",
-        "-inf",
-        "1e308",
-        "-1e300",
-        "1e400",
-        "1e-320",
-        "0x1F",
-        "1,5",
-        "1.234,5",
-        "1_000",
-        "1d5",
-    ),
-    *("١٢", "１２", "½", "−5", "True", "None", "NA", "#REF!", "=1+1", "@SUM(A1)", "-", "+", "1 2", "12 mph", "1" * 400),
-    *(
-        "../x",
-        "a/b",
-        "..",
-        "CON",
-        "nul.txt",
-        "x" * 300,
-        "a\\b",
-        "C:",
-        "T1.",
-        " T1",
-        "T1 ",
-        "t1",
-        "\x1b[31mred",
-        "\x07",
-        "\u202e",
-    ),
-    *(
-        "\0",
-        '"',
-        '"a',
-        'a"b',
-        "'",
-        "a\nb",
-        "a\rb",
-        "\u2028",
-        "\u00a0",
-        "é",
-        "名",
-        "\ufeff",
-        "🚗",
-        "x" * 200_000,
-        "{x}",
-        "%s",
-    ),
+    *("", " ", "nan", "NaN", "inf", "-inf", "1e308", "-1e300", "1e400", "1e-320", "0x1F", "1,5", "1.234,5", "1_000"),
+    *("1d5", "١٢", "１２", "½", "−5", "True", "None", "NA", "#REF!", "=1+1", "@SUM(A1)", "-", "+", "1 2", "12 mph"),
+    *("1" * 400, "../x", "a/b", "..", "CON", "nul.txt", "x" * 300, "a\\b", "C:", "T1.", " T1", "T1 ", "t1"),
+    *("\x1b[31mred", "\x07", "\u202e", "\0", '"', '"a', 'a"b', "'", "a\nb", "a\rb", "\u2028", "\u00a0", "é", "名"),
+    *("\ufeff", "🚗", "x" * 200_000, "{x}", "%s"),
 )
 HEADERS = (
-    "",
-    "id",
-    "speed_mph",
-    "speed_kph",
-    "speed_knots",
-    "time_ms",
-    "time_s",
-    "time",
-    "acceleration_mps2",
+    *("", "id", "speed_mph", "speed_kph", "speed_knots", "time_ms", "time_s", "time", "acceleration_mps2"),
     "front_weight_kg",
 )
 TOML = (
@@ -299,22 +243,8 @@ def _typed(path: Path, column: str, kind: str) -> None:
 
 
 TYPES = (
-    *(
-        "struct",
-        "list",
-        "map",
-        "bool",
-        "time",
-        "duration",
-        "binary",
-        "null",
-        "text",
-        "large text",
-        "decimal",
-        "int",
-        "half",
-    ),
-    *("category", "nan", "huge", "twice", "gone", "index"),
+    *("struct", "list", "map", "bool", "time", "duration", "binary", "null", "text", "large text", "decimal", "int"),
+    *("half", "category", "nan", "huge", "twice", "gone", "index"),
 )
 
 

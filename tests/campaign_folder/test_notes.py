@@ -8,9 +8,8 @@ import pandas as pd
 import pytest
 
 from crashfuse import cli
-from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.campaign_folder.load import lay_out, load_campaign
 from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, change_notes, read_notes, write_notes
-from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.figure_files import figures_of
 

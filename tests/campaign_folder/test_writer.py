@@ -1,15 +1,23 @@
-"""Campaign folders that are written: nothing is lost, nothing is half there, nothing is overwritten."""
+"""Campaign folders and tables that are written: nothing is lost, nothing is half there, nothing is overwritten."""
 
+import io
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import writer
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.campaign_folder.writer import write_campaign
+from crashfuse.campaign_folder.writer import append_to_table, write_campaign
 from crashfuse.errors import DataError
+from crashfuse.files.archive import zipped
+from crashfuse.signals.pulse import Pulse
 from tests.conftest import content_of
 
 
@@ -74,3 +82,249 @@ def test_an_interrupted_writer_leaves_nothing(
     with pytest.raises(OSError, match="disk full"):
         write_campaign(campaign, tmp_path / "c")
     assert not list(tmp_path.iterdir())
+
+
+NEW = Pulse(np.array([0.0, 0.001, 0.002]), np.array([0.0, -98.0665, -196.133]))
+HEADER = "run,id,acceleration_g,time_ms,sensor"
+OLD = [("1", "A", "0.5", "0.0", "x"), ("1", "A", "-1.5", "1.0", "x"), ("2", "B", "-2.5", "0.0", "y")]
+
+
+def table(path: Path, ids: str = "id") -> Path:
+    """A table of two runs, in g and ms, with columns of its own."""
+    if path.suffix == ".csv":
+        path.write_text("\n".join([HEADER.replace("id", ids), *(",".join(row) for row in OLD)]) + "\n")
+    else:
+        frame = pd.DataFrame(OLD, columns=HEADER.replace("id", ids).split(","))
+        frame = frame.astype({"acceleration_g": "float32", "time_ms": float})
+        frame.to_parquet(path, index=False)
+    return path
+
+
+def append(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
+    """Have the table with more pulses in its place."""
+    new = path.with_name("new")
+    append_to_table(path, new, pulses)
+    new.replace(path)
+
+
+def rows_of(path: Path) -> pd.DataFrame:
+    """What the table holds; text is text."""
+    return pd.read_csv(path, dtype={"run": str, "id": str}) if path.suffix == ".csv" else pd.read_parquet(path)
+
+
+@pytest.mark.parametrize("name", ["cae_pulses.csv", "cae_pulses.parquet"])
+def test_new_rows_follow_in_the_tables_own_units_and_are_empty_in_other_columns(tmp_path: Path, name: str) -> None:
+    """Time in ms, acceleration in g, whatever the order of columns; old rows are as they were."""
+    path = table(tmp_path / name)
+    before = rows_of(path)
+    append(path, [("007", NEW), ("D", NEW)])
+    after = rows_of(path)
+    assert list(after) == HEADER.split(",")
+    pd.testing.assert_frame_equal(after[:3], before)
+    assert after["id"][3:].tolist() == ["007"] * 3 + ["D"] * 3
+    np.testing.assert_allclose(after["time_ms"][3:], [0.0, 1.0, 2.0] * 2)
+    np.testing.assert_allclose(after["acceleration_g"][3:], [0.0, -10.0, -20.0] * 2, rtol=1e-6)
+    assert after[["run", "sensor"]][3:].isna().all(axis=None)
+    assert [other.name for other in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["cae_pulses.csv", "cae_pulses.parquet"])
+def test_rows_that_an_import_left_behind_are_replaced(tmp_path: Path, name: str) -> None:
+    """Those of the same id; others stay, in their order."""
+    path = table(tmp_path / name)
+    append(path, [("A", NEW)])
+    after = rows_of(path)
+    assert after["id"].tolist() == ["B", "A", "A", "A"]
+    np.testing.assert_allclose(after["acceleration_g"], [-2.5, 0.0, -10.0, -20.0], rtol=1e-6)
+
+
+def test_the_kinds_of_columns_stay(tmp_path: Path) -> None:
+    """Ids kept as dictionaries or as numbers, and accelerations in single precision."""
+    schema = pa.schema([("id", pa.dictionary(pa.int32(), pa.string())), ("time_s", pa.float64())])
+    schema = schema.append(pa.field("acceleration_mps2", pa.float32()))
+    pq.write_table(pa.table([["A"], [0.0], [-1.0]], schema=schema), tmp_path / "a.parquet")
+    append(tmp_path / "a.parquet", [("B", NEW)])
+    found = pq.read_table(tmp_path / "a.parquet")
+    assert found.schema.equals(schema)
+    assert found.column("id").to_pylist() == ["A", "B", "B", "B"]
+    assert found.column("time_s").to_pylist() == [0.0, 0.0, 0.001, 0.002]
+    numbers = pa.table({"id": [7], "time_s": [0.0], "acceleration_g": [-1.0]})
+    pq.write_table(numbers, tmp_path / "n.parquet")
+    append(tmp_path / "n.parquet", [("8", NEW)])
+    assert pq.read_table(tmp_path / "n.parquet").column("id").to_pylist() == [7, 8, 8, 8]
+    before = (tmp_path / "n.parquet").read_bytes()
+    with pytest.raises(DataError, match=r"n\.parquet: expected a table that can be added to"):
+        append(tmp_path / "n.parquet", [("T9", NEW)])
+    assert (tmp_path / "n.parquet").read_bytes() == before
+
+
+@pytest.mark.parametrize("header", ["id,time_ms", "id,acceleration_g", "id,time_ms,time_s,acceleration_g", "", "x,y"])
+def test_a_table_without_its_columns_is_refused_and_stays(tmp_path: Path, header: str) -> None:
+    """One of time, one of acceleration, and the ids."""
+    path = tmp_path / "tests_pulses.csv"
+    path.write_text(f"{header}\n")
+    with pytest.raises(DataError, match=r"tests_pulses\.csv: expected (a column id|one column time_)"):
+        append(path, [("A", NEW)])
+    assert path.read_text() == f"{header}\n"
+
+
+def test_what_a_person_typed_is_read_as_meant(tmp_path: Path) -> None:
+    """Spaces after commas and around names, a byte-order mark, and lines without anything."""
+    path = tmp_path / "tests_pulses.csv"
+    path.write_bytes("\ufeffid , time_ms, acceleration_g\n A, 0, -1\n\nB , 0, -2\n".encode())
+    append(path, [("A", NEW)])
+    after = pd.read_csv(path, skip_blank_lines=True)
+    assert list(after) == ["id", "time_ms", "acceleration_g"]
+    assert [str(run).strip() for run in after["id"]] == ["B", "A", "A", "A"]
+
+
+Frames = dict[str, pd.DataFrame]
+
+
+@pytest.fixture
+def read(campaign_on_disk: Path) -> Campaign:
+    """The small campaign as it is read: pulses have single precision."""
+    return load_campaign(campaign_on_disk)
+
+
+@pytest.fixture
+def frames(read: Campaign) -> Frames:
+    """The tables of that campaign."""
+    return {
+        "tests": read.tests_frame,
+        "test_pulses": read.test_pulses_frame,
+        "cae": read.cae_frame,
+        "cae_pulses": read.cae_pulses_frame,
+    }
+
+
+def refusal(frames: Frames, **changed: pd.DataFrame) -> str:
+    """What is said against these tables."""
+    with pytest.raises(DataError) as caught:
+        Campaign.from_frames(**{**frames, **changed}, name="Tiny")
+    return str(caught.value)
+
+
+def test_tables_give_the_campaign_that_they_came_from(read: Campaign, frames: Frames) -> None:
+    """Every pulse to single precision, every condition as accurately as tables are written, factors and ids."""
+    again = Campaign.from_frames(**frames, name="Tiny")
+    assert again.name == "Tiny"
+    assert again.test_ids == read.test_ids
+    assert again.cae.ids == read.cae.ids
+    np.testing.assert_allclose(again.cae.accel_mps2, read.cae.accel_mps2, rtol=1e-6, atol=1e-9)
+    for one, other in zip(again.tests, read.tests, strict=True):
+        np.testing.assert_allclose(one.pulse.accel_mps2, other.pulse.accel_mps2, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(one.condition.vector, other.condition.vector, rtol=1e-11)
+        assert one.condition.factors == other.condition.factors
+
+
+def test_a_folder_taken_through_memory_is_the_same_folder(read: Campaign, tmp_path: Path) -> None:
+    """Its pulses to single precision."""
+    write_campaign(read, tmp_path / "one")
+    tables = read.tests_frame, read.test_pulses_frame, read.cae_frame, read.cae_pulses_frame
+    write_campaign(Campaign.from_frames(*tables, name=read.name), tmp_path / "other")
+    for path in ["cae_pulses.parquet", *(f"tests/{test}.csv" for test in read.test_ids)]:
+        one, other = (
+            pd.read_parquet(folder / path) if path.endswith("parquet") else pd.read_csv(folder / path)
+            for folder in (tmp_path / "one", tmp_path / "other")
+        )
+        pd.testing.assert_frame_equal(one, other, rtol=1e-6, atol=1e-9)
+
+
+def test_tables_may_come_in_any_of_the_units(read: Campaign, frames: Frames) -> None:
+    """SI, km/h and kg: stated by the names of the columns."""
+    tests = frames["tests"].rename(columns={"speed_mph": "speed_kph"})
+    tests["speed_kph"] *= 1.609344
+    pulses = frames["test_pulses"]
+    in_si = pd.DataFrame(
+        {"id": pulses["id"], "time_s": pulses["time_ms"] / 1e3, "acceleration_mps2": pulses["acceleration_g"] * 9.80665}
+    )
+    again = Campaign.from_frames(**{**frames, "tests": tests, "test_pulses": in_si}, name="Tiny")
+    for one, other in zip(again.tests, read.tests, strict=True):
+        np.testing.assert_allclose(one.pulse.accel_mps2, other.pulse.accel_mps2, atol=1e-4)
+        np.testing.assert_allclose(one.condition.vector, other.condition.vector, rtol=1e-11)
+
+
+def test_tables_state_the_filter_class_of_their_pulses(frames: Frames) -> None:
+    """Pulses that were filtered before stay as they are; those to be filtered are; both is one too many."""
+    before = Campaign.from_frames(**frames, name="Tiny")
+    labelled = Campaign.from_frames(**frames, name="Tiny", filtered_with=60)
+    filtered = Campaign.from_frames(**frames, name="Tiny", channel_filter_class=60)
+    assert [each.filter_class for each in (before, labelled, filtered)] == ["filtered as supplied", "CFC 60", "CFC 60"]
+    assert labelled.fingerprint == before.fingerprint != filtered.fingerprint
+    with pytest.raises(DataError, match="campaign: expected one of the two"):
+        Campaign.from_frames(**frames, name="Tiny", channel_filter_class=60, filtered_with=60)
+
+
+def test_what_is_wrong_is_told_with_table_column_and_row(frames: Frames) -> None:
+    """Rows count from 0, as the tables do."""
+    tests, pulses = frames["tests"], frames["test_pulses"]
+    assert refusal(frames, tests=tests.drop(columns="rear_weight_lb")).startswith(
+        "tests: expected one column rear_weight_lb or rear_weight_kg, found the columns id, speed_mph"
+    )
+    assert "found speed_mph, speed_kph; keep one of them" in refusal(frames, tests=tests.assign(speed_kph=50.0))
+    spoilt = tests.astype({"speed_mph": object})
+    spoilt.loc[2, "speed_mph"] = "fast"
+    assert (
+        refusal(frames, tests=spoilt)
+        == "tests, column speed_mph, row 2: expected a number, found 'fast'; correct the cell."
+    )
+    gap = pulses.copy()
+    gap.loc[1300, "acceleration_g"] = np.nan
+    assert "test_pulses, column acceleration_g, row 1300: expected a number" in refusal(frames, test_pulses=gap)
+    lacking = refusal(frames, test_pulses=pulses[pulses["id"] != "T2"])
+    assert lacking == (
+        "tests, column id: expected a pulse for T2, found none in test_pulses; add its pulse or remove its row."
+    )
+    mixed = refusal(frames, test_pulses=pulses.sort_values("time_ms", kind="stable"))
+    assert mixed.startswith("test_pulses, column id, row 4: expected the rows of one id together, found rows of T1")
+    assert mixed.endswith("; sort the table by id, then by time.")
+    assert refusal(frames, cae=[1]) == "cae: expected a DataFrame, found list; give a pandas DataFrame."
+
+
+def test_a_zip_is_read_as_its_folder(campaign_on_disk: Path, tmp_path: Path) -> None:
+    """The campaign is the same."""
+    path = tmp_path / "read.zip"
+    path.write_bytes(zipped(content_of(campaign_on_disk)))
+    assert load_campaign(path).fingerprint == load_campaign(campaign_on_disk).fingerprint
+
+
+def test_a_campaign_says_in_a_line_what_it_holds(read: Campaign) -> None:
+    """No wall of numbers, in a notebook a table in which everything is text."""
+    assert repr(read) == "<Campaign 'campaign': 4 tests, 24 CAE runs>"
+    hostile = Campaign("<b>T</b>", read.cae, read.tests, notice="<script>alert(1)</script>")
+    shown = hostile._repr_html_()
+    assert "<script>" not in shown
+    assert "&lt;b&gt;T&lt;/b&gt;: 4 tests" in shown
+    (table,) = pd.read_html(io.StringIO(shown))
+    assert table["Test"].tolist() == list(read.test_ids)
+    assert table["Speed (mph)"].tolist() == [15.0, 25.0, 26.0, 35.0]
+
+
+def test_what_tables_lack_or_have_twice_is_one_sentence(frames: Frames) -> None:
+    """A column, a unit, rows, a type: the table is named, and what to do."""
+    pulses = frames["test_pulses"]
+    for spoilt, found in (
+        (pulses.drop(columns="time_ms"), "found the columns id, acceleration_g; add the column."),
+        (pulses.assign(acceleration_mps2=1.0), "found acceleration_g, acceleration_mps2; keep one of them."),
+        (pulses.iloc[:0], "found an empty table; add the rows."),
+        (pd.concat([pulses, pulses[["time_ms"]]], axis=1), "found time_ms twice; rename or remove one."),
+    ):
+        refused = refusal(frames, test_pulses=spoilt)
+        assert refused.startswith("test_pulses: expected ")
+        assert refused.endswith(found)
+    mixed = pulses.astype({"acceleration_g": object})
+    mixed.loc[5, "acceleration_g"] = "high"
+    said = refusal(frames, test_pulses=mixed)
+    assert said.startswith("test_pulses: expected columns that are numbers or text, found")
+    assert said.endswith("; give each column one type.")
+    with pytest.raises(DataError, match="campaign, column name: expected text of at most 200 characters"):
+        Campaign.from_frames(**frames, name=3)  # type: ignore[arg-type]
+
+
+def test_pulses_without_a_row_are_left_out_and_told_of(frames: Frames) -> None:
+    """As in a folder: whoever takes a row out of the table need not take its pulse out, but reads of it."""
+    found = Campaign.from_frames(**{**frames, "tests": frames["tests"].iloc[1:]}, name="Tiny")
+    assert found.test_ids == ("T2", "T3", "T4")
+    assert found.warnings == ("test_pulses: pulses without a row in tests are left out, namely T1.",)
+    assert found.warnings[0] in found._repr_html_()

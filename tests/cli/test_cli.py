@@ -310,14 +310,14 @@ def test_memory_that_runs_out_is_a_sentence(
     def allocate(*_: object, **__: object) -> None:
         np.zeros(1 << 50)
 
-    monkeypatch.setattr("crashfuse.campaign_folder.folder.read_what_can_be", allocate)
+    monkeypatch.setattr("crashfuse.campaign_folder.load.read_lenient", allocate)
     assert cli.main(["check", str(campaign_on_disk)]) == cli.WRONG_DATA
     assert capsys.readouterr().err.startswith("crashfuse: Memory ran out. Close other programs")
 
     def fail(*_: object) -> None:
         raise RuntimeError("another")
 
-    monkeypatch.setattr("crashfuse.campaign_folder.folder.read_what_can_be", lambda *_, **__: fail())
+    monkeypatch.setattr("crashfuse.campaign_folder.load.read_lenient", lambda *_, **__: fail())
     with pytest.raises(RuntimeError, match="another"):
         cli.main(["check", str(campaign_on_disk)])
 

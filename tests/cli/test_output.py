@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from crashfuse import cli
-from crashfuse.files.claim import sole_writer
+from crashfuse.files.locks import sole_writer
 
 WEIGHTS = ["--front-weight-lb", "2000", "--rear-weight-lb", "1600"]
 COMMANDS = {

@@ -17,11 +17,10 @@ import pytest
 from crashfuse import cli
 from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled, CrashfuseError, UsageError, out_of_memory
-from crashfuse.execution import cluster
+from crashfuse.execution import workers
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.cluster import connected
 from crashfuse.execution.progress import SILENT, Progress, Watch
-from crashfuse.execution.workers import Local, Work, Workers
+from crashfuse.execution.workers import Local, Work, Workers, connected
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.running import run_study
 
@@ -261,8 +260,8 @@ def test_a_worker_with_other_versions_is_refused(
     campaign: Campaign, dask: Dask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One sentence names it and what differs; nothing is computed."""
-    ours = {**cluster.versions_here(), "numpy": "1.26.4"}
-    monkeypatch.setattr(cluster, "versions_here", lambda: ours)
+    ours = {**workers.versions_here(), "numpy": "1.26.4"}
+    monkeypatch.setattr(workers, "versions_here", lambda: ours)
     with pytest.raises(CrashfuseError, match=r"worker at tcp://\S+ has numpy [\d.]+ instead of 1.26.4: install"):
         run_study(campaign, CONFIG, scheduler=dask.address)
 
@@ -273,10 +272,10 @@ def test_a_cluster_without_workers_is_waited_for_in_vain(
 ) -> None:
     """If the last one dies in mid-study, and if none is there, a sentence says so before long."""
     with connected(dask.address) as workers:
-        monkeypatch.setattr(cluster, "_WORKER_S", 0.5)
+        monkeypatch.setattr("crashfuse.execution.workers._WORKER_S", 0.5)
         with pytest.raises(CrashfuseError, match=r"has no worker.*--resume"):
             done_by(workers, fatal_once(deaths, lives=2), campaign, tmp_path / "cache")
-    monkeypatch.setattr(cluster, "_ANSWER_S", 2.0)
+    monkeypatch.setattr("crashfuse.execution.workers._ANSWER_S", 2.0)
     with pytest.raises(CrashfuseError, match="has no worker"):
         run_study(campaign, CONFIG, scheduler=dask.address)
 

@@ -1,14 +1,29 @@
-"""Tables that nobody should trust: what they may hold is bounded before it is held."""
+"""Tables of strangers are bounded before they are held; ours hold no formula, and read back to what went in."""
 
+import io
 import tracemalloc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+import openpyxl
+import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from crashfuse.errors import DataError
-from crashfuse.files.csv_text import CsvTable, read_rows
+from crashfuse.files.csv_text import (
+    CsvTable,
+    csv_bytes,
+    csv_text,
+    neutral,
+    original,
+    read_csv_table,
+    read_rows,
+    without_formulas,
+)
 
 
 @contextmanager
@@ -64,3 +79,109 @@ def test_short_lines_of_a_wide_table_do_not_fill_the_memory(tmp_path: Path) -> N
         ((frame, rows),) = table.blocks(["c0", "c1"])
     assert (frame.to_numpy(dtype=float) == [1, 2]).all()
     assert rows.tolist() == list(range(2, 102))
+
+
+FORMULAS = (
+    '=HYPERLINK("http://example.org")',
+    "+cmd|' /C calc'!A0",
+    "-1+cmd|' /C calc'!A0",
+    "@SUM(1+1)*cmd|' /C calc'!A0",
+    "\t=1+1",
+    "\r=1+1",
+    "\n=1+1",
+    "  =1+1",
+    "=1+1",
+)
+cells = st.text(alphabet="=+-@\t\r\n;' \"1.e,aé＝", max_size=12)
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_no_formula_begins_a_cell(text: str) -> None:
+    """Nor after what a spreadsheet may cut off, nor where one separates by semicolons."""
+    assert neutral(text).lstrip(" ").startswith("'")
+    assert all(not part.lstrip(' "').startswith(("=", "+", "@")) for part in neutral(f"a;{text}").split(";"))
+
+
+@pytest.mark.parametrize(
+    "text", ["-1", "-1.5e-3", "+3", "-.5", "-50,0", "-", "plain", "it's", "a-b", "AWD", "a; -5; b", ""]
+)
+def test_numbers_and_plain_text_stay_as_they_are(text: str) -> None:
+    """Negative numbers in a column of text are numbers to whoever opens the table, with decimal commas, too."""
+    assert neutral(text) == text
+
+
+@given(text=cells)
+def test_every_text_comes_back(text: str) -> None:
+    """Apostrophes that were there before included."""
+    assert original(neutral(text)) == text
+
+
+@given(texts=st.lists(st.text("=+-@';a1é", min_size=1), min_size=1))
+def test_a_table_that_was_written_is_read_to_the_same_text(
+    texts: list[str], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """By the reader of condition tables; the header too."""
+    path = tmp_path_factory.mktemp("table") / "t.csv"
+    header = ["id", "=1+1", "+a;=b"]
+    path.write_text(csv_text([header, *(["r", text, "n"] for text in texts)]), encoding="utf-8", newline="")
+    names, rows, _ = read_rows(path, "t.csv")
+    assert names == header
+    assert [row[1] for row in rows] == texts
+
+
+@given(
+    ids=st.lists(
+        st.sampled_from(
+            ["NA", "nan", "None", "null", "NULL", "n/a", "#N/A", "", "-", "inf", "1e5", "007", "True", "=1"]
+        )
+        | st.text("=+-@';a1é ", max_size=6),
+        min_size=1,
+    ),
+    data=st.data(),
+)
+def test_a_frame_that_was_written_is_read_to_the_same_frame(
+    ids: list[str], data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Whatever tests are called; nothing but the empty cell of a number is missing."""
+    path = tmp_path_factory.mktemp("table") / "t.csv"
+    numbers = st.lists(st.sampled_from([0.25, -3.5, np.nan]), min_size=len(ids), max_size=len(ids))
+    frame = pd.DataFrame({"id": ids, "value": np.array(data.draw(numbers)), "seed": np.arange(len(ids)) + 1234567})
+    path.write_bytes(csv_bytes(frame))
+    pd.testing.assert_frame_equal(read_csv_table(path, ("value", "seed")), frame)
+
+
+def test_a_frame_keeps_its_numbers_and_loses_its_formulas() -> None:
+    """In texts, categories, mixed columns and names; the frame itself is unchanged."""
+    frame = pd.DataFrame(
+        {
+            "=name": ["=1+1", None, "plain"],
+            "value": [-1.5, np.nan, 2.0],
+            "kind": pd.Categorical(["+cmd", "-1", "+cmd"]),
+            "mixed": [-3, "@x", None],
+        }
+    )
+    before = frame.copy(deep=True)
+    read = pd.read_csv(io.BytesIO(csv_bytes(frame)), dtype=str, keep_default_na=False)
+    assert list(read) == ["'=name", "value", "kind", "mixed"]
+    assert read.to_numpy().tolist() == [
+        ["'=1+1", "-1.5", "'+cmd", "-3"],
+        ["", "", "-1", "'@x"],
+        ["plain", "2", "'+cmd", ""],
+    ]
+    pd.testing.assert_frame_equal(frame, before)
+    assert without_formulas(frame)["value"].dtype == np.float64
+
+
+def test_a_spreadsheet_program_sees_text() -> None:
+    """What a workbook library would store as a formula is stored as a string once it is neutral."""
+    book = openpyxl.Workbook()
+    assert book.active is not None
+    for row, text in enumerate(FORMULAS[-3:], start=1):
+        cell = book.active.cell(row, 1, neutral(text).strip())
+        assert cell.data_type == "s"
+
+
+def test_no_number_is_a_negative_zero() -> None:
+    """A record that begins with −0.0 is written from 0, in six digits as it was."""
+    table = pd.DataFrame({"g": [-0.0, -1e-12, 1 / 3, np.nan]})
+    assert csv_bytes(table) == b'g\n0\n-1e-12\n0.333333\n""\n'

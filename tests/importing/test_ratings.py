@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from crashfuse.campaign_folder.sample_tables import read_pulse
+from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.errors import DataError, UsageError
 from crashfuse.files.archive import zipped
 from crashfuse.importing import import_source

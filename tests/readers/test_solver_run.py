@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from crashfuse import cli
+from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, Reading, import_source, read_records, settle
@@ -17,7 +18,6 @@ from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition
 from crashfuse.readers.solver_run import Energies as Histories
 from crashfuse.readers.solver_run import axis_of_travel, checked_travel
-from crashfuse.run_quality import RunQuality
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH
 from tests.conftest import SHARED, needs_shared

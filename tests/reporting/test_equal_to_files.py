@@ -8,7 +8,7 @@ import pytest
 
 import crashfuse
 from crashfuse import Condition, StudyConfig, cli
-from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.csv_text import csv_bytes
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 

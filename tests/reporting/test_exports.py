@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.condition import Condition
-from crashfuse.files.csv_output import neutral
+from crashfuse.files.csv_text import neutral
 from crashfuse.reporting.exports import parquet_bytes, spreadsheet_text
 from crashfuse.reporting.result_tables import pulses_table
 from crashfuse.signals.pulse import GRID_S

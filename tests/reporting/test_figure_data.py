@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
 from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.displacement import over_displacement

@@ -8,6 +8,7 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.base import Prediction
+from crashfuse.cae_library import NAMED_LIMITS, RunQuality
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
@@ -17,7 +18,6 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import COLOURS, FURTHER_COLOURS
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report import ReportOptions, prediction_report, study_report
-from crashfuse.run_quality import NAMED_LIMITS, RunQuality
 from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate

@@ -1,10 +1,11 @@
-"""The loading phase, against closed forms."""
+"""The loading phase and the energy-crush curve, against closed forms."""
 
 import numpy as np
 import pytest
 
-from crashfuse.signals.loading import loading_phase
-from crashfuse.signals.pulse import GRID_S
+from crashfuse.signals.loading import energy_crush, loading_phase
+from crashfuse.signals.pulse import DT_S, GRID_S
+from crashfuse.units import G
 
 
 def test_constant_braking_has_the_closed_form_t0_and_crush() -> None:
@@ -45,3 +46,51 @@ def test_a_vehicle_that_never_stops_is_loading_to_the_end_of_the_record() -> Non
     assert np.isnan(phase.t0_s)
     assert phase.time_s.size == 1250
     assert phase.end_s == pytest.approx(GRID_S[-1])
+
+
+DURATION_S = 0.08
+PEAK_MPS2 = 40 * G
+DELTA_V_MPS = 2 * PEAK_MPS2 * DURATION_S / np.pi
+HALF_SINE = np.where(GRID_S < DURATION_S, -PEAK_MPS2 * np.sin(np.pi * GRID_S / DURATION_S), 0.0)
+
+
+def test_energy_of_constant_braking_grows_evenly_with_crush() -> None:
+    """At a constant a, e = a s, up to v0²/2 at the maximum crush v0²/2a."""
+    found = energy_crush(np.full(GRID_S.size, -25 * G), 15.0)
+    assert found.crush_m[-1] == pytest.approx(15**2 / (2 * 25 * G), rel=1e-5)
+    np.testing.assert_allclose(found.energy_jpkg, 25 * G * found.crush_m, atol=1e-3)
+    assert (found.lower_jpkg, found.upper_jpkg) == (None, None)
+
+
+def test_energy_of_a_half_sine_is_what_its_velocity_has_lost() -> None:
+    """With v(t) and s(t) of the half sine in closed form, e at s(t) is (v0² − v(t)²)/2, and all of v0²/2 at its end."""
+    speed = 0.9 * DELTA_V_MPS
+    found = energy_crush(HALF_SINE, speed)
+    time = np.linspace(0, 0.05, 11)
+    angle = np.pi * time / DURATION_S
+    velocity = speed - DELTA_V_MPS / 2 * (1 - np.cos(angle))
+    crush = (speed - DELTA_V_MPS / 2) * time + DELTA_V_MPS * DURATION_S / (2 * np.pi) * np.sin(angle)
+    energy = np.interp(crush, found.crush_m, found.energy_jpkg)
+    np.testing.assert_allclose(energy, (speed**2 - velocity**2) / 2, atol=1e-4 * speed**2)
+    assert found.energy_jpkg[-1] == pytest.approx(speed**2 / 2)
+
+
+def test_energy_band_holds_the_middle_of_the_draws() -> None:
+    """Constant braking from 22.5 to 27.5 g: at each crush 95 % absorb within 22.625 to 27.375 g, at most v0²/2."""
+    braking = np.random.default_rng(0).permutation(np.linspace(22.5, 27.5, 401))[:, None] * G
+    found = energy_crush(np.full(GRID_S.size, -25 * G), 15.0, draws_mps2=np.broadcast_to(-braking, (401, GRID_S.size)))
+    assert found.lower_jpkg is not None
+    assert found.upper_jpkg is not None
+    np.testing.assert_allclose(found.lower_jpkg, 22.625 * G * found.crush_m, atol=1e-3)
+    np.testing.assert_allclose(found.upper_jpkg, np.minimum(27.375 * G * found.crush_m, 15**2 / 2), atol=1e-3)
+
+
+def test_energy_of_draws_that_do_not_stop_lies_between_what_is_seen_and_all_of_it() -> None:
+    """Past the end of its record a draw counts with what it had absorbed below, and with v0²/2 above."""
+    draw = np.where(
+        np.arange(GRID_S.size) < 175, -14.0 / (174.5 * DT_S), 0.0
+    )  # from 15 to 1 m/s at once, then rolls on
+    found = energy_crush(np.full(GRID_S.size, -25 * G), 15.0, draws_mps2=draw[None])
+    assert found.lower_jpkg is not None
+    assert found.upper_jpkg is not None
+    assert (found.lower_jpkg[-1], found.upper_jpkg[-1]) == pytest.approx(((15**2 - 1) / 2, 15**2 / 2))

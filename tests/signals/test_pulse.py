@@ -4,11 +4,12 @@ from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
-from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics, with_late_stops
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, in_full, kinematics, with_late_stops
 from crashfuse.units import LB, MPH
 
 DURATION_S = 0.08
@@ -179,3 +180,18 @@ def test_condition_is_the_papers_input_vector() -> None:
     np.testing.assert_allclose(condition.vector, [15.6464, 907.18474, 680.388555])
     assert condition.mass_kg == pytest.approx(1587.573295)
     assert str(condition) == "35.0 mph (56.3 km/h), front 2000 lb, rear 1500 lb"
+
+
+@pytest.mark.parametrize("stride", [10, 20])
+def test_it_is_the_cubic_spline_through_the_samples(stride: int) -> None:
+    """For one pulse and for many."""
+    sequences = np.random.default_rng(0).normal(size=(3, len(GRID_S[::stride])))
+    expected = CubicSpline(GRID_S[::stride], sequences, axis=1)(GRID_S)
+    np.testing.assert_allclose(in_full(sequences, stride), expected, atol=1e-12)
+    np.testing.assert_allclose(in_full(sequences[0], stride), expected[0], atol=1e-12)
+
+
+def test_a_cfc_60_pulse_comes_back_from_every_tenth_sample() -> None:
+    """A sine of 100 Hz, the corner of the filter, to two thousandths of its peak."""
+    pulse = np.sin(2 * np.pi * 100 * GRID_S)
+    np.testing.assert_allclose(in_full(pulse[::10], 10)[:1240], pulse[:1240], atol=2e-3)

@@ -42,8 +42,8 @@ def test_constant_braking_is_its_own_square_wave() -> None:
     """At a constant a: ESW = G1 = G2 = a, the centroid at half of v0/a, as much in the first half as in the second."""
     motion = moved(np.full(1501, -25 * G), dt_s=1e-4)
     assert pulse_shape.equivalent_square_wave(motion) == pytest.approx(25 * G, rel=1e-4)
-    assert pulse_shape.first_step(motion) == pytest.approx(25 * G)
-    assert pulse_shape.second_step(motion) == pytest.approx(25 * G)
+    assert pulse_shape.two_step(motion).g1_mps2 == pytest.approx(25 * G)
+    assert pulse_shape.two_step(motion).g2_mps2 == pytest.approx(25 * G)
     assert pulse_shape.centroid_time(motion) == pytest.approx(SPEED_MPS / (25 * G) / 2, rel=1e-4)
     assert pulse_shape.loading_ratio(motion) == pytest.approx(1)
 
@@ -55,9 +55,9 @@ def test_two_steps_are_their_own_two_step_pulse(g1: float, g2: float, step_s: fl
     v1 = SPEED_MPS - g1 * G * step_s
     end = step_s + v1 / (g2 * G)
     crush = SPEED_MPS * step_s - g1 * G * step_s**2 / 2 + v1**2 / (2 * g2 * G)
-    assert pulse_shape.first_step(motion) == pytest.approx(g1 * G, rel=2e-4)
-    assert pulse_shape.second_step(motion) == pytest.approx(g2 * G, rel=2e-4)
-    assert pulse_shape.step_time(motion) == pytest.approx(step_s, abs=1e-9)
+    assert pulse_shape.two_step(motion).g1_mps2 == pytest.approx(g1 * G, rel=2e-4)
+    assert pulse_shape.two_step(motion).g2_mps2 == pytest.approx(g2 * G, rel=2e-4)
+    assert pulse_shape.two_step(motion).time_s == pytest.approx(step_s, abs=1e-9)
     assert pulse_shape.equivalent_square_wave(motion) == pytest.approx(SPEED_MPS**2 / 2 / crush, rel=1e-5)
     assert pulse_shape.centroid_time(motion) == pytest.approx(crush / SPEED_MPS, rel=1e-5)
     half = end / 2
@@ -105,7 +105,7 @@ def test_no_other_step_is_nearer(seed: int) -> None:
     motion = moved(accel)
     part = accel[: int(motion.t0_s / DT_S)]
     squares = [part[:k].var() * k + part[k:].var() * (part.size - k) for k in range(1, part.size)]
-    assert pulse_shape.step_time(motion) / DT_S == pytest.approx(1 + int(np.argmin(squares)), abs=2)
+    assert pulse_shape.two_step(motion).time_s / DT_S == pytest.approx(1 + int(np.argmin(squares)), abs=2)
 
 
 def test_symmetric_pulses_are_loaded_evenly() -> None:
@@ -153,7 +153,8 @@ def test_vehicle_that_does_not_stop_has_no_shape() -> None:
     motion = moved(half_sine(0.5))
     assert pulse_shape.equivalent_square_wave(motion) == -np.inf
     assert pulse_shape.centroid_time(motion) == np.inf
-    for unknown in ("first_step", "second_step", "step_time", "loading_ratio", "static_crush", "rebound_velocity"):
+    assert np.isnan(pulse_shape.two_step(motion)).all()
+    for unknown in ("loading_ratio", "static_crush", "rebound_velocity"):
         assert np.isnan(getattr(pulse_shape, unknown)(motion)), unknown
 
 
@@ -161,7 +162,9 @@ def test_many_pulses_have_the_shapes_of_each() -> None:
     """Draws of shape (3, n), one of which does not stop."""
     draws = np.array([half_sine(1.1), haversine(1.2), half_sine(0.5)])
     together = moved(draws)
-    names = ("equivalent_square_wave", "centroid_time", "first_step", "second_step", "step_time", "loading_ratio")
+    steps = [pulse_shape.two_step(moved(draw)) for draw in draws]
+    np.testing.assert_array_equal(np.transpose(pulse_shape.two_step(together)), steps)
+    names = ("equivalent_square_wave", "centroid_time", "loading_ratio")
     for name in (*names, "static_crush", "rebound_velocity", "restitution", "moves_freely"):
         of = getattr(pulse_shape, name)
         np.testing.assert_array_equal(of(together), [of(moved(draw)) for draw in draws])

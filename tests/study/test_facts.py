@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from crashfuse.cae_library import QualityLimits, RunQuality
 from crashfuse.campaign import Campaign
 from crashfuse.fact import IMPORTANCE, by_importance
 from crashfuse.reporting.notebook import campaign_html
@@ -13,7 +14,6 @@ from crashfuse.reporting.outgoing_pulses import PulseExport
 from crashfuse.reporting.predicted import predict
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.verdicts import certify
-from crashfuse.run_quality import QualityLimits, RunQuality
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import campaign_facts, condition_facts
 from crashfuse.study.running import run_study

@@ -14,7 +14,7 @@ import pytest
 import streamlit as st
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder import sample_folder
+from crashfuse.campaign_folder import history
 from crashfuse.campaign_folder.editing import leave_out, use_again
 from crashfuse.campaign_folder.history import changed_by
 from crashfuse.campaign_folder.load import load_campaign
@@ -70,7 +70,7 @@ def test_the_sample_is_made_where_it_was_not_shipped(
         written.append(folder)
         shutil.copytree(campaign_folder, folder)
 
-    monkeypatch.setattr(sample_folder, "SHIPPED", tmp_path / "nowhere")
+    monkeypatch.setattr(history, "SHIPPED", tmp_path / "nowhere")
     monkeypatch.setattr("crashfuse.synthetic.write_sample", write)
     for _ in range(2):
         st.cache_resource.clear()

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from openpyxl import Workbook
 
+from crashfuse.campaign_folder.history import sample_folder
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.files.archive import zipped
 from crashfuse.readers.isomme import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.ui import uploads, visitors
 from crashfuse.units import KPH, MPH, G
-from tests.files.test_tarball import tarred
+from tests.files.test_archive import tarred
 from tests.importing.crash_files import german, isomme, library
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run

@@ -23,7 +23,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.one_thread import one_thread
+from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray

@@ -20,7 +20,7 @@ from crashfuse.approaches.time_domain.training import Checkpoint, fine_tune, loa
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.execution.one_thread import one_thread
+from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 

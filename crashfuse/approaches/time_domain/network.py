@@ -17,8 +17,7 @@ from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
 from crashfuse.approaches.time_domain.config import TcnConfig
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
-from crashfuse.signals.thinning import in_full
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, in_full, kinematics
 
 _MOST_TAPS = 8  # with more, torch's own convolution is as quick on a CPU, and has a GPU's matrix units
 

@@ -25,7 +25,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
-from crashfuse.signals.rating_scores import INNER_CORRIDOR, OUTER_CORRIDOR
+from crashfuse.signals.rating import INNER_CORRIDOR, OUTER_CORRIDOR
 from crashfuse.units import MS
 from crashfuse.wording import number
 

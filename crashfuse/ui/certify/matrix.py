@@ -11,7 +11,7 @@ from streamlit.delta_generator import DeltaGenerator
 from crashfuse.campaign import Campaign
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, UsageError
-from crashfuse.files.csv_output import without_formulas
+from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.plots.display import Display
 from crashfuse.ui import address, campaigns
 from crashfuse.ui.certify.uploaded import choose_kept, show_wrong, uploaded

@@ -7,7 +7,7 @@ from pandas.io.formats.style import Styler
 from crashfuse.certification import file_store
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.verdict import WORDS
-from crashfuse.files.csv_output import without_formulas
+from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.certification_changes import saved_and_missed
 from crashfuse.reporting.certification_sentences import beside_matrix
 from crashfuse.reporting.certification_tables import verdict_counts, verdicts_shown

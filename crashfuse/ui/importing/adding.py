@@ -7,8 +7,8 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.campaign_folder.added import WHAT, counted
 from crashfuse.campaign_folder.condition_tables import Role, has_table, read_conditions
+from crashfuse.campaign_folder.editing import WHAT, counted
 from crashfuse.campaign_folder.history import changed_by, is_vacant
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem

@@ -7,7 +7,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, UsageError
-from crashfuse.files.csv_output import without_formulas
+from crashfuse.files.csv_text import without_formulas
 from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
 from crashfuse.importing.sources import tables_of
 from crashfuse.importing.tables import TableForm

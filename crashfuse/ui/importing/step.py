@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
-from crashfuse.campaign_folder.added import WHAT
-from crashfuse.campaign_folder.columns import listed
-from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.campaign_folder.condition_tables import Role, listed
+from crashfuse.campaign_folder.editing import WHAT
 from crashfuse.errors import Problem
 from crashfuse.importing import Choices, Settled
 from crashfuse.importing.campaign_import import Label, parts_of, role_of

@@ -22,21 +22,9 @@ _FOR_ALL = 0o666  # the next user of a shared folder must be able to open what a
 def locked(path: Path, wait_s: float, on_wait: Callable[[], object] = lambda: None) -> Iterator[None]:
     """Context that only one process or thread at a time can be in, by a lock file that is gone afterwards.
 
-    Parameters
-    ----------
-    path : Path
-        The lock file, in a folder that is there.
-    wait_s : float
-        How long to wait for the one that is in it.
-    on_wait : callable, optional
-        Called several times a second meanwhile; what it raises ends the wait.
-
-    Raises
-    ------
-    DataError
-        If another is still in it then: who, where that is known.
-    OSError
-        If files cannot be written or locked there.
+    Another one that is in it is waited for ``wait_s``, and ``on_wait`` called several times a second meanwhile; what it
+    raises ends the wait. Raises a DataError, which says who is in it where that is known, if it does not end in time,
+    and an OSError if files cannot be written or locked in the lock file's folder.
     """
     lock, end = FileLock(path, mode=_FOR_ALL), time.monotonic() + wait_s
     while not lock.is_locked:
@@ -63,12 +51,7 @@ def locked(path: Path, wait_s: float, on_wait: Callable[[], object] = lambda: No
 def sole_writer(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
     """Context in which nobody else that asks may write to a folder, which is made if it is not there.
 
-    A folder that was made and holds nothing at the end is taken away again.
-
-    Raises
-    ------
-    DataError, OSError
-        As :func:`locked`.
+    A folder that was made and holds nothing at the end is taken away again. Raises as :func:`locked`.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     folder.mkdir(parents=True, exist_ok=True)
@@ -82,7 +65,6 @@ def sole_writer(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
 
 
 def _holder(path: Path) -> str:
-    """The process that has written its name into the lock file."""
     with suppress(OSError, UnicodeDecodeError):  # where a locked file can't be read
         if holder := path.read_text(encoding="utf-8").strip():
             return printable(holder)

@@ -1,12 +1,24 @@
-"""Linear algebra with one thread, as long as anyone wants it."""
+"""Linear algebra with one thread, as long as anyone wants it; freed memory goes back to the system."""
 
+import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from crashfuse.execution.one_thread import one_thread, one_thread_throughout
+from crashfuse.execution import process
+from crashfuse.execution.process import one_thread, one_thread_throughout
+
+
+def test_memory_can_be_given_back_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With glibc it returns what is free; with another C library nothing is done."""
+    process.give_back()
+    monkeypatch.setattr(sys, "platform", "win32")
+    process._glibc.cache_clear()
+    process.share_one_heap()
+    process.give_back()
+    process._glibc.cache_clear()
 
 
 def _threads() -> set[int]:

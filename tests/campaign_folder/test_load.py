@@ -11,8 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import unread_files
-from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.campaign_folder.load import load_campaign, unread_files
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH, LB, MPH, MS, G
@@ -280,10 +279,7 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         "cae.csv: expected one column speed_mph or speed_kph or speed_mps, found speed_knots; let the column's name "
         "end in its unit.",
     ),
-    "two units": (
-        _edit("cae.csv", lambda t: t.assign(speed_kph=1)),
-        "found speed_mph, speed_kph; keep one of them.",
-    ),
+    "two units": (_edit("cae.csv", lambda t: t.assign(speed_kph=1)), "found speed_mph, speed_kph; keep one of them."),
     "pulse without unit": (
         _edit("tests/T1.csv", lambda t: t.rename(columns={"acceleration_g": "acceleration"})),
         "tests/T1.csv: expected one column acceleration_g or acceleration_mps2, found acceleration;",
@@ -300,10 +296,7 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda f: pd.read_csv(f / "tests" / "T2.csv").to_parquet(f / "tests" / "T2.parquet"),
         "tests/: expected one pulse for T2, found T2.csv and T2.parquet; keep one of them.",
     ),
-    "pulses twice": (
-        lambda f: (f / "cae").mkdir(),
-        "found cae_pulses.parquet and cae/; keep one form.",
-    ),
+    "pulses twice": (lambda f: (f / "cae").mkdir(), "found cae_pulses.parquet and cae/; keep one form."),
     "duplicate id": (
         _set("tests.csv", 2, "id", "T1"),
         "tests.csv, column id, row 4: expected each id once, found 'T1' a second time;",
@@ -485,10 +478,7 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         "cae.csv: expected changes of velocity near the impact speed, for half of the runs at least, found 0.68 "
         "times it; check the unit of the speed (km/h under a name that ends in _mph?).",
     ),
-    "few runs": (
-        _edit("cae.csv", lambda t: t[:9]),
-        "cae.csv: expected at least 10 CAE runs, found 9;",
-    ),
+    "few runs": (_edit("cae.csv", lambda t: t[:9]), "cae.csv: expected at least 10 CAE runs, found 9;"),
     "bad settings": (
         lambda f: (f / "campaign.toml").write_text("channel_filter_class = sixty"),
         "campaign.toml: expected a TOML file in UTF-8, found",
