@@ -8,6 +8,6 @@ if get_script_run_ctx(suppress_warning=True) is None:
 
     app = st.App(__file__, middleware=prepare(), lifespan=lifespan, on_script_error=tell)
 else:
-    from crashfuse.ui.starting import run
+    from crashfuse.ui.server import run
 
     run()

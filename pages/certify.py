@@ -6,17 +6,17 @@ import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.certify import APPROACH
-from crashfuse.ui import address, explanations, frame
 from crashfuse.ui.certify import earlier, files, record, results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
 from crashfuse.ui.certify.request import CertificationRequest
-from crashfuse.ui.computation import chosen_config
-from crashfuse.ui.navigation import end_page
-from crashfuse.ui.notes import notes_of
-from crashfuse.ui.panel import result_or_none
-from crashfuse.ui.tabs import show_tabs
+from crashfuse.ui.kit import choices, frame
+from crashfuse.ui.kit.choices import chosen_config
+from crashfuse.ui.kit.editing import notes_of
+from crashfuse.ui.kit.figures import show_tabs
+from crashfuse.ui.kit.progress import patience, result_or_none
+from crashfuse.ui.kit.window import end_page
 
 TABS = {
     "Verdicts": results.show,
@@ -38,7 +38,7 @@ with st.expander("Criteria and conditions", icon=":material/tune:", expanded=not
     left, middle, right = st.columns([1, 1, 2], vertical_alignment="bottom")
     with table:
         criteria = choose_criteria(view, left, right)
-    address.default("approach", APPROACH, APPROACHES)
+    choices.default("approach", APPROACH, APPROACHES)
     approach = middle.selectbox(
         "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach", persist_state="session"
     )
@@ -50,7 +50,7 @@ if criteria is not None and matrix is not None:
     verdicts = result_or_none(
         request,
         invitation="These conditions have not been judged yet. "
-        + explanations.patience(
+        + patience(
             config,
             "Every test is left out in turn, which takes a minute or more unless it was done before; after that, other "
             "limits and another confidence are answered at once.",

@@ -1,20 +1,21 @@
 """Compare: the held-out test against every prediction of it."""
 
-from crashfuse.ui import earlier, explanations, frame
-from crashfuse.ui.compare import displacement, files, headline, networks, pulses, ratings, why
-from crashfuse.ui.compare.comparison import Comparison
-from crashfuse.ui.computation import StudyRequest, chosen_config
-from crashfuse.ui.panel import result_of, stop_with_a_single_test
-from crashfuse.ui.tabs import show_tabs
-from crashfuse.ui.text import plain
+from crashfuse.ui import compare, compare_figures
+from crashfuse.ui.compare import Comparison
+from crashfuse.ui.kit import curves, frame
+from crashfuse.ui.kit.choices import chosen_config
+from crashfuse.ui.kit.computation import StudyRequest
+from crashfuse.ui.kit.figures import show_tabs
+from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
+from crashfuse.ui.kit.text import plain
 
 TABS = {
-    "Pulses": pulses.show,
-    "Why": why.show,
-    "Over displacement": displacement.show,
-    "Networks": networks.show,
-    "Ratings and metrics": ratings.show,
-    "Files and report": files.show,
+    "Pulses": compare_figures.show_pulses,
+    "Why": compare_figures.show_why,
+    "Over displacement": compare_figures.show_over_displacement,
+    "Networks": compare_figures.show_networks,
+    "Ratings and metrics": compare.show_ratings,
+    "Files and report": compare.show_files,
 }
 
 view = frame.enter_with_campaign(
@@ -28,11 +29,11 @@ study = result_of(
     request,
     invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will be fitted on the CAE runs and "
     f"{len(config.training_campaign(campaign, test.id).tests)} other tests. "
-    + explanations.patience(config, "The displacement domain takes some seconds, the networks a little longer."),
+    + patience(config, "The displacement domain takes some seconds, the networks a little longer."),
     button=f"Predict test {test.id}",
 )
-explanations.show_missing(config, study.config.approaches)
+show_training(config, study.config.approaches)
 comparison = Comparison.of(view, request, study)
-headline.show(comparison)
-earlier.show_missing(campaign, test.id, comparison.leading)
+compare.show_headline(comparison)
+curves.offer_predictions_of_test(campaign, test.id, comparison.leading)
 show_tabs(TABS, comparison, key="compare_tab")

@@ -3,19 +3,19 @@
 import streamlit as st
 
 from crashfuse.reporting.plots.display import DEFAULT
-from crashfuse.ui import frame
 from crashfuse.ui.history import (
     compare,
+    edit_ticked,
     is_suggested,
     of_campaign,
+    say_refused,
     show_results,
     ticked,
     visible,
     with_ticked,
 )
-from crashfuse.ui.history_notes import edit_ticked
-from crashfuse.ui.navigation import end_page
-from crashfuse.ui.reopening import say_refused
+from crashfuse.ui.kit import frame
+from crashfuse.ui.kit.window import end_page
 
 view = frame.enter()
 st.title("History")

@@ -2,22 +2,21 @@
 
 import streamlit as st
 
-from crashfuse.ui import explanations, frame
-from crashfuse.ui.computation import FitRequest, chosen_config
-from crashfuse.ui.figures import choose
-from crashfuse.ui.panel import result_of
-from crashfuse.ui.pins import show_pins
-from crashfuse.ui.predict import files, metrics, pulses
-from crashfuse.ui.predict.answer import Answer
-from crashfuse.ui.predict.condition import choose_condition
-from crashfuse.ui.predict.planning import show_next_test, show_over_speed
+from crashfuse.ui import predict
+from crashfuse.ui.kit import frame, results
+from crashfuse.ui.kit.choices import chosen_config
+from crashfuse.ui.kit.computation import FitRequest
+from crashfuse.ui.kit.figures import choose
+from crashfuse.ui.kit.progress import patience, result_of, show_training
+from crashfuse.ui.planning import show_next_test, show_over_speed
+from crashfuse.ui.predict import Answer, choose_condition, show_pins
 
 TABS = {
-    "Pulses": pulses.show,
-    "Metrics": metrics.show,
+    "Pulses": predict.show_pulses,
+    "Metrics": predict.show_metrics,
     "Over speed": show_over_speed,
     "Next test": show_next_test,
-    "Files and report": files.show,
+    "Files and report": predict.show_files,
 }
 
 view = frame.enter_with_campaign("Predict", lambda view: f"from {len(view.campaign.tests)} tests and the CAE runs")
@@ -31,16 +30,16 @@ def ask_and_answer() -> None:
     fitted = result_of(
         request,
         invitation=f"The approaches have not been fitted on all {len(campaign.tests)} tests of this campaign yet. "
-        + explanations.patience(
+        + patience(
             config, "This takes a minute or two the first time; after that, every condition is answered at once."
         ),
         button="Predict",
     )
-    answer = Answer.of(view, request, fitted, condition)
-    explanations.show_missing(config, fitted.approaches)
+    answer = Answer(view, request, fitted, condition)
+    show_training(config, fitted.approaches)
     if answer.advice is not None:
         warnings = campaign.cae.extrapolation(condition)
-        explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
+        results.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(TABS), key="predict_tab")
         if answer.advice is not None:

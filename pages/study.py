@@ -3,17 +3,29 @@
 from dataclasses import replace
 
 from crashfuse.study.recommendation import recommend
-from crashfuse.ui import explanations, frame, page_tables
-from crashfuse.ui.chosen import View
-from crashfuse.ui.computation import StudyRequest, chosen_config
-from crashfuse.ui.figures import choose
-from crashfuse.ui.learning_curve import show_learning_curve
-from crashfuse.ui.navigation import end_page
-from crashfuse.ui.panel import result_of, stop_with_a_single_test
-from crashfuse.ui.study import band, files, paper, ratings
-from crashfuse.ui.study.outcome import Outcome
+from crashfuse.ui.kit import frame, results
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.choices import chosen_config
+from crashfuse.ui.kit.computation import StudyRequest
+from crashfuse.ui.kit.figures import choose
+from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
+from crashfuse.ui.kit.window import end_page
+from crashfuse.ui.study import (
+    Outcome,
+    by_group,
+    show_bands,
+    show_files,
+    show_learning_curve,
+    show_paper_tables,
+    show_ratings,
+)
 
-TABS = {"Ratings": ratings.show, "Bands": band.show, "The paper's tables": paper.show, "Files and report": files.show}
+TABS = {
+    "Ratings": show_ratings,
+    "Bands": show_bands,
+    "The paper's tables": show_paper_tables,
+    "Files and report": show_files,
+}
 LEARNING_CURVE = "How many tests are enough"  # needs no study
 
 
@@ -27,7 +39,7 @@ def request_of(view: View) -> StudyRequest:
 view = frame.enter_with_campaign(
     "Study",
     lambda view: f"{len(view.campaign.tests)} tests, each left out in turn",
-    by_group=lambda view: ratings.by_group(request_of(view)),
+    by_group=lambda view: by_group(request_of(view)),
 )
 campaign, request = view.campaign, request_of(view)
 config = request.config
@@ -42,19 +54,17 @@ study = result_of(
     invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn, "
     f"predicted from all others, and rated{again}. "
     f"This has not been run yet for the {len(campaign.tests)} tests of this campaign. "
-    + explanations.patience(
-        config, "It takes a minute or more the first time; meanwhile you can work on the other pages."
-    ),
+    + patience(config, "It takes a minute or more the first time; meanwhile you can work on the other pages."),
     button=f"Leave out each of {len(campaign.tests)} tests",
 )
 outcome = Outcome(view, config, study, request.key)
-explanations.show_missing(config, study.config.approaches)
+show_training(config, study.config.approaches)
 if outcome.whole:
     first, *others = map(view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
-    told = others.pop(-1 if study.speed_groups is not None and ratings.by_group(request) else 0)
+    told = others.pop(-1 if study.speed_groups is not None and by_group(request) else 0)
     longest = max(study.config.windows_ms)
     if outcome.window_ms != longest:  # what is said does not follow the choice in the sidebar
-        told += f" This is over {page_tables.window_label(longest)}."
-    explanations.show_recommendation([f"{use}. {told}", why, *others])
+        told += f" This is over {results.window_label(longest)}."
+    results.show_recommendation([f"{use}. {told}", why, *others])
 TABS[tab](outcome)

@@ -11,16 +11,16 @@ import streamlit as st
 from crashfuse.approaches.registry import LABELS
 from crashfuse.crash_test import CrashTest
 from crashfuse.study.study import Study
-from crashfuse.ui import address, explanations, frame, page_tables
-from crashfuse.ui.chosen import choose_held_out
-from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, jobs
-from crashfuse.ui.downloads import download_bytes
-from crashfuse.ui.figures import choose
-from crashfuse.ui.navigation import open_next, show_link
-from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test, title_of
-from crashfuse.ui.settings import choose_settings
-from crashfuse.ui.text import plain
-from crashfuse.ui.visitors import visitor
+from crashfuse.ui.kit import choices, frame, results
+from crashfuse.ui.kit.choices import choose_held_out
+from crashfuse.ui.kit.computation import FitRequest, Fitted, Request, StudyRequest, jobs
+from crashfuse.ui.kit.figures import choose
+from crashfuse.ui.kit.files import download_bytes
+from crashfuse.ui.kit.frame import choose_settings
+from crashfuse.ui.kit.progress import show_end, show_job, show_training, stop_with_a_single_test, title_of
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.visitors import visitor
+from crashfuse.ui.kit.window import open_next, show_link
 
 T = TypeVar("T")
 FIT, LEAVE_OUT = "Fit on all tests", "Leave tests out"
@@ -30,8 +30,8 @@ campaign = view.campaign
 
 
 def choose_tests() -> tuple[str, ...]:
-    """Ask which tests to leave out, at first the one chosen for all pages; returned in the campaign's order."""
-    address.default("held_out", [view.held_out.id])
+    """Ask which tests to leave out, at first the one chosen for all pages."""
+    choices.default("held_out", [view.held_out.id])
     asked = st.session_state["held_out"]
     if missing := [test for test in asked if test not in campaign.test_ids]:
         st.caption(f":material/link_off: No test here is named {plain(', '.join(missing))[:80]}.")
@@ -46,7 +46,7 @@ def choose_tests() -> tuple[str, ...]:
 def compute(
     request: Request[T], show_result: Callable[[T], None], show_part: Callable[[T], None] | None = None, *, trouble: str
 ) -> None:
-    """Offer to start a computation unless there is trouble, show progress, what is known so far, and finally all."""
+    """Offer to start a computation, show its progress and result."""
     if trouble:
         st.info(plain(trouble))
     job = None if trouble else request.find()
@@ -84,12 +84,12 @@ def show_models(fitted: Fitted) -> None:
 
 def show_predicted_so_far(study: Study) -> None:
     """Say which approaches have predicted already; their tests can be compared by them."""
-    explanations.show_missing(config, study.config.approaches)
+    show_training(config, study.config.approaches)
     window_ms = view.display.window_ms
     rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
     n = len(study.folds)
     of = plain(study.folds[0].held_out) if n == 1 else f"mean of {n} tests"
-    st.markdown(f"Rated already, {of}, {page_tables.window_label(window_ms)}: {rated}.")
+    st.markdown(f"Rated already, {of}, {results.window_label(window_ms)}: {rated}.")
     link_to_tests(study)
 
 

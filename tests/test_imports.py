@@ -46,7 +46,7 @@ def test_a_rating_loads_numpy_alone() -> None:
 @pytest.mark.slow
 def test_the_pages_load_no_networks() -> None:
     """Names and figures of all approaches are drawn without torch, which takes as long to load as all else."""
-    (pages,) = loaded("import sys, crashfuse.ui.frame, crashfuse.reporting.report; print(*sys.modules)")
+    (pages,) = loaded("import sys, crashfuse.ui.kit.frame, crashfuse.reporting.report; print(*sys.modules)")
     assert not {"torch", "scipy.stats", "scipy.signal", "sklearn", "pytest"} & pages
 
 

@@ -7,7 +7,7 @@ from crashfuse.errors import UsageError
 
 def app(arguments: argparse.Namespace) -> None:
     """Start the dashboard."""
-    from crashfuse.ui.launch import launch
+    from crashfuse.ui.server import launch
 
     for folder in (arguments.campaign, *arguments.root):
         if folder is not None and not folder.is_dir():

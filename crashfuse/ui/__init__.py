@@ -1,1 +1,1 @@
-"""Code shared by the dashboard's pages; the only part of the package that imports Streamlit."""
+"""The dashboard, the only room that imports Streamlit: its server, the parts of its pages, the kit that they share."""

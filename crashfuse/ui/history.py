@@ -1,9 +1,12 @@
-"""Past results: the list of them, and two compared."""
+"""The page History: past results, notes on them, one opened again, two compared."""
+
+from contextlib import suppress
+from dataclasses import replace
 
 import streamlit as st
 
-from crashfuse.approaches.registry import LABELS
-from crashfuse.errors import UsageError
+from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.past_results import (
     comparison_means,
     comparison_table,
@@ -15,15 +18,18 @@ from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import comparison_report
 from crashfuse.study.comparison import StudyComparison, telling_pair
-from crashfuse.study.history import PastResult, past_results
-from crashfuse.ui import address, campaigns
-from crashfuse.ui.downloads import download_report, download_table
-from crashfuse.ui.figures import choose, show_cached_figure
-from crashfuse.ui.page_tables import window_label
-from crashfuse.ui.reopening import fingerprint, offer_predictions, offer_pulses, open_result
-from crashfuse.ui.tables import show_table
-from crashfuse.ui.text import plain
-from crashfuse.ui.uploads import uploaded
+from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, forget, past_results
+from crashfuse.ui.kit import campaigns, choices
+from crashfuse.ui.kit.choices import choose_campaign, note_for_next_page, pin_all
+from crashfuse.ui.kit.curves import settings_text
+from crashfuse.ui.kit.figures import choose, show_cached_figure
+from crashfuse.ui.kit.files import download_report, download_table
+from crashfuse.ui.kit.results import show_table, window_label
+from crashfuse.ui.kit.text import plain, show_label
+from crashfuse.ui.kit.uploads import uploaded_data
+from crashfuse.ui.kit.visitors import note_in_log, visitor
+from crashfuse.ui.kit.window import open_next
+from crashfuse.ui.predict import fill_in
 
 _ROW_PX, _MOST_ROWS = 35, 9
 _OPEN = "Open"
@@ -34,15 +40,13 @@ _HOW_TO_COMPARE = (
     "No two studies listed here share a test and differ in their data or settings: run one again with another seed, "
     "say, and both are compared here."
 )
+_REFUSED = "refused result"  # session key
 
 
 def visible() -> list[PastResult]:
-    """Past results of campaigns that are open to this visitor and, unless folders are restricted, of all folders.
-
-    What somebody has uploaded is never for everybody.
-    """
+    """Past results of campaigns open to this visitor and, unless folders are restricted, of all but uploads."""
     mine = {data for name in campaigns.open_campaigns() if (data := fingerprint(name)) is not None}
-    hidden = uploaded() - mine
+    hidden = uploaded_data() - mine
     return [
         result
         for result in past_results()
@@ -51,16 +55,17 @@ def visible() -> list[PastResult]:
 
 
 def of_campaign(results: list[PastResult], here: str) -> list[PastResult]:
-    """Those of the open campaign, or those of all, as the user chooses; all if it has none."""
-    own = [result for result in results if result.campaign == here]
-    if not own or len(own) == len(results):
+    """Those of the open campaign or of all, as the user chooses."""
+    here_only = [result for result in results if result.campaign == here]
+    if not here_only or len(here_only) == len(results):
         return results
     labels = {"this": plain(here), "all": "All campaigns"}
-    return own if choose("Campaigns", list(labels), key="listed", label_of=labels.__getitem__) == "this" else results
+    shown = choose("Campaigns", list(labels), key="listed", label_of=labels.__getitem__)
+    return here_only if shown == "this" else results
 
 
 def with_ticked(results: list[PastResult], listed: list[PastResult], chosen: list[PastResult]) -> list[PastResult]:
-    """The list with whatever is ticked, of any campaign: what is compared can be seen, and its tick taken away."""
+    """The list with whatever is ticked, of any campaign, so that its tick can be taken away."""
     missing = [result for result in chosen if result not in listed]
     return sorted([*listed, *missing], key=results.index) if missing else listed
 
@@ -71,7 +76,7 @@ def is_suggested() -> bool:
 
 
 def ticked(results: list[PastResult], listed: list[PastResult]) -> list[PastResult]:
-    """Those that are ticked, the first one first; until somebody ticks one, two of the list that differ."""
+    """Those that are ticked; until somebody ticks one, two of the list that differ."""
     if is_suggested():
         return list(telling_pair([result for result in listed if result.tests]) or ())
     asked = [st.session_state[key] for key in _TICKED]
@@ -82,18 +87,18 @@ def ticked(results: list[PastResult], listed: list[PastResult]) -> list[PastResu
 
 
 def show_results(results: list[PastResult], chosen: list[PastResult], display: Display, here: str) -> None:
-    """Show the list: a button in each row opens it, by keyboard a field below; ticks choose which are compared."""
+    """Show the list, from which results are opened and, by ticks, compared."""
     table = history_table(results, display).drop(columns="Data")
     if set(table["Campaign"]) == {here}:
         table = table.drop(columns="Campaign")
     table.insert(0, _OPEN, _OPEN)
     rows = [row for row, result in enumerate(results) if result in chosen]
-    address.put(_TABLE, {"selection": {"rows": rows, "columns": [], "cells": []}})
+    choices.put(_TABLE, {"selection": {"rows": rows, "columns": [], "cells": []}})
 
     def tick() -> None:
-        found = [results[row] for row in st.session_state[_TABLE].selection.rows]
-        new = [result for result in found if result not in chosen]
-        kept = [] if new and is_suggested() else [result for result in chosen if result in found]
+        selected = [results[row] for row in st.session_state[_TABLE].selection.rows]
+        new = [result for result in selected if result not in chosen]
+        kept = [] if new and is_suggested() else [result for result in chosen if result in selected]
         ids = [result.id for result in [*kept, *new][-2:]]
         st.session_state.update(zip(_TICKED, [*ids, "", ""], strict=False))  # "": none, and that was chosen
 
@@ -181,10 +186,7 @@ def _show_each_test(compared: StudyComparison, window: float, way: str) -> None:
     show_cached_figure(
         lambda: rating_differences(compared, window, way),
         "Rating of each test in the second study minus that in the first, by approach, with their mean",
-        compared.first.id,
-        compared.second.id,
-        window,
-        way,
+        (compared.first.id, compared.second.id, window, way),
         name=f"studies compared {compared.first.id} {compared.second.id} {way} 0-{window:g}ms",
     )
     approach = choose(
@@ -192,3 +194,161 @@ def _show_each_test(compared: StudyComparison, window: float, way: str) -> None:
         label_of=lambda name: LABELS.get(name, name),
     )  # fmt: skip
     show_table(comparison_table(compared, approach, window, way), "compared tests")
+
+
+def edit_ticked(ticked: list[PastResult], display: Display) -> None:
+    """Offer a note on each result that is ticked, and to take it off the list."""
+    for result in ticked:
+        key, label = f"note on {result.id}", f"Note on {described(result, display)}"
+        refused = st.session_state.pop(f"{key} refused", "")
+        show_label(label)
+        with st.container(horizontal=True, vertical_alignment="bottom"):
+            st.text_input(
+                label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed",
+                placeholder="such as: baseline CAE model, before the new rail", on_change=_annotate, args=(result, key),
+            )  # fmt: skip
+            st.button(
+                "Take off the list", icon=":material/playlist_remove:", key=f"forget {result.id}", on_click=_forget,
+                args=(result,), help="For everybody on this machine; the result itself stays, and is listed when asked "
+                "for again.",
+            )  # fmt: skip
+        if refused:
+            st.warning(plain(refused), icon=":material/warning:")
+
+
+def _annotate(result: PastResult, key: str) -> None:
+    """Keep the note; what is refused stays in its field, and why is shown below it."""
+    try:
+        annotate(result, st.session_state[key])
+    except DataError as error:
+        st.session_state[f"{key} refused"] = str(error.problems[0])
+    except OSError as error:
+        st.session_state[f"{key} refused"] = f"The note was not kept: {error.strerror or error}."
+
+
+def _forget(result: PastResult) -> None:
+    forget(result)
+    note_in_log(visitor(), f"took a result of {result.campaign} off the list")
+
+
+def say_refused() -> None:
+    """Say what is in the way of opening a result, if that was just tried."""
+    if refused := st.session_state.pop(_REFUSED, ""):
+        st.warning(plain(refused), icon=":material/folder_off:")
+
+
+def open_result(result: PastResult) -> bool:
+    """Open a result; False if it cannot be, and why is recorded."""
+    if not _choose_data(result):
+        return False
+    if len(result.tests) == 1:
+        st.session_state["test"] = result.tests[0]
+    if result.condition is not None:
+        fill_in(campaigns.load(st.session_state["campaign"]), result.condition)
+    open_next(_page(result))
+    return True
+
+
+def _choose_data(result: PastResult) -> bool:
+    names = [name for name in campaigns.open_campaigns() if fingerprint(name) == result.fingerprint]
+    here = st.session_state["campaign"]
+    name = here if here in names else next(iter(names), None)
+    if name is None:
+        st.session_state[_REFUSED] = _in_the_way(result)
+        return False
+    choose_campaign(name)
+    if name != here:
+        note_for_next_page(f"Opened in {campaigns.label(name)}, which has the data of this result.")
+    config = result.config
+    st.session_state.update(
+        preset=config.preset, seed=config.seed, device=config.device,
+        approaches=[approach for approach in APPROACHES if approach in config.approaches],
+        leave_out="speed group" if config.leave_out == "speed group" else "test",
+    )  # fmt: skip
+    return True
+
+
+def _in_the_way(result: PastResult) -> str:
+    data = f"campaign {result.campaign} with the data {result.fingerprint[:8]}"
+    of = f"The {data}"
+    for name in campaigns.open_campaigns():
+        with suppress(DataError):
+            campaign = campaigns.load(name)
+            unused = ", ".join(test for test, _ in campaign.unused)
+            if campaign.name == result.campaign and unused:
+                return f"{of} is open with other tests: use {unused} again on the page Data, then choose it again."
+            if campaign.name == result.campaign:
+                return (
+                    f"{of} was changed since: undo that on the page Data, or open a copy of it, then choose it again."
+                )
+    return f"You have not opened the {data}: open its folder, or upload it, on the page Data, then choose it again."
+
+
+def _page(result: PastResult) -> str:
+    if result.condition is not None:
+        return "predict"
+    return "compare" if len(result.tests) == 1 else "study"
+
+
+def fingerprint(name: str) -> str | None:
+    """That of the data of an open campaign; None if it cannot be read any more."""
+    try:
+        return campaigns.fingerprint_of(name)
+    except DataError:
+        return None
+
+
+def offer_pulses(first: PastResult, second: PastResult) -> None:
+    """Offer to show both on Compare, if they rest on the same data and have one test in common."""
+    shared = [test for test in first.tests if test in second.tests]
+    config, others = first.config.split_configs[0], second.config.split_configs
+    other = next((way for way in others if way.leave_out == config.leave_out), others[0])
+    beside = settings_text(other)
+    if first.fingerprint == second.fingerprint and len(shared) == 1 and beside != settings_text(config):
+        st.button(
+            f"Show both on Compare, {plain(shared[0])}", icon=":material/stacked_line_chart:", on_click=_open_beside,
+            args=(first, shared[0], beside), help="The pulses of the second stand beside those of the first.",
+        )  # fmt: skip
+
+
+def _open_beside(result: PastResult, test: str, beside: str) -> None:
+    """Open a study at one of its tests on Compare, with the prediction of it by other settings beside its own."""
+    if _choose_data(result):
+        st.session_state["test"] = test
+        _put_beside(beside)
+        open_next("compare")
+
+
+def _put_beside(settings: str) -> None:
+    st.session_state["also"] = list(dict.fromkeys([*st.session_state["also"], settings]))
+
+
+def offer_predictions(first: PastResult, second: PastResult) -> None:
+    """Offer to show two predictions beside each other on the page Predict."""
+    if first.fingerprint != second.fingerprint:
+        why = "These predictions rest on different data; Predict shows those beside each other that rest on the same."
+    elif _settings(first) != _settings(second) and first.condition != second.condition:
+        why = (
+            "These predictions differ in their condition and in their settings; Predict shows those beside each other "
+            "that differ in only one of the two."
+        )
+    else:
+        st.button(
+            "Show both on Predict", icon=":material/keep:", type="primary", on_click=_open_both, args=(first, second)
+        )
+        return
+    st.info(why, icon=":material/join_inner:")
+
+
+def _open_both(first: PastResult, second: PastResult) -> None:
+    """Open a prediction with another beside it: by its settings, or pinned if these are the same."""
+    if not open_result(first):
+        return
+    if _settings(first) != _settings(second):
+        _put_beside(settings_text(replace(second.config, leave_out=st.session_state["leave_out"])))
+    else:
+        pin_all([result.condition for result in (first, second) if result.condition is not None])
+
+
+def _settings(result: PastResult) -> tuple[str, int]:
+    return result.config.preset, result.config.seed

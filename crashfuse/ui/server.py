@@ -1,16 +1,26 @@
-"""What the dashboard's server adds to Streamlit's, whichever command starts it."""
+"""The dashboard's server: started by any command, what it adds to Streamlit's, and its first seconds.
+
+A frame is painted at once; what takes long is imported meanwhile, and not by this module.
+"""
 
 import asyncio
+import gc
+import os
 import secrets
 import signal
 import sys
+import threading
 import time
 import webbrowser
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Sequence
+from concurrent.futures import Future
+from contextlib import asynccontextmanager, suppress
+from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import streamlit as st
+from click import Abort
 from starlette.datastructures import MutableHeaders
 from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection
@@ -20,18 +30,22 @@ from starlette.websockets import WebSocketClose
 from streamlit import net_util
 from streamlit.runtime import Runtime
 from streamlit.runtime.pages_manager import PagesManager
+from streamlit.web.cli import main
 from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
 from crashfuse.execution.process import share_one_heap
-from crashfuse.ui import journal, login
-from crashfuse.ui.starting import start_importing
-from crashfuse.ui.text import plain
-from crashfuse.ui.visitors import BROWSER
+from crashfuse.ui.kit import visitors
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.visitors import BROWSER
+from crashfuse.ui.kit.window import navigate
 
 if TYPE_CHECKING:
     from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
 
+_PACKAGE = Path(__file__).resolve().parents[1]
+_PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in a checkout
+_HOSTS = ("localhost", "127.0.0.1")  # else a page elsewhere reaches the server under a name of its own (DNS rebinding)
 _POLICY = {  # no page around this one, and nothing that this one shows, a laboratory's text say, fetches from elsewhere
     "X-Frame-Options": "DENY",
     "Content-Security-Policy": "frame-ancestors 'none'; default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval'; "
@@ -45,11 +59,85 @@ _ANOTHER_NAME = PlainTextResponse(
     403,
 )
 _ANOTHER_ORIGIN = WebSocketClose(1008)  # against the policy; before it is open, the server answers 403
-
 # on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
 net_util._external_ip = ""
 # else the first session would run a linked page without app.py
 PagesManager.uses_pages_directory = False
+_SLOW = (  # what the pages need; most of the time is that of SciPy, Plotly and pandas
+    "crashfuse.ui.kit.frame",
+    "crashfuse.reporting.report",
+    "crashfuse.ui.data",
+    "pandas.io.formats.style",
+    "streamlit.elements.plotly_chart",
+)
+_NEXT = "torch"  # what a first prediction needs: it takes as long again
+_PREDICTS = "crashfuse.study.estimate"
+_SWITCH_S = 5e-4  # while importing: the server's own threads wait for the interpreter a tenth of the usual time
+_lock = threading.Lock()
+_imported: Future[None] | None = None
+
+
+def launch(
+    port: int,
+    campaign: Path | None = None,
+    *,
+    roots: Sequence[Path] = (),
+    hosts: Sequence[str] = (),
+    secrets: Path | None = None,
+    log: Path | None = None,
+) -> None:
+    """Serve the dashboard on 127.0.0.1 until interrupted.
+
+    Parameters
+    ----------
+    port : int
+        Port to listen on.
+    campaign : Path, optional
+        Folder to open at start-up.
+    roots : sequence of Path, optional
+        Folders that the pages may open and write to, with all in them; none for no restriction.
+    hosts : sequence of str, optional
+        Names under which a reverse proxy makes it known.
+    secrets : Path, optional
+        Secrets file whose section ``[auth]`` says how to log in; without it, nobody has to.
+    log : Path, optional
+        File to append the log to, instead of standard error.
+
+    Raises
+    ------
+    DataError
+        If nobody could log in by that file.
+    OSError
+        If the log cannot be written.
+    """
+    if secrets is not None:
+        visitors.check_login([secrets], required=True)
+    if log is not None:
+        log.open("a").close()
+    given = {
+        "CRASHFUSE_CACHE": os.environ.get("CRASHFUSE_CACHE"),
+        "CRASHFUSE_CAMPAIGN": campaign,
+        visitors.LOG: log,
+    }
+    os.environ |= {name: str(Path(path).resolve()) for name, path in given.items() if path is not None}
+    if roots:
+        os.environ[visitors.ROOTS] = "\n".join(str(root.resolve()) for root in roots)
+    options = [  # includes the security settings of config.toml, which the user's own settings can't override here
+        ("server.address", "127.0.0.1"),
+        ("server.port", port),
+        ("server.showEmailPrompt", "false"),
+        ("server.enableXsrfProtection", "true"),
+        ("server.enableCORS", "true"),
+        ("browser.gatherUsageStats", "false"),
+        ("client.showErrorDetails", "none"),
+        ("client.showSidebarNavigation", "false"),
+        *(("server.allowedHosts", host) for host in (*_HOSTS, *hosts)),
+    ]
+    if secrets is not None:
+        options.append(("secrets.files", secrets.resolve()))
+    os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # the folder with the pages and settings
+    with suppress(Abort):  # Ctrl-C
+        main(["run", "app.py", *(f"--{name}={value}" for name, value in options)], standalone_mode=False)
 
 
 class Guard:
@@ -63,7 +151,7 @@ class Guard:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._refusals = journal.Refusals()
+        self._refusals = visitors.Refusals()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -95,10 +183,10 @@ class Guard:
 
 
 def _is_own_page(connection: HTTPConnection) -> bool:
-    """Whether a WebSocket is asked for by a page of this server, by one of a configured origin, or by no browser."""
+    """Whether a WebSocket is asked for by a page of this server or a configured origin, or by no browser."""
     host, origin = map(connection.headers.get, ("host", "origin"))
-    known = {own.strip() for own in st.get_option("server.corsAllowedOrigins")}
-    return origin is None or origin in known or origin.partition("://")[2] == host
+    origins = {name.strip() for name in st.get_option("server.corsAllowedOrigins")}
+    return origin is None or origin in origins or origin.partition("://")[2] == host
 
 
 async def _forget_closed_tabs() -> None:
@@ -143,9 +231,9 @@ def prepare() -> tuple[Middleware, ...]:
     A server whose log-in is set up wrongly does not start, for it would let in everybody.
     """
     try:
-        journal.begin()
-        if login.check(st.get_option("secrets.files")):
-            login.insist()
+        visitors.begin_log()
+        if visitors.check_login(st.get_option("secrets.files")):
+            visitors.insist_on_login()
     except (CrashfuseError, OSError) as error:
         sys.exit(f"crashfuse: {error}")
     _end_as_by_ctrl_c()
@@ -158,3 +246,48 @@ def _end_as_by_ctrl_c() -> None:
     handler = signal.getsignal(signal.SIGTERM)
     if callable(handler):  # uvicorn's own, which would raise SIGTERM once more, now fatal
         signal.signal(signal.SIGTERM, lambda _, frame: handler(signal.SIGINT, frame))
+
+
+def start_importing() -> Future[None]:
+    """Import what the pages need in the background, once."""
+    global _imported
+    with _lock:
+        if _imported is None:
+            _imported = Future()
+            threading.Thread(target=_import, args=(_imported,), name="crashfuse-imports", daemon=True).start()
+        return _imported
+
+
+def _import(done: Future[None]) -> None:
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_S)
+    try:
+        for name in _SLOW:
+            import_module(name)
+    except BaseException as error:  # the page that waits raises it
+        done.set_exception(error)
+    else:
+        done.set_result(None)
+        import_module(_NEXT)
+    finally:
+        sys.setswitchinterval(usual)
+    from crashfuse.execution.code_digest import code_digest
+    from crashfuse.ui.kit.uploads import sweep_uploads
+
+    sweep_uploads()
+    code_digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
+    gc.freeze()  # what was imported is never garbage: to look for some in it took 0.2 s every dozen answers
+
+
+def run() -> None:
+    """Run the page given in the address, once everything it needs is imported."""
+    page = navigate()
+    imported = start_importing()
+    if not imported.done():
+        st.title(page.title)
+        st.markdown(":material/hourglass_top: Starting …")
+        imported.result()  # waits
+        st.rerun()
+    from crashfuse.ui.kit.frame import route
+
+    route(page)

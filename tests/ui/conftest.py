@@ -14,9 +14,9 @@ import streamlit as st
 from streamlit.components.v2 import manifest_scanner
 from streamlit.testing.v1 import AppTest
 
-from crashfuse.ui.computation import jobs
-from crashfuse.ui.starting import start_importing
-from crashfuse.ui.text import as_read
+from crashfuse.ui.kit.computation import jobs
+from crashfuse.ui.kit.text import as_read
+from crashfuse.ui.server import start_importing
 
 APP = Path(__file__).parents[2] / "app.py"
 SOON = 60.0
@@ -148,4 +148,4 @@ def visit() -> Callable[..., Session]:
 @pytest.fixture(autouse=True)
 def slides_can_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages offer slides, whether or not this machine has a browser that draws them."""
-    monkeypatch.setattr("crashfuse.ui.downloads.missing_for", lambda _: "")
+    monkeypatch.setattr("crashfuse.ui.kit.files.missing_for", lambda _: "")

@@ -14,7 +14,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.saved_models import load_model
 from crashfuse.study.study import Fold
-from crashfuse.ui.computation import FitRequest, Fitted, StudyRequest, _folds
+from crashfuse.ui.kit.computation import FitRequest, Fitted, StudyRequest, _folds
 
 SOON = 60.0
 CONFIG = StudyConfig(approaches=("cae",), windows_ms=(60.0,))

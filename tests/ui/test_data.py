@@ -24,8 +24,8 @@ from crashfuse.files.archive import zipped
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
-from crashfuse.ui import campaigns, journal, recent, uploads
-from crashfuse.ui.problems import problem_table, short_table
+from crashfuse.ui.kit import campaigns, uploads, visitors
+from crashfuse.ui.kit.results import problem_table, short_table
 from crashfuse.units import G
 from tests.conftest import content_of
 
@@ -494,9 +494,9 @@ def test_a_damaged_list_of_folders_is_ignored(content: bytes, tmp_path: Path) ->
     """And written anew by the next folder."""
     default_folder().mkdir(parents=True, exist_ok=True)
     (default_folder() / "recent.json").write_bytes(content)
-    assert recent.recent_folders() == ()
-    recent.remember(tmp_path)
-    assert recent.recent_folders() == (tmp_path,)
+    assert campaigns.recent_folders() == ()
+    campaigns.remember(tmp_path)
+    assert campaigns.recent_folders() == (tmp_path,)
 
 
 def test_the_list_of_folders_is_short(tmp_path: Path) -> None:
@@ -505,11 +505,11 @@ def test_the_list_of_folders_is_short(tmp_path: Path) -> None:
     for folder in folders:
         folder.mkdir(parents=True)
     for folder in (*folders, folders[0], folders[1], folders[0]):
-        recent.remember(folder)
-    listed = recent.recent_folders()
+        campaigns.remember(folder)
+    listed = campaigns.recent_folders()
     assert listed[:3] == (folders[0], folders[1], folders[-1])
     assert len(listed) == 8
-    assert recent.labels(listed)[:3] == ["a/car", "b/car", "c8"]
+    assert campaigns.folder_labels(listed)[:3] == ["a/car", "b/car", "c8"]
 
 
 @pytest.mark.slow
@@ -519,8 +519,8 @@ def test_pages_offer_and_copy_only_inside_the_roots(
     """A folder opened before the server was restricted is not offered, and no copy is saved elsewhere."""
     inside = shutil.copytree(campaign_folder, tmp_path / "root" / "inside")
     for folder in (campaign_folder, inside):
-        recent.remember(folder)
-    monkeypatch.setenv(journal.ROOTS, str(tmp_path / "root"))
+        campaigns.remember(folder)
+    monkeypatch.setenv(visitors.ROOTS, str(tmp_path / "root"))
     session = visit()
     assert "inside" in session.buttons
     assert campaign_folder.name not in session.buttons

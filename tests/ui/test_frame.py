@@ -1,4 +1,4 @@
-"""The frame around every page: what is chosen once holds everywhere, and an address reproduces it."""
+"""The frame of every page, and the settings."""
 
 import shutil
 from collections.abc import Callable
@@ -11,13 +11,14 @@ import streamlit as st
 from streamlit.runtime.context import ContextProxy, StreamlitTheme
 
 from crashfuse.reporting.plots.palette import IN_THE_DARK, PAPER
-from crashfuse.ui import campaigns, frame
-from crashfuse.ui.text import plain
+from crashfuse.ui.kit import campaigns, frame
+from crashfuse.ui.kit.text import plain
 
 if TYPE_CHECKING:
     from streamlit.testing.v1.element_tree import Widget
 
     from tests.ui.conftest import Session
+from tests.ui.conftest import Session
 
 PAGES = ("data", "train", "compare", "study", "predict")
 Visit = Callable[..., "Session"]
@@ -251,3 +252,21 @@ def test_a_link_with_no_number_shows_the_default(visit: Callable[..., "Session"]
     """A page is shown, not an error."""
     session = visit("predict", speed_mph=number)
     assert 0 < cast(float, session.app.number_input[0].value) < 200
+
+
+def left_out(session: Session) -> str:
+    """What the page shows as chosen under *Left out*."""
+    (asked,) = [each for each in session.app.button_group if each.label == "Left out"]
+    return str(asked.value)
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.parametrize("chosen", ["test", "speed group"])
+def test_what_a_link_leaves_out_on_compare_stays_on_train_and_back(visit: Callable[..., Session], chosen: str) -> None:
+    """Train has it in the page, Compare in the sidebar; what is chosen on either is chosen on the other."""
+    session = visit("compare", campaign="campaign", approaches="cae", test="T2", leave_out=chosen)
+    assert left_out(session) == left_out(session.go("train")) == chosen
+    assert "There is no way" not in session.words
+    (other,) = {"test", "speed group"} - {chosen}
+    session.app.button_group(key="leave_out on train").set_value(other)
+    assert left_out(session.run()) == left_out(session.go("compare")) == left_out(session.go("train")) == other

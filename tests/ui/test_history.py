@@ -190,5 +190,5 @@ def test_where_folders_are_restricted_others_results_are_not_listed(
     for fingerprint in (load_campaign(open_campaign).fingerprint, "of someone else"):
         kept(1, fingerprint=fingerprint)
     assert len(visit("history").app.dataframe[0].value) == 2
-    monkeypatch.setattr("crashfuse.ui.campaigns.roots", lambda: [open_campaign])
+    monkeypatch.setattr("crashfuse.ui.kit.campaigns.roots", lambda: [open_campaign])
     assert len(visit("history").app.dataframe[0].value) == 1

@@ -18,7 +18,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.files.archive import zipped
 from crashfuse.readers.isomme import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
-from crashfuse.ui import uploads, visitors
+from crashfuse.ui.kit import uploads, visitors
 from crashfuse.units import KPH, MPH, G
 from tests.files.test_archive import tarred
 from tests.importing.crash_files import german, isomme, library
@@ -152,16 +152,6 @@ def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields(visit:
     assert not any(re.search(r"\d (km/h|kg)\b", one.value) for one in session.app.markdown)
 
 
-def test_tdms_is_read(visit: Visit) -> None:
-    """The weights are all that it does not know."""
-    session = drop(visit(), t_tdms=nhtsa_test())
-    assert "TDMS" in session.words
-    field(session, "Front weight").set_value(950.0)
-    field(session, "Rear weight").set_value(750.0)
-    assert "Add as test" in session.run().buttons
-    assert "Zero velocity (TTZV) at" in session.words
-
-
 def test_weights_that_do_not_add_up_are_a_sentence(visit: Visit) -> None:
     """800 kg with 950 of them in front: said on the page, and mended there."""
     session = drop(visit(), t_tdms=nhtsa_test())
@@ -209,27 +199,6 @@ def test_a_radioss_run_becomes_a_cae_run(visit: Visit, tmp_path: Path, form: str
     field(session, "Front share").set_value(56.0)
     session = into(session.run(), tmp_path / "c").press("Add as CAE run")
     assert added(tmp_path / "c") == ["hc1"]
-
-
-@pytest.mark.slow
-def test_a_workbook_is_a_table(visit: Visit, tmp_path: Path) -> None:
-    """One sheet with pulses, one with conditions, joined by the id."""
-    book = Workbook()
-    sheet = book.active
-    assert sheet is not None
-    sheet.title = "T7"
-    sheet.append(["Zeit [ms]", "ax [g]"])
-    time_s = clock(rate_hz=2000)
-    for row in np.column_stack([time_s * 1000, half_sine_g(time_s)]).tolist():
-        sheet.append(row)
-    conditions = book.create_sheet("Versuche")
-    for cells in (["ID", "v [km/h]", "front [kg]", "rear [kg]"], ["T7", 56, 950, 750], ["T8", 50, 950, 750]):
-        conditions.append(cells)
-    stream = io.BytesIO()
-    book.save(stream)
-    session = drop(visit(), tests_xlsx=stream.getvalue())
-    session = into(session, tmp_path / "x").press("Add as test")
-    assert added(tmp_path / "x") == ["T7"]
 
 
 @pytest.mark.slow

@@ -13,8 +13,8 @@ import pytest
 
 from crashfuse.errors import OUT_OF_MEMORY, DataError, Problem
 from crashfuse.execution.progress import Watch
-from crashfuse.ui.jobs import Job, Jobs
-from crashfuse.ui.visitors import Visitor
+from crashfuse.ui.kit.jobs import Job, Jobs
+from crashfuse.ui.kit.visitors import Visitor
 
 SOON = 60.0
 ANNA, BEN = Visitor("k1", "anna@example.com"), Visitor("k2", "browser 0a1b2c")
@@ -165,8 +165,8 @@ def test_a_job_that_hangs_does_not_hold_up_the_others(
     gate: threading.Event, monkeypatch: pytest.MonkeyPatch, way: str, *, at_once: bool
 ) -> None:
     """It is left behind, once it was cancelled or has not reported for long; what it returns later is not wanted."""
-    monkeypatch.setattr("crashfuse.ui.jobs._LOOK_S", 0.01)
-    monkeypatch.setattr(f"crashfuse.ui.jobs.{'_STOPS_S' if way == 'cancelled' else '_SILENT_S'}", 0.05)
+    monkeypatch.setattr("crashfuse.ui.kit.jobs._LOOK_S", 0.01)
+    monkeypatch.setattr(f"crashfuse.ui.kit.jobs.{'_STOPS_S' if way == 'cancelled' else '_SILENT_S'}", 0.05)
     jobs, begun, returned = Jobs(), threading.Event(), threading.Event()
 
     def hang(_: Watch) -> int:
@@ -190,8 +190,8 @@ def test_a_job_that_hangs_does_not_hold_up_the_others(
 
 def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """Slow is not silent."""
-    monkeypatch.setattr("crashfuse.ui.jobs._LOOK_S", 0.01)
-    monkeypatch.setattr("crashfuse.ui.jobs._SILENT_S", 0.3)
+    monkeypatch.setattr("crashfuse.ui.kit.jobs._LOOK_S", 0.01)
+    monkeypatch.setattr("crashfuse.ui.kit.jobs._SILENT_S", 0.3)
     jobs, order = Jobs(), []
 
     def work(watch: Watch) -> None:
@@ -242,7 +242,7 @@ def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None
 def test_a_job_says_for_how_long_it_has_worked(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not for how long it has waited."""
     now, told = [100.0], []
-    monkeypatch.setattr("crashfuse.ui.jobs.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("crashfuse.ui.kit.jobs.time.monotonic", lambda: now[0])
 
     def work(_: Watch) -> None:
         now[0] += 20.0

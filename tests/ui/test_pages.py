@@ -32,16 +32,13 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import learning_curve
 from crashfuse.study.saved_models import load_model
 from crashfuse.study.study import Fold, Study
-from crashfuse.ui import computation
-from crashfuse.ui import learning_curve as panel
-from crashfuse.ui.sent_figure import SentFigure
-from crashfuse.ui.text import as_read
+from crashfuse.ui import study
+from crashfuse.ui.kit import computation
+from crashfuse.ui.kit.figures import SentFigure
+from crashfuse.ui.kit.text import as_read
 from crashfuse.units import LB, MPH, G
-from tests.conftest import ROOT
+from tests.ui.conftest import APP, SOON, Session
 
-APP = ROOT / "app.py"
-PAGES = ("data", "train", "compare", "study", "predict", "certify")
-SOON = 60.0
 FAST = ("cae", "lf_tcn")
 FITS: dict[str, dict[str, object]] = {
     "displacement_domain": {
@@ -119,52 +116,27 @@ def start(page: str = "data") -> AppTest:
 
 def go(app: AppTest, page: str) -> AppTest:
     """Turn to another page, which must not raise."""
-    app.switch_page(f"pages/{page}.py").run()
-    assert not app.exception
-    return app
+    return Session(app).go(page).app
 
 
 def press(app: AppTest, label: str) -> AppTest:
     """Press the one button of this label."""
-    (button,) = [button for button in app.button if button.label == label]
-    button.click().run()
-    assert not app.exception
-    return app
+    return Session(app).press(label).app
 
 
 def finish(app: AppTest) -> AppTest:
     """Wait for all jobs and draw the page anew."""
-    for job in computation.jobs().active:
-        assert job.wait(SOON)
-    app.run()
-    assert not app.exception
-    return app
+    return Session(app).finish().app
 
 
 def words(app: AppTest) -> str:
     """All text of the page."""
-    kinds = (
-        app.title,
-        app.subheader,
-        app.markdown,
-        app.caption,
-        app.text,
-        app.error,
-        app.info,
-        app.warning,
-        app.success,
-    )
-    texts = [element.value for elements in kinds for element in elements]
-    shown = "\n".join(texts + [bar.text for bar in app.progress])
-    return as_read(shown)
+    return "\n".join([Session(app).words, *(as_read(bar.text) for bar in app.progress)])
 
 
 def tables(app: AppTest) -> list[pd.DataFrame]:
     """All tables of the page."""
-    return [
-        table.value.rename(columns=as_read).map(lambda cell: as_read(cell) if isinstance(cell, str) else cell)
-        for table in app.table
-    ]
+    return Session(app).tables
 
 
 def downloads(app: AppTest) -> list[str]:
@@ -299,17 +271,6 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
     )
     shown = tables(open_tab(app, "predict", "Metrics"))[0].set_index("Pulse metric")["CAE"]
     assert shown["Peak deceleration (g)"] == f"{-pulse.min() / G:.1f}"
-
-
-@pytest.mark.usefixtures("open_campaign")
-@pytest.mark.slow
-def test_nothing_can_be_started_without_a_test_or_an_approach() -> None:
-    """The button waits until both are chosen."""
-    app = start("train")
-    app.button_group(key="approaches").set_value([]).run()
-    (button,) = [button for button in app.button if button.label == "Start"]
-    assert button.disabled
-    assert "at least one" in words(app)
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
@@ -595,8 +556,8 @@ def test_a_test_of_the_study_is_opened_without_a_mouse() -> None:
 def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside leaving tests out: sentences, a figure, tables and files; with the cost of a test, what a gain costs."""
     quick = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
-    monkeypatch.setattr(panel, "CURVE_CONFIG", quick)
-    monkeypatch.setattr(panel, "learning_curve", partial(learning_curve, workers=1, repeats=1))
+    monkeypatch.setattr(study, "CURVE_CONFIG", quick)
+    monkeypatch.setattr(study, "learning_curve", partial(learning_curve, workers=1, repeats=1))
     app = start("study")
     open_tab(app, "study", "How many tests are enough")
     assert "not been computed for this campaign yet" in words(app)
@@ -779,6 +740,7 @@ def test_without_an_approach_the_other_pages_take_all(monkeypatch: pytest.Monkey
     app = start("train")
     app.button_group(key="approaches").set_value([]).run()
     assert "Choose at least one approach." in words(app)
+    assert [button.disabled for button in app.button if button.label == "Start"] == [True]
     finish(press(go(app, "compare"), "Predict test T1"))
     assert charts(app) == 1
     finish(press(go(app, "predict"), "Predict"))

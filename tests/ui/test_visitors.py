@@ -1,4 +1,4 @@
-"""Two people on one server: what belongs to whom, and which folders pages may touch."""
+"""Who is in front of a session, what others may see, the log-in, and the log of a server."""
 
 import asyncio
 import os
@@ -17,17 +17,39 @@ from streamlit.runtime.uploaded_file_manager import UploadedFileRec
 
 from crashfuse.errors import DataError
 from crashfuse.files.archive import zipped
-from crashfuse.ui import campaigns, journal, server, uploads
-from crashfuse.ui.computation import jobs
-from crashfuse.ui.visitors import Visitor
+from crashfuse.ui import server
+from crashfuse.ui.kit import campaigns, uploads, visitors
+from crashfuse.ui.kit.computation import jobs
+from crashfuse.ui.kit.visitors import Visitor
 from tests.conftest import content_of
 from tests.ui.test_history import kept
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
+import logging
+import re
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from crashfuse import cli
+from crashfuse.errors import UsageError
+from crashfuse.ui.kit.jobs import Jobs
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
 
 Visit = Callable[..., "Session"]
 ANNA = Visitor("k1", "anna@example.com")
+GOOD = """
+[auth]
+redirect_uri = "https://crashfuse.example.com/oauth2callback"
+cookie_secret = "0123456789abcdef0123456789abcdef"
+client_id = "crashfuse"
+client_secret = "xxx"
+server_metadata_url = "https://login.example.com/.well-known/openid-configuration"
+"""
+NAMED = GOOD.replace("client_id", "[auth.example]\nclient_id")
 
 
 def _upload(session: "Session", folder: Path, name: str) -> str:
@@ -79,7 +101,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The one folder that pages may open and write to."""
     folder = tmp_path / "a:b"  # one folder, whatever its name
     folder.mkdir()
-    monkeypatch.setenv(journal.ROOTS, f"{folder}\n")
+    monkeypatch.setenv(visitors.ROOTS, f"{folder}\n")
     return folder
 
 
@@ -148,7 +170,7 @@ def test_the_page_says_what_may_be_opened(root: Path, visit: Visit, campaign_fol
 
 def test_without_a_root_every_folder_may_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As on the desk of one user."""
-    monkeypatch.delenv(journal.ROOTS, raising=False)
+    monkeypatch.delenv(visitors.ROOTS, raising=False)
     assert campaigns.allowed(tmp_path) == tmp_path.resolve()
 
 
@@ -194,7 +216,7 @@ def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
         folder.with_suffix(".lock").touch()
     for folder in (running, killed, other):
         os.utime(folder.with_suffix(".lock"), (0, 0))
-    uploads.sweep()
+    uploads.sweep_uploads()
     assert running.is_dir()
     assert other.is_dir()
     assert sorted(tmp_path.glob("crashfuse-uploads-*")) == [running, running.with_suffix(".lock")]
@@ -217,3 +239,127 @@ def test_what_lies_in_the_field_of_a_closed_tab_is_freed(monkeypatch: pytest.Mon
 
     assert asyncio.run(watched(60.0)) == {"open", "closed"}
     assert asyncio.run(watched(0.05)) == {"open"}
+
+
+@pytest.fixture(autouse=True)
+def as_it_was() -> Iterator[None]:
+    """The program's loggers are given back as they were."""
+    whole = logging.getLogger("crashfuse")
+    before = list(whole.handlers), whole.propagate
+    yield
+    for handler in whole.handlers:
+        handler.close()
+    whole.handlers[:], whole.propagate = before
+
+
+def test_a_line_tells_when_who_and_what(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A job's start and end, with the reason if it failed; lines are appended, and none is made by a name."""
+    file = tmp_path / "log"
+    file.write_text("before\n")
+    monkeypatch.setenv(visitors.LOG, str(file))
+    visitors.begin_log()
+    visitors.note_in_log(ANNA, "opened /srv/evil\n2026 ben: opened everything")
+    assert Jobs().start("a", "sled: fit", lambda _: 1 / 0, ANNA).wait(10)
+    before, opened, *lines = file.read_text().splitlines()
+    assert before == "before"
+    stamp = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]\d{4} anna@example\.com: "
+    assert re.fullmatch(stamp + r"opened /srv/evil\\n2026 ben: opened everything", opened)
+    assert re.fullmatch(stamp + "started: sled: fit", lines[0])
+    assert re.fullmatch(stamp + r"failed: sled: fit \(This should not have happened \(ZeroDivisionError.*", lines[-1])
+    assert "Traceback (most recent call last):" in lines
+
+
+def test_a_refused_page_is_told_with_what_to_do_once_a_minute(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither name is long or begins a line; another origin has its own line, but a flood of origins has an end."""
+    monkeypatch.delenv(visitors.LOG, raising=False)
+    visitors.begin_log()
+    refusals = visitors.Refusals()
+    for _ in range(3):
+        refusals.note("https://proxy.example\n2026 anna: opened all", "127.0.0.1:8501")
+    (line,) = capsys.readouterr().err.splitlines()
+    assert r" page of 'https://proxy.example\n2026 anna: opened all': was refused and stays empty, for " in line
+    assert " asked for as '127.0.0.1:8501'. " in line
+    assert line.endswith("or add the address to server.corsAllowedOrigins.")
+    refusals.note("https://" + "x" * 5000, "y" * 5000)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert len(line) < 800
+    for i in range(1000):
+        refusals.note(f"https://{i}.example", None)
+    assert len(capsys.readouterr().err.splitlines()) == 18
+    later = time.monotonic() + 61
+    monkeypatch.setattr("time.monotonic", lambda: later)
+    refusals.note("https://0.example", "localhost")
+    assert "https://0.example" in capsys.readouterr().err
+
+
+def test_without_a_file_lines_go_to_standard_error(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each once."""
+    monkeypatch.delenv(visitors.LOG, raising=False)
+    visitors.begin_log()
+    visitors.begin_log()
+    visitors.note_in_log({ANNA, Visitor("k2", "browser 0a1b2c")}, "did it")
+    assert capsys.readouterr().err.count("anna@example.com and browser 0a1b2c: did it\n") == 1
+
+
+@pytest.mark.parametrize("text", [GOOD, NAMED, "other = 1", ""])
+def test_what_streamlit_understands_is_taken(text: str, tmp_path: Path) -> None:
+    """One provider, several by name, or none."""
+    file = tmp_path / "secrets.toml"
+    file.write_text(text)
+    visitors.check_login([file, tmp_path / "nowhere.toml"])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (GOOD.replace("[auth]", "[auth"), "expected a TOML file that can be read"),
+        ("[auth]", r"\[auth\]: expected redirect_uri, found none"),
+        (NAMED.replace("client_secret", "secret"), "expected client_secret, found none"),
+        (GOOD.replace("/oauth2callback", ""), "expected the server's address with /oauth2callback"),
+        (GOOD.replace("0123456789abcdef0123456789abcdef", "short"), "expected at least 32 random characters, found 5"),
+    ],
+)
+def test_a_server_that_would_let_in_everybody_does_not_start(
+    text: str, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One sentence for each thing that is wrong, exit code 1."""
+    file = tmp_path / "secrets.toml"
+    file.write_text(text)
+    with pytest.raises(DataError, match=sentence):
+        visitors.check_login([file])
+    assert cli.main(["app", "--login", str(file)]) == cli.WRONG_DATA
+    assert "problem" in capsys.readouterr().err
+
+
+def test_a_log_in_that_was_asked_for_must_be_set_up(tmp_path: Path) -> None:
+    """A file without the section, or no file at all."""
+    (tmp_path / "empty.toml").touch()
+    for name in ("empty.toml", "nowhere.toml"):
+        assert cli.main(["app", "--login", str(tmp_path / name)]) == cli.WRONG_DATA
+
+
+def test_what_the_log_in_needs_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The extra, by the command that installs it."""
+    file = tmp_path / "secrets.toml"
+    file.write_text(GOOD)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(UsageError, match=r'pip install "crashfuse\[login\]"'):
+        visitors.check_login([file])
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_log_in_stays_required_if_its_file_is_lost(
+    visit: Callable[..., "Session"], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Streamlit would then know of no log-in, and let in everybody."""
+    lost = threading.Event()
+    lost.set()
+    monkeypatch.setattr(visitors, "_insisted", lost)
+    session = visit("train")
+    assert "Nobody can log in at the moment." in session.words
+    assert not session.app.selectbox
+    assert not session.charts

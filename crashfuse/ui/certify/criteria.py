@@ -21,10 +21,10 @@ from crashfuse.certification.criteria import (
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
-from crashfuse.ui import address
 from crashfuse.ui.certify.uploaded import show_wrong, under_its_name, uploaded
-from crashfuse.ui.chosen import View
-from crashfuse.ui.text import plain
+from crashfuse.ui.kit import choices
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.text import plain
 
 _FILE, _EDITOR = "criteria.toml", "editor of criteria"
 _NO_CONFIDENCE = "confidence that there is not"  # session key: which one is taken, and a sentence
@@ -101,7 +101,7 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     )
     rows = _converted(edited, lambda unit: 1 / display.units.factor(unit))
     state["criteria"] = editor.said = _texts(rows)
-    address.publish()
+    choices.publish()
     confidence = beside.number_input(
         "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session",
         on_change=lambda: state.pop(_NO_CONFIDENCE, None),
@@ -145,7 +145,7 @@ def _take_declared(view: View) -> DataError | None:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
         wrong = error
-    address.default("criteria", _texts(_table(declared)))
+    choices.default("criteria", _texts(_table(declared)))
     usual, asked = declared.confidence if declared else CONFIDENCE, state["confidence"]
     if _upload_key(view) not in state:  # the page was left, or shows another campaign
         for key in (_NO_CONFIDENCE, _CONFIDENCE_BEFORE):
@@ -154,7 +154,7 @@ def _take_declared(view: View) -> DataError | None:
         taken = state.get(_CONFIDENCE_BEFORE, usual)
         told = f"A confidence is from {LEAST_SURE:g} to {MOST_SURE:g}, not {asked:g}; {taken:g} is taken."
         state.update({"confidence": taken, _NO_CONFIDENCE: (taken, told)})
-    address.default("confidence", usual)
+    choices.default("confidence", usual)
     return wrong
 
 

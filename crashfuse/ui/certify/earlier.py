@@ -13,12 +13,12 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.ui import address
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.certify.results import coloured
 from crashfuse.ui.certify.uploaded import choose_kept, find_kept, show_wrong
-from crashfuse.ui.tables import show_table
-from crashfuse.ui.text import plain
+from crashfuse.ui.kit import choices
+from crashfuse.ui.kit.results import show_table
+from crashfuse.ui.kit.text import plain
 
 _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
 
@@ -72,7 +72,7 @@ def _choose(certification: Certification) -> None:
             except CrashfuseError as error:
                 wrong = wrong or (error if state[_CHOICE] is None else None)  # what was chosen is told above
         st.button("Keep today’s verdicts", icon=":material/bookmark_add:", on_click=_keep, args=(certification,))
-    address.put(shown, state[_CHOICE] if state[_CHOICE] in kept else None)
+    choices.put(shown, state[_CHOICE] if state[_CHOICE] in kept else None)
     place.selectbox(
         "Earlier certification", list(kept), index=None, format_func=lambda name: _described(kept[name]), key=shown,
         placeholder="none chosen" if kept else "none of this vehicle is kept on this machine",

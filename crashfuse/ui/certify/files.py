@@ -9,7 +9,7 @@ from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.reporting.report import certification_report
 from crashfuse.ui.certify.judgement import Judgement
-from crashfuse.ui.downloads import download_bytes, download_report, download_table
+from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 
 
 def show(judgement: Judgement) -> None:

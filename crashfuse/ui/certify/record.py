@@ -12,9 +12,9 @@ from crashfuse.reporting.evidence_sentences import (
     waived_sentence,
 )
 from crashfuse.ui.certify.judgement import Judgement
-from crashfuse.ui.figures import choose, show_cached_figure
-from crashfuse.ui.tables import show_table
-from crashfuse.ui.text import plain
+from crashfuse.ui.kit.figures import choose, show_cached_figure
+from crashfuse.ui.kit.results import show_table
+from crashfuse.ui.kit.text import plain
 
 _MEASURED, _RELIABILITY = "What left-out tests showed", "Are the probabilities right?"
 

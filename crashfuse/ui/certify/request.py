@@ -11,7 +11,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.study.config import StudyConfig
-from crashfuse.ui.computation import Request, said_of
+from crashfuse.ui.kit.computation import Request, said_of
 
 
 @dataclass(frozen=True)

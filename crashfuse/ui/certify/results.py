@@ -15,13 +15,13 @@ from crashfuse.reporting.evidence_sentences import at_most
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
-from crashfuse.ui import explanations
 from crashfuse.ui.certify.judgement import Judgement
-from crashfuse.ui.figures import show_clickable
-from crashfuse.ui.look import fill
-from crashfuse.ui.navigation import open_page
-from crashfuse.ui.predict.condition import fill_in
-from crashfuse.ui.text import plain
+from crashfuse.ui.kit import results
+from crashfuse.ui.kit.figures import show_clickable
+from crashfuse.ui.kit.results import fill
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.window import open_page
+from crashfuse.ui.predict import fill_in
 
 _CELL = "cell"
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
@@ -59,7 +59,7 @@ def show(judgement: Judgement) -> None:
         st.caption(f":material/history: {plain(alone)} Choose one under *Earlier verdicts*.")
     with st.expander("All verdicts as a table", icon=":material/table:"):
         _show_table(certification, display)
-    explanations.show_terms(judgement.config)
+    results.show_terms(judgement.config)
 
 
 def _show_numbers(certification: Certification) -> None:

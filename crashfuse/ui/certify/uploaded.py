@@ -10,7 +10,7 @@ import streamlit as st
 
 from crashfuse.certification import file_store
 from crashfuse.errors import CrashfuseError, DataError, UsageError
-from crashfuse.ui.text import plain
+from crashfuse.ui.kit.text import plain
 
 T = TypeVar("T")
 

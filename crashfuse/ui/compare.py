@@ -1,0 +1,210 @@
+"""The page Compare: a held-out test, how each approach rates on it, which one was to be used, and files."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+
+import plotly.graph_objects as go
+import streamlit as st
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import BASELINE, LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.crash_test import CrashTest
+from crashfuse.reporting import glossary
+from crashfuse.reporting.earlier_prediction import EarlierPrediction
+from crashfuse.reporting.rating_tables import REPEAT
+from crashfuse.reporting.report import study_report
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.recommendation import Recommendation
+from crashfuse.study.repeatability import Repeatability
+from crashfuse.study.study import Fold, Study
+from crashfuse.ui.kit import results
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.computation import StudyRequest, advised
+from crashfuse.ui.kit.curves import Shown, choose_curves, leading, predictions_of_test, without_clicks
+from crashfuse.ui.kit.files import choose_report, download_report, download_table, offer_pulses
+from crashfuse.ui.kit.results import show_table
+from crashfuse.ui.kit.window import component
+from crashfuse.wording import difference, joined
+
+_NO_CHANGE = 0.005  # in rating
+_KEY = "clicked rating"
+_RATINGS_HELP = (
+    "Single draws are pulses drawn from the band, each rated against the test: 95 % of the ratings lie in this "
+    "interval. A single pulse has oscillations of its own, so it rates lower than the expected pulse."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A held-out test, every prediction of it, and how the reader wants to see them."""
+
+    view: View
+    config: StudyConfig  # the settings that were chosen
+    study: Study  # of this test alone; while networks train, of fewer approaches than the settings ask for
+    fold: Fold
+    others: Campaign  # what the predictions learned from
+    advice: Recommendation | None  # made without this test; None while approaches are still missing
+    key: Hashable  # equal for equal data, settings and display: part of the key of a cached figure
+
+    @classmethod
+    def of(cls, view: View, request: StudyRequest, study: Study) -> "Comparison":
+        """The comparison that the held-out test's study allows."""
+        test, config = view.held_out, request.config
+        fold, others = study.fold(test.id), config.training_campaign(view.campaign, test.id)
+        whole = study.config.approaches == config.approaches
+        given = request.key, test.condition, view.display.window_ms
+        advice = advised(*given, fold.estimates, others) if whole else None
+        return cls(view, config, study, fold, others, advice, (request.key, study.config.approaches, view.display))
+
+    @property
+    def test(self) -> CrashTest:
+        """The held-out test."""
+        return self.view.held_out
+
+    @property
+    def window_ms(self) -> float:
+        """Length of the rated window."""
+        return self.view.display.window_ms
+
+    @property
+    def recommended(self) -> str | None:
+        """The approach to use, once it is known."""
+        return None if self.advice is None else self.advice.approach
+
+    @property
+    def predictions(self) -> Mapping[str, Prediction]:
+        """By approach."""
+        return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
+
+    @property
+    def earlier(self) -> Sequence[EarlierPrediction]:
+        """Predictions of the test with other settings that were chosen to be shown beside these."""
+        return predictions_of_test(self.view.campaign, self.test.id, self.leading).predictions
+
+    @property
+    def leading(self) -> str:
+        """The approach whose predictions with other settings stand beside these."""
+        return leading(self.predictions, self.recommended)
+
+    def choose_curves(self, offered: Sequence[str] | None = None) -> Shown:
+        """Let the user choose the curves of a figure."""
+        predictions = self.predictions
+        return choose_curves(self.view, predictions, self.recommended, self.test.condition, self.test.id, offered)
+
+    def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
+        """A figure of the test with the curves that were chosen."""
+        drawn = self.study.plot(
+            self.test.id, figure, approaches=shown.approaches, also=shown.also, band=shown.band, measured=shown.test,
+            corridors=corridors, notes=notes, display=self.view.display,
+        )  # fmt: skip
+        return without_clicks(drawn)
+
+    @property
+    def repeats(self) -> Mapping[float, Repeatability]:
+        """What a repeat of the test would rate, by window; empty if it is not known."""
+        return self.study.repeatability.get(self.test.id, {})
+
+
+def show_headline(comparison: Comparison) -> None:
+    """Show the ratings in a row, and the recommendation."""
+    st.html(_row(comparison))
+    with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
+        component("ratings")(key=_KEY, on_approach_change=_explain)
+    if (advice := comparison.advice) is None:
+        return
+    rated = comparison.fold.ratings[advice.approach][comparison.window_ms].overall
+    missed = advice.expected is not None and advice.expected.is_missed_by(rated)
+    beside = []
+    if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
+        beside.append(repeat.sentence(rated, LABELS[advice.approach]))
+    first, *reasons = advice.after(rated)
+    if BASELINE in comparison.fold.ratings:
+        raw = comparison.fold.ratings[BASELINE][comparison.window_ms].overall
+        if raw - rated >= _NO_CHANGE:
+            first = joined([first, f"The raw CAE model rates {raw:.3f}, higher."])
+    results.show_recommendation([first, *reasons], beside, "warning" if missed else "lightbulb")
+
+
+def _explain() -> None:
+    st.session_state.update(compare_tab="Why", explained=st.session_state[_KEY]["approach"])
+
+
+def _row(comparison: Comparison) -> str:
+    """HTML list of the ratings by approach, and that of a repeat."""
+    window_ms = comparison.window_ms
+    overall = {name: by_window[window_ms] for name, by_window in comparison.fold.ratings.items()}
+    items = []
+    for name, rating in overall.items():
+        values = f"<b>{rating.overall:.3f}</b>"
+        if BASELINE in overall and name != BASELINE:
+            values += _change(rating.overall, overall[BASELINE].overall)
+        values += results.grade_chip(rating.grade)
+        label = f'<span role="button" tabindex="0" data-approach="{name}" title="Why">{escape(LABELS[name])}</span>'
+        items.append(_item(label, values, recommended=name == comparison.recommended))
+    if (repeat := comparison.repeats.get(window_ms)) is not None:
+        values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f} (95 %)</small>"
+        items.append(_item(f"<i>{REPEAT}</i>", values))
+    window, basis = results.window_label(window_ms), comparison.view.campaign.rating_basis
+    label = escape(f"Ratings over {window}, with the change from the raw CAE model: {basis}")
+    return f'<div class="cf-ratings" role="list" aria-label="{label}" title="{label}">{"".join(items)}</div>'
+
+
+def _item(name: str, values: str, *, recommended: bool = False) -> str:
+    mark, style = ("<span>recommended</span>", ' class="cf-best"') if recommended else ("", "")
+    return (
+        f'<div role="listitem"{style}><div class="cf-name"><span>{name}</span>{mark}</div>'
+        f'<div class="cf-values">{values}</div></div>'
+    )
+
+
+def _change(rating: float, raw: float) -> str:
+    by = rating - raw
+    style = "" if abs(by) < _NO_CHANGE else ' class="cf-better"' if by > 0 else ' class="cf-worse"'
+    return f"<small{style}>{difference(rating, raw, 3)}</small>"
+
+
+def show_ratings(comparison: Comparison) -> None:
+    """Show ratings, metrics, and what the approaches say of themselves."""
+    campaign, fold = comparison.view.campaign, comparison.fold
+    st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}. {_RATINGS_HELP} {glossary.REPEAT}")
+    draws = {name: fold.rating_interval(name, comparison.window_ms) for name in fold.with_band}
+    rated, display = dict(fold.ratings), comparison.view.display
+    beside = dict(prediction.curve(display) for prediction in comparison.earlier)
+    for name, estimate in beside.items():
+        fold_of = Fold.of(comparison.test, [estimate], comparison.config.windows_ms)
+        rated[name] = fold_of.ratings[estimate.approach]
+        if fold_of.with_band:
+            draws[name] = fold_of.rating_interval(estimate.approach, comparison.window_ms)
+    show_table(results.ratings_table(rated, comparison.window_ms, comparison.repeats, draws), "ratings")
+    st.caption(
+        f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(comparison.window_ms)}."
+    )
+    results.show_terms(comparison.config)
+    columns = [
+        (results.TEST_COLUMN, campaign.metrics_of(comparison.test)),
+        *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
+        *((name, estimate.metrics) for name, estimate in beside.items()),
+    ]
+    results.show_metrics(columns, comparison.view)
+    said = () if comparison.advice is None else comparison.advice.sentences
+    results.show_notes(fold.estimates, said)
+    results.show_fits(fold.estimates)
+
+
+def show_files(comparison: Comparison) -> None:
+    """Offer tables; a report, and pulses for others, once every approach is known."""
+    test, study, estimates = comparison.test, comparison.study, comparison.fold.estimates
+    of = f"{comparison.others.name} {test.id}"
+    report = choose_report(comparison.view, [test.id])
+    with st.container(horizontal=True):
+        download_table("scores.csv", lambda: study.scores, of)
+        download_table("pulses.csv", lambda: study.pulses, of)
+        download_table("metrics.csv", lambda: study.metrics, of)
+        if comparison.advice is not None:
+            download_report(lambda: study_report(study, comparison.view.display, report), f"{of} {report.form}")
+    if comparison.advice is not None:
+        remark = f"Test {test.id}, at this condition, was left out."
+        offer_pulses(comparison.others, estimates, comparison.advice.approach, comparison.config.seed, [remark])

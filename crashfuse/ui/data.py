@@ -1,0 +1,273 @@
+"""The page Data: what a campaign holds, and ways to open one: a folder, dropped files, files that can be imported."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.campaign_folder.condition_tables import has_table
+from crashfuse.campaign_folder.load import unread_files
+from crashfuse.errors import DataError, Problem
+from crashfuse.readers.formats import all_formats
+from crashfuse.reporting.result_tables import quality_table
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.ui import import_step
+from crashfuse.ui.kit import campaigns, choices, curves, editing, results
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.choices import REFUSED, choose_campaign, chosen_config
+from crashfuse.ui.kit.computation import StudyRequest
+from crashfuse.ui.kit.curves import add_to_runs, choose_tests, key_of, usual_approach, without_clicks
+from crashfuse.ui.kit.figures import show_cached_figure
+from crashfuse.ui.kit.results import show_problems, show_table
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, source_at
+from crashfuse.ui.kit.window import open_page, show_link
+from crashfuse.wording import speed
+
+_ROUND = "uploads so far"
+_CLASSES = (60, 180, 600)
+_AS_READ = "As read"
+_ASKED = "asked for the next prediction"  # session key
+
+
+def show_summary(view: View) -> None:
+    """Say in a line what was accepted, and offer the next step."""
+    campaign = view.campaign
+    speeds = [test.condition.speed_mps for test in campaign.tests]
+    paired = sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
+    tests = "1 test" if len(campaign.tests) == 1 else f"{len(campaign.tests)} tests"
+    at = view.display.words(speed(min(speeds), max(speeds), form=".0f"))
+    with st.container(horizontal=True, vertical_alignment="center", key="summary"):
+        st.markdown(
+            f"**{tests} at {at}, {len(campaign.cae):,} CAE runs**", width="content",
+            help=f"Tests that have a CAE run at their own condition: {paired}.",
+        )  # fmt: skip
+        st.caption(
+            f"Fingerprint {campaign.fingerprint[:12]}", width="content",
+            help=f"SHA-256 of all data, the same wherever the files lie: {campaign.fingerprint}",
+        )  # fmt: skip
+        asked = _offer_next(view)
+    for warning in campaign.warnings:
+        st.warning(plain(warning), icon=":material/warning:")
+    editing.offer_leaving_out(view)
+    if unread := unread_files(view.folder):
+        st.caption(plain(unread))
+    editing.show_last_change(view)
+    if asked:
+        open_page("compare")
+
+
+def _offer_next(view: View) -> bool:
+    """Show what to do next; True if it was asked for."""
+    if len(view.campaign.tests) == 1:
+        show_link("predict", "Next: predict another condition")
+        return False
+    request = StudyRequest(view.campaign, (view.held_out.id,), chosen_config())
+    st.button(
+        f"Next: predict test {plain(view.held_out.id)} from the others, and compare", type="primary",
+        icon=":material/arrow_forward:", on_click=_predict_next, args=(request,),
+    )  # fmt: skip
+    return bool(st.session_state.pop(_ASKED, False))
+
+
+def _predict_next(request: StudyRequest) -> None:
+    """Start the prediction; a callback, so that a click while the page is still drawn counts."""
+    request.ask("compare")
+    st.session_state[_ASKED] = True
+
+
+def show_tests(view: View) -> None:
+    """All tests overlaid, as read or filtered."""
+    campaign, test = view.campaign, view.held_out
+    editing.show_tests_in_use(view)
+    curves.offer_predictions_of_test(campaign, test.id, usual_approach(), among_tests=True)
+    options = [_AS_READ, *(f"CFC {cfc}" for cfc in _CLASSES)]
+    choices.default("filter", _AS_READ, options)
+    row = st.container(horizontal=True, vertical_alignment="bottom")
+    with row:
+        choice = st.segmented_control(
+            "Channel filter class (SAE J211-1)", options, default=_AS_READ,
+            required=True, key="filter", persist_state="session",
+            help="For this figure only: approaches are fitted and rated on the pulses as read.",
+        )  # fmt: skip
+    tests, also = choose_tests(view, row)
+    cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
+    by = chosen_config()  # added predictions are made
+    show_cached_figure(
+        lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=view.display)),
+        f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed",
+        ("tests", campaign.fingerprint, test.id, cfc, view.display, tests, key_of(also), by),
+        name=" ".join([*(tests if len(tests) < len(campaign.tests) else ["tests"]), choice]),
+        beside=also,
+    )
+    reading = "as they are in the files"
+    if campaign.channel_filter_class is not None:
+        reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
+    if cfc is None:
+        st.caption(f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart.")
+        return
+    peaks = [
+        abs(accel * view.display.accel_scale).max()
+        for accel in (test.pulse.accel_mps2, cfc_filter(test.pulse.accel_mps2, cfc=cfc, dt_s=test.pulse.dt_s))
+    ]
+    st.caption(
+        f"Thick: filtered to {choice}; thin: as read, {reading}. The filter takes the peak of {plain(test.id)} from "
+        f"{peaks[0]:.1f} to {peaks[1]:.1f} {view.display.unit}. It sees 0–100 ms only, so the first and last "
+        "milliseconds may differ from those of a filtered full record."
+    )
+
+
+def show_conditions(view: View) -> None:
+    """Show where tests and CAE runs lie, and how the CAE model rates before any correction."""
+    campaign = view.campaign
+    show_cached_figure(
+        lambda: campaign.plot("conditions", held_out=view.held_out.id, display=view.display),
+        "Speed against front and rear weight of CAE runs and tests; the same numbers are in the table below",
+        ("conditions", campaign.fingerprint, view.held_out.id, view.display.system),
+        name="conditions",
+    )
+    st.markdown(
+        f"**The tests, and how the CAE run paired with each rates before any correction** ({campaign.rating_basis})"
+    )
+    show_table(results.conditions_table(campaign, view.display), "conditions")
+
+
+def show_library(view: View) -> None:
+    """The pulses of the CAE model."""
+    campaign = view.campaign
+    curves.offer_predictions_of_test(campaign, view.held_out.id, usual_approach(), among_tests=True)
+    also = add_to_runs(view)
+    show_cached_figure(
+        lambda: without_clicks(campaign.plot("cae", also=also, display=view.display)),
+        "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
+        ("library", campaign.fingerprint, view.display, key_of(also), chosen_config()),
+        name="CAE runs",
+        beside=also,
+    )
+    paired = any(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
+    lines = "Lines are the runs" if paired else "No run was"
+    st.caption(
+        "The shaded band holds the middle 90 % of all CAE runs at each time, whatever their speed. "
+        f"{lines} made at a test's own condition."
+    )
+    _show_quality(view)
+
+
+def _show_quality(view: View) -> None:
+    """Show what the solver says of the CAE runs, judged by the campaign's limits."""
+    st.markdown("**Is the CAE model fit to be believed?**")
+    verdict = view.campaign.quality
+    st.markdown(plain(verdict.summary))
+    table = quality_table(verdict)
+    if not table.empty:
+        show_table(table, "quality")
+    for sentence in verdict.named:
+        st.warning(plain(sentence), icon=":material/warning:")
+    if verdict.failing:
+        with st.expander("All runs that fail"):
+            runs = verdict.failing_runs[["id", "fails"]].rename(columns={"id": "CAE run", "fails": "Beyond the limit"})
+            st.dataframe(runs, hide_index=True)
+
+
+def show_open_forms() -> None:
+    """Show the ways to open a campaign, and what was wrong with the last attempt."""
+    folder, upload = st.columns(2, gap="large")
+    with folder.form("open folder", border=False):
+        st.text_input(
+            "A campaign folder on this computer",
+            key="folder",
+            placeholder="the folder that holds tests.csv and cae.csv",
+            help="On the computer that crashfuse runs on. Nothing is copied or sent anywhere. Files and folders of "
+            "other formats are taken, too, to be imported.",
+        )
+        st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
+    if folders := campaigns.recent_folders():
+        with folder.container(horizontal=True, vertical_alignment="center", gap="small"):
+            st.caption("Opened before:", width="content")
+            for place, label in zip(folders, campaigns.folder_labels(folders), strict=True):
+                st.button(
+                    plain(label), help=plain(str(place)), key=f"recent {place}", type="tertiary",
+                    icon=":material/folder:", on_click=_attempt, args=(partial(_campaign_or_source, place),),
+                )  # fmt: skip
+    with upload.form("open upload", border=False):
+        st.file_uploader(
+            "Or a zip of one, its files together, or test and CAE files to import",
+            accept_multiple_files=True,
+            key=f"files {st.session_state.get(_ROUND, 0)}",
+            help=f"A campaign is CSV and Parquet. Formats that can be imported: {all_formats()}; how they are read is "
+            "shown first. Files go to the computer that crashfuse runs on, no further, and are deleted when it ends. "
+            "Open what is larger than the limit as a folder.",
+        )
+        st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
+    if problems := st.session_state.get(REFUSED):
+        show_problems(problems, place="open")
+    import_step.show_unfinished()
+    with st.expander("What does a campaign folder look like?", icon=":material/help:"):
+        st.html(  # st.code would make the browser read 1.5 MB that colours programs
+            "<pre>tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb\n"
+            "tests/&lt;id&gt;.csv       its pulse: time_ms, acceleration_g\n"
+            "cae.csv              one row a CAE run: id, speed_mph, front_weight_lb, rear_weight_lb\n"
+            "cae_pulses.parquet   all CAE pulses: id, time_ms, acceleration_g</pre>"
+        )
+        st.markdown(
+            "Speeds may be in mph, km/h or m/s (`_mph`, `_kph`, `_mps`), weights in lb or kg, time in ms or s, and "
+            "accelerations in g or m/s² (`_g`, `_mps2`): the end of a column's name tells. Pulses of either source "
+            "may be single files or one table, CSV or Parquet."
+        )
+
+
+def _attempt(open_it: Callable[[], str | Source]) -> None:
+    st.session_state.pop(REFUSED, None)
+    try:
+        opened = open_it()
+        st.session_state["data_tab"] = None  # what was opened is to be seen
+        if isinstance(opened, Source):
+            begin_import(opened)
+        else:
+            leave_import()
+            choose_campaign(opened)
+    except DataError as error:
+        st.session_state[REFUSED] = error.problems
+
+
+def _open_folder() -> None:
+    if text := campaigns.unquoted(st.session_state["folder"]):
+        _attempt(lambda: _campaign_or_source(Path(text)))
+
+
+def _campaign_or_source(path: Path) -> str | Source:
+    """Open a campaign folder; a folder that is not a campaign, but can be imported, is a source."""
+    path = campaigns.allowed(path)
+    if path.is_file():
+        return _source_or_advice(path)
+    try:
+        name = campaigns.open_folder(path)
+    except DataError:
+        if has_table(path):
+            raise
+        with suppress(DataError, OSError):
+            return source_at(path)
+        raise
+    campaigns.remember(campaigns.folder_of(name))
+    return name
+
+
+def _source_or_advice(file: Path) -> Source:
+    try:
+        return source_at(file)
+    except (DataError, OSError) as error:
+        expected, found = "a campaign folder, or a file that can be imported", "a file of another kind"
+        advice = "name the folder that holds tests.csv and cae.csv"
+        if file.suffix.lower() == ".zip":
+            found = error.problems[0].found if isinstance(error, DataError) else str(error)
+            advice = "upload it if it is a campaign, or unpack it and name its folder"
+        raise DataError(Problem(str(file), expected, found, advice)) from error
+
+
+def _open_upload() -> None:
+    files = st.session_state[f"files {st.session_state.get(_ROUND, 0)}"]
+    _attempt(lambda: open_uploads(files))
+    if REFUSED not in st.session_state:
+        st.session_state[_ROUND] = st.session_state.get(_ROUND, 0) + 1

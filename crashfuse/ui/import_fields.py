@@ -1,0 +1,328 @@
+"""Fields of an import: detected values are shown in grey, values filled in take precedence."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+
+from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, UsageError
+from crashfuse.files.csv_text import without_formulas
+from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
+from crashfuse.importing.sources import tables_of
+from crashfuse.importing.tables import TableForm
+from crashfuse.readers.format import TRAVELS, Travel
+from crashfuse.readers.formats import FORMATS, TABLES
+from crashfuse.readers.record import PartialCondition, Record
+from crashfuse.readers.table_headers import ColumnRole
+from crashfuse.readers.table_mapping import QUANTITIES
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, UNITS
+from crashfuse.ui.kit import choices
+from crashfuse.ui.kit.text import chosen_units, plain
+from crashfuse.ui.kit.uploads import Source, forms_of
+from crashfuse.units import MS
+from crashfuse.wording import KPH_KG, UnitSystem
+
+_WEIGHTS = ("front weight", "rear weight", "mass")
+_OF_PULSES: dict[ColumnRole, str] = {"time": "Time", "acceleration": "Acceleration along X", "id": "Ids"}
+_OF_CONDITIONS: dict[ColumnRole, str] = {
+    "id": "Ids",
+    "speed": "Speed",
+    "front_weight": "Front weight",
+    "rear_weight": "Rear weight",
+    "mass": "Mass",
+    "front_share": "Front share",
+    "factor": "Other columns to keep",
+}
+_SEVERAL: tuple[ColumnRole, ...] = ("acceleration", "factor")
+_MOST_FORMS, _MOST_COLUMNS = 4, 30  # shown; the others are read as proposed
+_UNIT_PX = 110
+_CLASSES: dict[str, float | str] = {f"CFC {cfc}": float(cfc) for cfc in (60, 180, 600, 1000)} | {"Not filtered": "none"}
+_SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positive"}
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Units of the condition, in the fields and in what is read from them."""
+
+    speed: str
+    weight: str
+
+    @property
+    def system(self) -> UnitSystem:
+        """The units that sentences are said in; they know no m/s."""
+        return UnitSystem("mph" if self.speed == "mph" else "km/h", "lb" if self.weight == "lb" else "kg")
+
+    @property
+    def speed_mps(self) -> float:
+        """The unit of speed in m/s."""
+        return UNITS["speed"][self.speed]
+
+    @property
+    def weight_kg(self) -> float:
+        """The unit of weight in kg."""
+        return UNITS["mass"][self.weight]
+
+    def text_of(self, condition: Condition) -> str:
+        """A condition as text in these units."""
+        front, rear = (f"{kg / self.weight_kg:.0f}" for kg in (condition.front_weight_kg, condition.rear_weight_kg))
+        speed = f"{condition.speed_mps / self.speed_mps:.1f} {self.speed}"
+        return f"{speed}, front {front} {self.weight}, rear {rear} {self.weight}"
+
+
+def units_of(source: Source) -> Units:
+    """Ask for the units; what is already entered follows a change."""
+    (left, right), usual = st.columns(2), chosen_units() if st.session_state.get("system") else KPH_KG
+    speed = _unit(left, "Speed in", "speed", usual.speed, ("km/h", "mph", "m/s"), ("speed",), source)
+    return Units(speed, _unit(right, "Weights in", "mass", usual.weight, ("kg", "lb"), _WEIGHTS, source))
+
+
+def condition_of(source: Source, records: Sequence[Record], units: Units) -> tuple[PartialCondition, float | None]:
+    """Ask for values that replace the condition found; second is the front axle's share of the mass."""
+    kg = units.weight_kg
+    speed, share = _typed("speed", units.speed_mps, source), _typed("front share", 0.01, source)
+    front, rear, mass = (_typed(name, kg, source) for name in _WEIGHTS)
+    given = PartialCondition(speed, mass, front, rear)
+    weights = replace(given.weights, front_share=share)
+    conditions = [
+        record.condition.overruled(given).weighing(record.condition.weights.overruled(weights)) for record in records
+    ]
+    pairs = [(at.front_weight_kg, at.rear_weight_kg) for at in conditions]
+    sums = [None if None in pair else sum(filter(None, pair)) for pair in pairs]
+    fronts, rears = zip(*pairs, strict=True)
+    masses = [at.mass_kg or whole for at, whole in zip(conditions, sums, strict=True)]
+    shares = [front and whole and front / whole for front, whole in zip(fronts, sums, strict=True)]
+    speeds, above, (left, right) = [at.speed_mps for at in conditions], st.container(), st.columns(2)
+    _number(above, f"{source.key} speed", f"Speed ({units.speed})", speeds, units.speed_mps)
+    _number(left, f"{source.key} front weight", f"Front weight ({units.weight})", fronts, kg)
+    _number(right, f"{source.key} rear weight", f"Rear weight ({units.weight})", rears, kg)
+    _number(left, f"{source.key} mass", f"Mass ({units.weight})", masses, kg)
+    tip = "Of the mass, on the front axle: for files that know no axle weights."
+    _number(right, f"{source.key} front share", "Front share (%)", shares, 0.01, tip)
+    return given, share
+
+
+def _choose(
+    place: DeltaGenerator,
+    label: str,
+    options: Sequence[Any],
+    grey: str,
+    key: str,
+    **look: Any,  # noqa: ANN401
+) -> Any:  # noqa: ANN401 - one of the options
+    """A choice that may be left empty: in grey is what was found, or what is taken."""
+    return place.selectbox(label, options, index=None, placeholder=grey, key=key, persist_state="session", **look)
+
+
+def _ask_number(place: DeltaGenerator, label: str, grey: str, key: str, tip: str | None = None) -> float | None:
+    """As :func:`_choose`; without limits: the browser would drop a number beyond them, and nothing would name it."""
+    return place.number_input(label, value=None, placeholder=grey, key=key, persist_state="session", help=tip)
+
+
+def _unit(
+    place: DeltaGenerator, label: str, quantity: str, usual: str, units: Sequence[str], numbers: Sequence[str],
+    source: Source,
+) -> str:  # fmt: skip
+    key, keys = f"{source.key} {label}", [f"{source.key} {name}" for name in numbers]
+    was = st.session_state.get(key, usual)
+    choices.default(key, usual)
+    if (unit := st.session_state[key]) != was:  # since then the pages' units were switched
+        _convert(key, UNITS[quantity][was], quantity, keys)
+    args = key, UNITS[quantity][unit], quantity, keys
+    place.selectbox(label, units, key=key, persist_state="session", on_change=_convert, args=args)
+    return str(st.session_state[key])
+
+
+def _convert(unit_key: str, was: float, quantity: str, keys: Sequence[str]) -> None:
+    for key in keys:
+        if (value := st.session_state.get(key)) is not None:
+            st.session_state[key] = float(f"{value * was / UNITS[quantity][st.session_state[unit_key]]:.7g}")
+
+
+def _typed(name: str, unit: float, source: Source) -> float | None:
+    value = st.session_state.get(f"{source.key} {name}")
+    return None if value is None else value * unit
+
+
+def _number(
+    place: DeltaGenerator, key: str, label: str, in_si: Sequence[float | None], unit: float, tip: str | None = None
+) -> None:
+    values = sorted(value / unit for value in in_si if value is not None and value > 0)
+    grey = "not found"
+    if values:
+        grey = f"{values[0]:.5g}" if values[-1] - values[0] < 1e-6 * values[-1] else f"{values[0]:.4g}–{values[-1]:.4g}"
+    _ask_number(place, label, grey, key, tip)
+
+
+def reading_of(source: Source) -> Reading:
+    """Ask how to read a source: direction of travel, columns, table of conditions."""
+    if source.fmt == TABLES:
+        return _reading_of_tables(source)
+    travel: Travel | None = None
+    if FORMATS[source.fmt].axes:
+        travel = _choose(
+            st.container(), "Direction of travel", TRAVELS, "to be found", f"{source.key} travel",
+            format_func=lambda travel: travel.replace("-", "−").upper(),
+            help="Along which axis of the files the vehicle drives. Found from the motion at the start, if you leave "
+            "it.",
+        )  # fmt: skip
+    tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
+    if not tables:
+        return Reading(source.path, source.fmt, travel=travel)
+    forms = forms_of(source)
+    with_conditions = {file for form in forms if form.proposed.kind == "conditions" for file in _files(form)}
+    names = list(tables)
+    name = st.selectbox(
+        "Table of conditions, by id", names, placeholder="none",
+        index=names.index(next(iter(with_conditions))) if len(with_conditions) == 1 else None,
+        key=f"{source.key} conditions", persist_state="session",
+    )  # fmt: skip
+    if name is None:
+        return Reading(source.path, source.fmt, travel=travel)
+    columns = tuple(choice for form in forms if name in _files(form) for choice in _columns(form, source.key))
+    return Reading(source.path, source.fmt, columns, conditions=tables[name], travel=travel)
+
+
+def _reading_of_tables(source: Source) -> Reading:
+    forms = forms_of(source)
+    columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
+    if len(forms) > _MOST_FORMS:
+        st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
+    role_of = {choice.column: choice.role for choice in columns}
+    pulses = [[role_of.get(use.column, use.role) for use in form.proposed.uses] for form in forms]
+    chosen = "each"
+    if any(roles.count("acceleration") > 1 for roles in pulses):
+        chosen = st.radio(
+            "Accelerations in one table are",
+            ["each", "averaged"],
+            # one crash taken for several tests would be predicted from itself
+            index=0 if any(form.proposed.kind == "conditions" for form in forms) else 1,
+            format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
+            key=f"{source.key} together",
+            persist_state="session",
+        )
+    return Reading(source.path, source.fmt, columns, together=chosen == "averaged")
+
+
+def _files(form: TableForm) -> set[str]:
+    """The files with such a table; each has one, or several in sheets."""
+    return {name.partition(": ")[0] for name in form.names}
+
+
+def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
+    key = f"{source_key} {hash(form.columns)}"
+    more = f" and {len(form.names) - 1} more with the same columns" if len(form.names) > 1 else ""
+    with st.container(border=True):
+        st.markdown(f"**{plain(form.names[0])}**{more}")
+        st.dataframe(without_formulas(form.head.iloc[:, :_MOST_COLUMNS]), hide_index=True, height="content")
+        holds = st.segmented_control(
+            "It holds", ["pulses", "conditions", "neither"], default=form.proposed.kind, required=True,
+            format_func=str.capitalize, key=f"{key} holds", persist_state="session",
+        )  # fmt: skip
+        if holds == "neither":
+            return form.nothing()
+        asked = _OF_PULSES if holds == "pulses" else _OF_CONDITIONS
+        picked: dict[ColumnRole, Sequence[str]] = {} if holds == "pulses" else {"time": (), "acceleration": ()}
+        units: dict[ColumnRole, str | None] = {}
+        for role, label in asked.items():
+            below = role in _SEVERAL  # beside them names of columns would be cut to what they have in common
+            place = st.container(horizontal=not below, vertical_alignment="bottom")
+            picked[role] = _pick(place, form, role, label, key)
+            if role in QUANTITIES:
+                units[role] = _choose(
+                    place, f"Unit of {role.replace('_', ' ')}", list(UNITS[QUANTITIES[role]]),
+                    form.unit_of(picked[role]) or "?", f"{key} unit of {role}", disabled=not picked[role],
+                    label_visibility="visible" if below else "collapsed", width="stretch" if below else _UNIT_PX,
+                )  # fmt: skip
+    return form.choices(picked, units)
+
+
+def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, key: str) -> Sequence[str]:
+    proposed = [use.column for use in form.proposed.of(role)]
+    key = f"{key} {role}"
+    if role in _SEVERAL:
+        return place.multiselect(
+            label, form.columns, default=proposed, key=key, placeholder="none", persist_state="session", wrap=True
+        )
+    column = place.selectbox(
+        label, form.columns, index=form.columns.index(proposed[0]) if proposed else None,
+        placeholder="the table's name" if role == "id" and label in _OF_PULSES.values() else "none", key=key,
+        persist_state="session",
+    )  # fmt: skip
+    return () if column is None else (column,)
+
+
+def choices_of(
+    source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
+) -> tuple[Choices, Units]:
+    """Ask for what should not be detected, for all records: ``first`` is the one shown; and for the condition's units.
+
+    With ``own_class`` the campaign filters its records itself.
+    """
+    channels = _channels(source, records, first)
+    units = units_of(source)
+    condition, share = condition_of(source, records, units)
+    detected = _found(first, Choices(channels=channels, condition=condition, front_share=share), role)
+    left, right = st.columns(2)
+    unit = _field(left, "Unit", list(ACCELERATION_UNITS), detected.unit if detected else None, source)
+    detected_sign = f"Deceleration {detected.deceleration_sign}" if detected else None
+    sign = _field(right, "Sign", list(_SIGNS), detected_sign, source)
+    left, right = st.columns(2)
+    zero = "to be found" if detected is None else f"{detected.time_zero_s / MS:.4g}"
+    tip = "First contact, in the file's own time."
+    zero_ms = _ask_number(left, "Time zero (ms)", zero, f"{source.key} time zero", tip)
+    if own_class is not None:
+        right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
+        cfc: float | str | None = own_class
+    else:
+        own_filter = detected.channel_filter_class if detected else None
+        detected_filter = f"CFC {own_filter:g}" if own_filter is not None else "Not filtered"
+        name = _field(right, "Filter", list(_CLASSES), detected_filter if detected else None, source)
+        cfc = _CLASSES[name] if name else None
+    gap_mm = None
+    if role == "cae":
+        gap_mm = st.number_input(
+            "Gap before the barrier (mm)", value=None, min_value=0.0, placeholder="none", key=f"{source.key} gap",
+            persist_state="session", help="How far the vehicle moves in the run before it meets the barrier.",
+        )  # fmt: skip
+    choices = Choices(
+        channels,
+        unit,
+        _SIGNS.get(sign or ""),  # type: ignore[arg-type]
+        None if zero_ms is None else zero_ms * MS,
+        None if gap_mm is None else gap_mm * MS,
+        cfc,  # type: ignore[arg-type]
+        condition,
+        share,
+    )
+    return choices, units
+
+
+def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple[str, ...]:
+    if all(len(record.channels) == 1 for record in records):
+        return ()
+    labels = {channel.name: channel.label for record in reversed(records) for channel in record.channels}
+    names = [channel.name for channel in first.channels] if first.channels else []
+    names += [name for name in labels if name not in names]
+    chosen = st.multiselect(
+        "Channels, averaged", names, default=records[0].proposed,
+        format_func=lambda name: name if labels[name] in name else f"{name} · {labels[name]}",
+        key=f"{source.key} channels {hash(frozenset(names))}", persist_state="session", wrap=True,
+        help="All that could be the vehicle's pulse along X. Those that are proposed are filled in.",
+    )  # fmt: skip
+    return () if tuple(chosen) == records[0].proposed else tuple(chosen)
+
+
+def _field(place: DeltaGenerator, label: str, options: list[str], found: str | None, source: Source) -> str | None:
+    chosen: str | None = _choose(place, label, options, found or "to be found", f"{source.key} {label}")
+    return chosen
+
+
+def _found(record: Record, choices: Choices, role: Role) -> Settled | None:
+    try:
+        return settle(record, choices, role=role)
+    except (DataError, UsageError):
+        return None

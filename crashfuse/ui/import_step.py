@@ -1,0 +1,359 @@
+"""The step between foreign files and a campaign: what was recognised, the resulting records, and adding them."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import streamlit as st
+
+from crashfuse.campaign_folder.condition_tables import Role, has_table, listed, read_conditions
+from crashfuse.campaign_folder.editing import WHAT, counted
+from crashfuse.campaign_folder.history import changed_by, is_vacant
+from crashfuse.campaign_folder.settings import own_filter_class
+from crashfuse.errors import DataError, Problem
+from crashfuse.importing import Choices, Reading, Settled, add_settled
+from crashfuse.importing.campaign_import import Label, parts_of, role_of
+from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.record import Record
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.previews import Preview
+from crashfuse.signals.pulse import kinematics
+from crashfuse.ui.import_fields import Units, choices_of, reading_of
+from crashfuse.ui.kit import campaigns
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.choices import choose_campaign
+from crashfuse.ui.kit.editing import can_be_edited
+from crashfuse.ui.kit.figures import show_figure
+from crashfuse.ui.kit.results import refused_into, show_problems
+from crashfuse.ui.kit.text import advice_on_page, plain, without_options
+from crashfuse.ui.kit.uploads import (
+    IMPORT_REFUSED,
+    IMPORT_UNFINISHED,
+    NEXT_ROLE,
+    Source,
+    is_ours,
+    leave_import,
+    left_aside,
+    records_of,
+    settled_of,
+)
+from crashfuse.ui.kit.visitors import note_in_log, visitor
+from crashfuse.units import MS
+from crashfuse.wording import said
+
+_FOLDER, _INTO = "import folder", "import into"  # session keys
+_FACTOR_PX = 260
+_MOST_ROWS = 100
+_KEY = "import-step"
+# fields and figure sit side by side only where both fit; Streamlit considers the window, not the space left
+_STACKED = f"""<style>
+.st-key-{_KEY} > [data-testid="stLayoutWrapper"] > [data-testid="stHorizontalBlock"] > [data-testid="stColumn"] {{
+    min-width: min(100%, 23rem);
+}}
+</style>"""
+
+
+def show_add_form(
+    source: Source,
+    reading: Reading,
+    choices: Choices,
+    role: Role,
+    cae: tuple[str, ...],
+    settled: Sequence[Settled],
+    notice: str,
+) -> None:
+    """Ask for the target campaign, whose ``notice`` is shown if it is the open one, and offer to add the records."""
+    st.subheader("Add to a campaign")
+    if refused := st.session_state.get(IMPORT_REFUSED):
+        show_problems(refused, "Nothing was added", "The campaign is as it was.")
+    if len(settled) == 1:
+        left, right = st.columns([2, 3], gap="large")
+        left.text_input(
+            "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session"
+        )
+        with right:
+            _ask_folder(notice)
+    else:
+        _ask_folder(notice)
+    _ask_factors(source, role, settled)
+    several = counts_of(settled) if settled else WHAT[role][1]
+    st.button(
+        f"Add as {WHAT[settled[0].role][0]}" if len(settled) == 1 else f"Add {several}", type="primary",
+        icon=":material/add:", disabled=not settled, on_click=_add, args=(source, reading, choices, role, cae),
+    )  # fmt: skip
+
+
+def counts_of(settled: Sequence[Settled]) -> str:
+    """How many tests and CAE runs there are."""
+    return " and ".join(counted(n, role) for role, n in Counter(record.role for record in settled).items())
+
+
+def _ask_folder(notice: str) -> None:
+    open_one = _open_folder()
+    if open_one is not None:
+        labels = {"open": f"{plain(st.session_state['campaign'])}, which is open", "folder": "Another folder"}
+        st.radio(
+            "Into", list(labels), format_func=labels.__getitem__, key=_INTO, persist_state="session", horizontal=True,
+        )  # fmt: skip
+    if open_one is None or st.session_state.get(_INTO) == "folder":
+        st.text_input(
+            "Campaign folder on this computer",
+            key=_FOLDER,
+            persist_state="session",
+            placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
+            help="A new folder, which will be made, or a campaign that is there already.",
+        )
+    elif notice:
+        said = f"{plain(st.session_state['campaign'])} says of itself: “{plain(notice)}”"
+        st.info(f"{said} That would stand over what is added, too.", icon=":material/info:")
+
+
+def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:
+    """Ask for the factors, besides speed and weights, that distinguish the campaign's tests or runs."""
+    factors = _factors_of_target(role)
+    row = st.container(horizontal=True)
+    for name, values in factors.items():
+        values_found = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
+        row.selectbox(
+            plain(name) + (", of all" if len(settled) > 1 else ""), values, index=None, accept_new_options=True,
+            placeholder=", ".join(values_found) or "not given", key=f"{source.key} factor {name}",
+            persist_state="session",
+            help="A column of the campaign's table. Choose a value that it has, or type in another.", width=_FACTOR_PX,
+        )  # fmt: skip
+
+
+def _with_factors(settled: Settled, source: Source, role: Role) -> Settled:
+    keys = {name: f"{source.key} factor {name}" for name in _factors_of_target(role)}
+    given = {name: str(value) for name, key in keys.items() if (value := st.session_state.get(key))}
+    factors = tuple({**dict(settled.condition.factors), **given}.items())
+    return replace(settled, condition=replace(settled.condition, factors=factors))
+
+
+def _factors_of_target(role: Role) -> dict[str, list[str]]:
+    try:
+        folder = _target()
+        tables = [folder / f"{role}.csv", folder / "tests.csv", folder / "cae.csv"]
+        table = next((path for path in tables if path.is_file()), None)
+        return {} if table is None else _factors_in(table, campaigns.stamp(table))
+    except (DataError, OSError):
+        return {}
+
+
+@st.cache_resource(max_entries=4, show_spinner=False)
+def _factors_in(table: Path, stamp: tuple[int, ...]) -> dict[str, list[str]]:  # noqa: ARG001  (part of the key)
+    pairs = [pair for condition in read_conditions(table, "cae").conditions for pair in condition.factors]
+    names = dict.fromkeys(dict(pairs))
+    return {name: sorted({value for factor, value in pairs if factor == name and value}) for name in names}
+
+
+def own_class() -> float | None:
+    """Channel filter class of the target campaign, as far as it is known yet."""
+    try:
+        return own_filter_class(_target())
+    except (DataError, OSError):
+        return None
+
+
+def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...]) -> None:
+    st.session_state.pop(IMPORT_REFUSED, None)
+    with refused_into(IMPORT_REFUSED, "campaign"):
+        folder = _target()
+        filter_class = own_filter_class(folder)
+        settled, problems = settled_of(source, reading, choices, role, cae, raw=filter_class is not None)
+        if len(settled) == 1 and (new_id := st.session_state.get(f"{source.key} id", "").strip()):
+            settled = (replace(settled[0], id=new_id),)
+        if not settled:
+            raise DataError(problems)
+        settled = tuple(_with_factors(one, source, role) for one in settled)
+        with changed_by(visitor().name):
+            added = ". ".join(map(str, add_settled(folder, settled)))
+        note_in_log(visitor(), f"{added}, in {folder}")
+        leave_import()
+        _turn_to(folder, plain(added))
+
+
+def _turn_to(folder: Path, sentence: str) -> None:
+    st.session_state.pop(NEXT_ROLE, None)
+    try:
+        choose_campaign(campaigns.open_folder(folder))
+        campaigns.remember(folder)
+        st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
+    except DataError as error:
+        st.session_state[_FOLDER] = str(folder)  # the likely target of the next import
+        if not (folder / "cae.csv").is_file():
+            st.session_state[NEXT_ROLE] = "cae"
+        st.session_state[IMPORT_UNFINISHED] = (f"{sentence}, in {plain(str(folder))}.", error.problems)
+
+
+def _open_folder() -> Path | None:
+    folder = campaigns.open_campaigns().get(st.session_state.get("campaign") or "")
+    return folder if folder is not None and can_be_edited(folder) else None
+
+
+def _target() -> Path:
+    """The folder to add to; raises DataError if nothing may be added to it."""
+    opened = _open_folder()
+    if opened is not None and st.session_state.get(_INTO, "open") == "open":
+        return campaigns.allowed(opened)  # the server may have been started with one outside
+    expected = "a new or empty folder, or a campaign"
+    folder = campaigns.typed_folder(st.session_state.get(_FOLDER, ""), "campaign folder", expected)
+    trouble = None
+    try:
+        if is_ours(folder):
+            trouble = "one of crashfuse's own"
+        elif folder.exists() and not folder.is_dir():
+            trouble = "a file"
+        elif not is_vacant(folder) and not has_table(folder):
+            trouble = "a folder of other things"
+    except OSError as error:
+        raise DataError(Problem(str(folder), expected, str(error), "name another folder")) from error
+    if trouble is not None:
+        raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
+    return folder
+
+
+def show_unfinished() -> None:
+    """Say what a campaign started by an import still needs before it can be opened."""
+    if IMPORT_UNFINISHED in st.session_state:
+        sentence, problems = st.session_state[IMPORT_UNFINISHED]
+        needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
+        then = "Drop them on the field above: what is imported next goes to the same folder, unless you name another."
+        st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
+
+
+def show_import(source: Source, view: View | None) -> None:
+    """Show the import step."""
+    st.html(_STACKED)
+    with st.container(key=_KEY):
+        _show_step(source, view)
+
+
+def _show_step(source: Source, view: View | None) -> None:
+    st.title("Import files" if source.several else f"Import {plain(source.path.name)}")
+    st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.")
+    st.button("Back without importing", icon=":material/arrow_back:", on_click=leave_import)
+    left, right = st.columns([2, 3], gap="large")
+    with left:
+        taken_as = st.container()  # what files look like is known once all are read
+        reading = reading_of(source)
+        records, unread = records_of(source, reading)
+        with taken_as:
+            role, cae = _roles(source, records)
+            if aside := left_aside(source):
+                st.caption(
+                    f"Left aside, as {'they are no tables' if len(aside) > 1 else 'it is no table'}: "
+                    f"{plain(listed(aside))}."
+                )
+    with right:
+        first = _looked_at(source, records)
+    if first is None:
+        show_problems(unread, "Nothing of it can be read", "Correct the fields or the files.")
+        return
+    with left:
+        for_all = f", for all {len(records)} records" if len(records) > 1 else ""
+        st.caption(f"In grey: what was found. What is filled in overrules it{for_all}.")
+        if len(records) > 1 and any(
+            None in (one.condition.speed_mps, *one.condition.weights.axles()) for one in records
+        ):
+            st.caption("A table of conditions, dropped along with the files, gives each record its own: one row an id.")
+        choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class())
+    settled, refused = settled_of(source, reading, choices, role, cae)
+    problems = [_in_units(problem, units) for problem in refused]
+    with right:
+        display = DEFAULT if view is None else view.display
+        _preview(first, choices, next((one for one in settled if one.id == first.id), None), display, units)
+        if len(records) > 1 and settled:
+            _table(settled, display, units)
+        if problems and not settled and (len(records) == 1 or {problem.found for problem in problems} == {"none"}):
+            several = len({problem.where for problem in problems}) > 1
+            needs = dict.fromkeys(_need(problem, with_file=several) for problem in problems)
+            st.warning("Before it can be added:\n\n" + "\n".join(f"- {need}" for need in needs), icon=":material/edit:")
+        elif problems:
+            can = f"{counts_of(settled)} can be added without." if settled else ""
+            show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
+    notice = "" if view is None else view.campaign.notice
+    show_add_form(source, reading, choices, role, cae, settled, notice)
+
+
+def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:
+    parts = parts_of(map(Label.of, records))
+    look_simulated = [name for name, is_cae in parts.items() if is_cae]
+    usual: Role = "cae" if parts and len(look_simulated) == len(parts) else FORMATS[source.fmt].role
+    role: Role = st.segmented_control(
+        "Take it as", list(WHAT), default=st.session_state.get(NEXT_ROLE) or usual, required=True,
+        format_func={"tests": "Tests", "cae": "CAE runs"}.__getitem__, key=f"{source.key} role",
+        persist_state="session",
+    )  # fmt: skip
+    chosen: list[str] = []
+    if role == "tests" and len(parts) > 1:
+        chosen = st.multiselect(
+            "Of these, CAE runs are", list(parts), default=look_simulated if len(look_simulated) < len(parts) else [],
+            placeholder="none", key=f"{source.key} cae", persist_state="session",
+        )  # fmt: skip
+    if look_simulated and (role == "tests" or len(look_simulated) == len(parts)):
+        by, look = ("their names or numbers", "look") if len(look_simulated) > 1 else ("its name or number", "looks")
+        by = (
+            "what the files say of themselves" if any(record.is_simulated for record in records) else f"{by} of records"
+        )
+        st.caption(f"By {by} {plain(listed(look_simulated))} {look} like CAE runs; change it if that is wrong.")
+    return role, tuple(chosen)
+
+
+def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
+    if len(records) < 2:
+        return records[0] if records else None
+    number = st.selectbox(
+        f"{len(records)} records; this is",
+        range(len(records)),
+        format_func=lambda number: f"{number + 1}: {records[number].id}",
+        key=f"{source.key} record {len(records)}",
+        persist_state="session",
+    )
+    return records[number]
+
+
+def _preview(record: Record, choices: Choices, settled: Settled | None, display: Display, units: Units) -> None:
+    show_figure(
+        Preview(record, choices, settled).plot(display=display),
+        alt=f"The pulse that comes of {record.id}, over its channels as recorded",
+    )
+    if settled is not None:
+        st.markdown(f"**{plain(settled.id)}**: {units.text_of(settled.condition)}")
+        st.markdown("\n".join(f"- {plain(without_options(said(step, units.system)))}" for step in settled.steps))
+
+
+def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
+    rows, both = [], len({one.role for one in settled}) > 1
+    for one in settled[:_MOST_ROWS]:
+        motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
+        stop_s = float(motion.t0_s)
+        rows.append(
+            {
+                "Id": one.id,
+                **({"Taken as": WHAT[one.role][0]} if both else {}),
+                f"Speed ({units.speed})": round(one.condition.speed_mps / units.speed_mps, 1),
+                f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
+                f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
+                f"Peak ({display.unit})": round(float(abs(one.pulse.accel_mps2 * display.accel_scale).max()), 1),
+                "Zero velocity, TTZV (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
+                "Crush (mm)": round(float(motion.displacement_m.max()) / MS),
+            }
+        )
+    st.dataframe(pd.DataFrame(rows), hide_index=True)
+    if len(settled) > _MOST_ROWS:
+        st.caption(f"The first {_MOST_ROWS} of {len(settled)}.")
+
+
+def _in_units(problem: Problem, units: Units) -> Problem:
+    expected, found, advice = (said(text, units.system) for text in (problem.expected, problem.found, problem.advice))
+    return replace(problem, expected=expected, found=found, advice=advice)
+
+
+def _need(problem: Problem, *, with_file: bool) -> str:
+    advice = f"{problem.where}: {advice_on_page(problem)}" if with_file else advice_on_page(problem)
+    return plain(
+        f"{advice}." if problem.found == "none" else f"{advice}: expected {problem.expected}, found {problem.found}."
+    )

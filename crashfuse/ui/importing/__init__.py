@@ -1,1 +1,0 @@
-"""Import of foreign files on the Data page."""

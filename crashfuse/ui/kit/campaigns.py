@@ -1,0 +1,306 @@
+"""Campaigns open on this server, each read once; everyone sees their own, those of the server, and those linked to.
+
+Folders opened before are offered again: a small file in the cache folder holds their paths, where people log in one for
+each of them.
+"""
+
+import hashlib
+import json
+import os
+import secrets
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.history import sample_folder
+from crashfuse.campaign_folder.load import read_folder
+from crashfuse.crash_test import CrashTest
+from crashfuse.errors import DataError, Problem
+from crashfuse.execution.cache import default_folder
+from crashfuse.files.atomic import write_atomically
+from crashfuse.files.locks import sole_writer
+from crashfuse.reporting.plots.display import Display
+from crashfuse.ui.kit import visitors
+from crashfuse.ui.kit.visitors import logged_in, note_in_log, visitor
+
+SAMPLE = "sample"
+_opening = threading.Lock()  # with the list in hand: to make it takes the lock
+_MOST_RECENT = 8
+_LARGEST_LIST = 64 << 10  # bytes of the file
+_PATIENCE_S = 5.0  # to wait for another who writes it
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """A folder that is open on this server, how it is called if not by its name, and whose lists it stands in."""
+
+    folder: Path | None
+    label: str = ""
+    for_all: bool = False
+    visitors: set[str] = field(default_factory=set)
+
+
+@dataclass(frozen=True)
+class View:
+    """The user's choices in the sidebar, and the name of the campaign in its list."""
+
+    campaign: Campaign
+    name: str
+    held_out: CrashTest
+    display: Display
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the campaign; a DataError if pages may not open it any more."""
+        return folder_of(self.name)
+
+
+@st.cache_resource
+def opened_here() -> dict[str, _Opened]:
+    """All that is open on this server, by name."""
+    opened = {SAMPLE: _Opened(None, for_all=True)}
+    if at_start := os.environ.get("CRASHFUSE_CAMPAIGN"):
+        _put(Path(at_start).resolve(), opened, for_all=True)
+    return opened
+
+
+def open_campaigns() -> dict[str, Path | None]:
+    """Folders that the visitor may choose from, by name: the server's own, those they opened, and that of their link.
+
+    A link can ask for one of these names, never for a path; that of an upload cannot be guessed.
+    """
+    me, opened = visitor().key, opened_here()
+    linked = opened.get(name := st.session_state.get("campaign") or "")
+    if linked is not None and not linked.for_all and me not in linked.visitors:
+        linked.visitors.add(me)
+        note_in_log(visitor(), f"followed a link to {label(name)}")
+    with _opening:  # another visitor may be opening one
+        return {name: one.folder for name, one in opened.items() if one.for_all or me in one.visitors}
+
+
+def at_start() -> str | None:
+    """Name of the campaign that the server was started with, if any."""
+    return list(opened_here())[1] if os.environ.get("CRASHFUSE_CAMPAIGN") else None
+
+
+def allowed(path: Path) -> Path:
+    """The path with links resolved, if pages may open or write to it; else a DataError that says what they may.
+
+    Nothing outside the folders of ``CRASHFUSE_ROOT`` is looked at; without that variable all folders are allowed. What
+    was allowed is asked again before each read and write: a link may have been made since.
+    """
+    asked = path
+    try:
+        path = path.expanduser().resolve()
+        outside = [] if may_open(path) else [path]
+        if roots() and not outside and path.is_dir():
+            outside = [link for link in _links_in(path) if not may_open(link.resolve())]
+    except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
+        raise _unreadable(path, error) from error
+    if outside:
+        note_in_log(visitor(), f"was refused {outside[0]}, outside {' and '.join(map(str, roots()))}")
+        expected = f"a path inside {' or '.join(map(str, roots()))}"
+        found = "one outside" if outside[0] == path else f"{outside[0].name}, a link to elsewhere"
+        raise DataError(Problem(str(asked), expected, found, "this server opens and writes nothing else"))
+    return path
+
+
+def unquoted(text: str) -> str:
+    """A path as it was typed in, without the quotes that file managers copy with it."""
+    return text.strip().strip('"')
+
+
+def typed_folder(text: str, where: str, expected: str) -> Path:
+    """The folder that was typed in by its whole path, checked by :func:`allowed`; problems name it as ``where``."""
+    typed, advice = unquoted(text), "name a folder by its whole path"
+    try:
+        folder = Path(typed).expanduser()
+    except RuntimeError as error:  # no such home directory
+        raise DataError(Problem(where, expected, str(error), advice)) from error
+    if not folder.is_absolute():
+        raise DataError(Problem(where, expected, typed or "none", advice))
+    return allowed(folder)
+
+
+def roots() -> list[Path]:
+    """The folders that pages may open and write to, with all in them; none for no restriction."""
+    return [Path(root).resolve() for root in os.environ.get(visitors.ROOTS, "").splitlines() if root]
+
+
+def may_open(path: Path) -> bool:
+    """True if a path, links resolved, lies where pages may open and write."""
+    return not roots() or any(path.is_relative_to(root) for root in roots())
+
+
+def still_allowed(path: Path) -> Path:
+    """The same path; a DataError if it was allowed as one inside the roots and a link now leads out of them.
+
+    What the server was started with, the sample and uploads may lie outside.
+    """
+    if roots() and may_open(path):
+        allowed(path)
+    return path
+
+
+def _links_in(folder: Path) -> Iterator[Path]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_symlink():
+                yield Path(entry.path)
+            elif entry.is_dir():
+                yield from _links_in(Path(entry.path))
+
+
+def open_folder(folder: Path) -> str:
+    """Read a folder and, if it holds a valid campaign, open it; returns its name."""
+    folder = allowed(folder)
+    read(folder)
+    note_in_log(visitor(), f"opened {folder}")
+    return _put(folder, opened_here(), visitor().key)
+
+
+def open_uploaded(folder: Path) -> str:
+    """Open a folder made of a visitor's upload, under a name that only their link tells."""
+    read(folder)
+    token = secrets.token_urlsafe(12)
+    name = f"{folder.name}-{token}"
+    opened, one = opened_here(), _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})")
+    one.visitors.add(visitor().key)
+    with _opening:
+        opened[name] = one
+    note_in_log(visitor(), f"uploaded {label(name)}")
+    return name
+
+
+def close(name: str) -> None:
+    """Forget an open campaign, whose folder goes."""
+    opened = opened_here()
+    with _opening:
+        opened.pop(name, None)
+
+
+def label(name: str) -> str:
+    """What the open campaign of this name is called where others may read it."""
+    return opened_here()[name].label or name
+
+
+def load(name: str) -> Campaign:
+    """The open campaign of this name, read again only if its files have changed."""
+    return read(folder_of(name))
+
+
+def fingerprint_of(name: str) -> str:
+    """Fingerprint of the open campaign of this name, without reading it again."""
+    folder = folder_of(name)
+    try:
+        return _fingerprint(folder, _stamp(folder))
+    except OSError as error:
+        raise _unreadable(folder, error) from error
+
+
+def folder_of(name: str) -> Path:
+    """The folder of the open campaign of this name; a DataError if pages may not open it any more."""
+    folder = opened_here()[name].folder
+    return _sample_folder() if folder is None else still_allowed(folder)
+
+
+def read(folder: Path) -> Campaign:
+    """The campaign in this folder, shared by all sessions; a DataError says what is wrong."""
+    try:
+        return _read(folder, _stamp(folder))
+    except OSError as error:
+        raise _unreadable(folder, error) from error
+
+
+def stamp(path: Path) -> tuple[int, ...]:
+    """What changes whenever a file does, even if another of equal size and time takes its place."""
+    stat = path.stat()
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
+
+
+def _put(folder: Path, opened: dict[str, _Opened], *visitors: str, for_all: bool = False) -> str:
+    """Open a folder under its own name, numbered if that name is taken; returns the name."""
+    with _opening:
+        for name, one in opened.items():
+            if one.folder == folder:
+                one.visitors.update(visitors)
+                return name
+        name, number = folder.name or "campaign", 2
+        while name in opened:
+            name, number = f"{folder.name} ({number})", number + 1
+        opened[name] = _Opened(folder, for_all=for_all, visitors=set(visitors))
+        return name
+
+
+def _unreadable(folder: Path, error: Exception) -> DataError:
+    return DataError(Problem(str(folder), "a folder that can be read", str(error), "check the path and your rights"))
+
+
+@st.cache_resource(max_entries=4, show_spinner="Reading the campaign …")
+def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001  (part of the key)
+    return read_folder(folder)
+
+
+@st.cache_data(max_entries=500, show_spinner=False)
+def _fingerprint(folder: Path, stamp: tuple[object, ...]) -> str:
+    return _read(folder, stamp).fingerprint
+
+
+def _stamp(folder: Path) -> tuple[object, ...]:
+    """Name and stamp of every file that can belong to a campaign: changes whenever one of them does."""
+    patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "tests/*", "cae/*")
+    files = sorted(path for pattern in patterns for path in folder.glob(pattern))
+    return tuple((path.name, *stamp(path)) for path in files)
+
+
+@st.cache_resource(show_spinner="Preparing the sample campaign …")
+def _sample_folder() -> Path:
+    return sample_folder()
+
+
+def recent_folders() -> tuple[Path, ...]:
+    """The folders, the last one first; not those that are gone, or that pages may not open."""
+    return tuple(folder for folder in _listed() if may_open(folder) and _is_there(folder))
+
+
+def remember(folder: Path) -> None:
+    """Put a folder first; whatever goes wrong, it is only not offered again."""
+    with suppress(OSError, DataError), sole_writer(default_folder(), _PATIENCE_S):
+        kept = [folder, *(other for other in _listed() if other != folder)][:_MOST_RECENT]
+        write_atomically(_recent_file(), json.dumps([str(path) for path in kept], indent=1).encode())
+
+
+def folder_labels(folders: tuple[Path, ...]) -> list[str]:
+    """Their names, with the folder that holds them where two have the same."""
+    names = [folder.name for folder in folders]
+    return [
+        folder.name if names.count(folder.name) == 1 else f"{folder.parent.name}/{folder.name}" for folder in folders
+    ]
+
+
+def _listed() -> list[Path]:
+    try:
+        if _recent_file().stat().st_size > _LARGEST_LIST:
+            return []
+        paths = json.loads(_recent_file().read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return []
+    listed = paths[:_MOST_RECENT] if isinstance(paths, list) else []
+    return [Path(path) for path in listed if isinstance(path, str) and Path(path).is_absolute()]
+
+
+def _is_there(folder: Path) -> bool:
+    with suppress(OSError, ValueError):
+        return folder.is_dir()
+    return False
+
+
+def _recent_file() -> Path:
+    if not logged_in():
+        return default_folder() / "recent.json"
+    return default_folder() / f"recent-{hashlib.sha256(visitor().key.encode()).hexdigest()[:16]}.json"

@@ -1,0 +1,356 @@
+"""What is chosen on the pages, and the address that holds it: one link, one view; Back undoes the last choice.
+
+A widget keeps its value in the session under its key. Before a page is drawn the values that are not the default are
+written to the address, which the browser remembers one by one; they are read back when a session begins and on Back and
+Forward.
+"""
+
+import math
+from collections.abc import Callable, Collection, Mapping, MutableMapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, cast
+
+import streamlit as st
+from streamlit.runtime.scriptrunner import get_script_run_ctx
+
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.settings import DEVICES, PRESETS
+from crashfuse.certification.verdict import WORDS
+from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
+from crashfuse.errors import UsageError
+from crashfuse.reporting.plots.curves import TEST
+from crashfuse.reporting.report.page import REPORT_FORMS
+from crashfuse.signals.metrics import METRIC_LABELS
+from crashfuse.study.config import WINDOWS_MS, StudyConfig
+from crashfuse.wording import SYSTEMS
+
+MOST_PINS = 6
+"""Each takes ten megabytes, and a column of the table."""
+Value = str | float | bool | tuple[str, ...] | None
+_PAGE, _DEFAULTS = "page", "defaults"  # session keys: the open page; defaults that depend on the campaign
+_WANTED = "units wanted"  # session key: the system of units that the user has chosen, in any campaign
+_ANY = "…"  # in a key: a factor of the campaign
+NOT_FOUND = "not found"
+"""Session key: what the link asked for and was not found."""
+ASKED = "campaign asked for"
+"""Session key: the campaign of a link, while it is not open."""
+REFUSED = "refused"
+"""Session key: what is wrong with the campaign last tried."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One choice."""
+
+    kind: type = str  # what the address is read as: str, int, float, bool, or tuple for several texts
+    default: Value = None  # None if it depends on the campaign, see :func:`default`
+    options: Sequence[Value] = ()  # none where they depend on the campaign
+    pages: tuple[str, ...] = ()  # on which it acts; none for all
+    of_campaign: bool = False  # whether it means nothing in another campaign
+
+    def acts_on(self, page: str | None) -> bool:
+        """True if it decides what a page shows, or any page if none is given."""
+        return page is None or not self.pages or page in self.pages
+
+    def parse(self, texts: Sequence[str]) -> Value:
+        """The value that these texts of an address stand for; the default if they stand for none."""
+        if self.kind is tuple:
+            return tuple(text for text in texts if text and (not self.options or text in self.options))
+        try:
+            value: Value = texts[-1] == "true" if self.kind is bool else self.kind(texts[-1])
+        except ValueError:
+            return self.default
+        if isinstance(value, float) and not math.isfinite(value):
+            return self.default
+        return value if not self.options or value in self.options else self.default
+
+    def texts(self, value: object) -> list[str]:
+        """What stands for a value in the address."""
+        if isinstance(value, tuple | list):
+            return [str(item) for item in value] or [""]
+        if isinstance(value, bool):
+            return [str(value).lower()]
+        return [f"{value:.12g}" if isinstance(value, float) else str(value)]
+
+
+CHOICES: dict[str, Choice] = {
+    # what is looked at
+    "campaign": Choice(),
+    "test": Choice(pages=("data", "train", "compare"), of_campaign=True),
+    "held_out": Choice(tuple, None, pages=("train",), of_campaign=True),
+    # how it is predicted
+    "leave_out": Choice(str, "test", ("test", "speed group"), ("train", "compare")),
+    "approaches": Choice(tuple, APPROACHES, APPROACHES),
+    "preset": Choice(str, "fast", PRESETS),
+    "seed": Choice(int, 0, range(2**32)),
+    "device": Choice(str, "auto", DEVICES),
+    # how it is shown
+    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "compare", "study", "predict", "history")),
+    "system": Choice(options=tuple(SYSTEMS)),
+    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "study", "predict", "certify")),
+    "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
+    # what is shown on a page
+    "corridors": Choice(bool, False, pages=("compare",)),
+    "cost": Choice(float, pages=("study",)),
+    "report_form": Choice(str, "whole", REPORT_FORMS, ("compare", "study", "predict")),
+    "report_tests": Choice(tuple, (), pages=("study",), of_campaign=True),
+    "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
+    "band": Choice(str, "recommended", ("recommended", *APPROACHES), ("compare", "predict")),
+    "only": Choice(tuple, (), pages=("data",), of_campaign=True),
+    "also": Choice(tuple, (), pages=("data", "compare", "predict"), of_campaign=True),
+    "pins": Choice(tuple, (), pages=("data", "compare", "predict")),
+    "speed_mph": Choice(float, pages=("predict",)),
+    "front_weight_lb": Choice(float, pages=("predict",)),
+    "rear_weight_lb": Choice(float, pages=("predict",)),
+    "sweep_metric": Choice(str, next(iter(METRIC_LABELS)), tuple(METRIC_LABELS), ("predict",)),
+    "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
+    "confidence": Choice(float, pages=("certify",), of_campaign=True),
+    "grid_…": Choice(tuple, pages=("certify",)),
+    "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
+    "listed": Choice(str, "this", ("this", "all"), pages=("history",)),
+}
+_ON_PAGE = {
+    "data": ("import", "filter"),
+    "train": ("purpose",),
+    "compare": ("compare_tab", "compared", "explained", "networks", "over_displacement"),
+    "study": ("study_tab", "ways"),
+    "predict": ("predict_tab", "predicted", "factor_…", "speed_range", "front_range", "rear_range"),
+    "certify": ("approach", "certify_tab", "record"),
+    "history": ("first", "second", "compared_way", "compared_approach"),
+}
+_ON_PAGE_OF_CAMPAIGN = {
+    "data": ("data_tab",),
+    "certify": ("matrix", "uploaded", "earlier", "speeds", "front_weights", "rear_weights", "cell"),
+}
+CHOICES |= {key: Choice(pages=(page,)) for page, keys in _ON_PAGE.items() for key in keys}
+CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_PAGE_OF_CAMPAIGN.items() for key in keys}
+
+
+def follow(page: str) -> None:
+    """Take all choices from the address if a session begins, those of its page if the user goes back or forward.
+
+    At no other time: a click may come from a browser that has not seen the latest address yet.
+    """
+    state, context = _state(), get_script_run_ctx()
+    asked = given()
+    began = _PAGE not in state
+    state[_PAGE] = page
+    if began or (context is not None and context.is_history_navigation and asked):
+        _take(None if began else page, asked)
+    if began:
+        want_units()
+    for key, choice in CHOICES.items():
+        state.setdefault(key, _in_session(choice.default))
+
+
+@dataclass(frozen=True)
+class Place:
+    """A page with what is chosen there."""
+
+    page: str
+    parameters: Mapping[str, list[str]]
+
+    @property
+    def is_here(self) -> bool:
+        """True if this session shows it now."""
+        return self == here()
+
+    def take(self) -> None:
+        """Choose what is chosen there; call it from a callback, and then open the page."""
+        _take(self.page, self.parameters)
+
+
+def here(page: str | None = None) -> Place:
+    """What this session shows now, or would show on another page."""
+    page = page or str(_state().get(_PAGE) or "")
+    return Place(page, parameters(page))
+
+
+def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, follow: bool = True) -> None:
+    """Give a choice its default for what is looked at, unless another was chosen that is ``known`` here.
+
+    A choice that is not to ``follow`` keeps the default that it was given before.
+    """
+    state = _state()
+    defaults = state.setdefault(_DEFAULTS, {})
+    usual = state.get(key) is None or (follow and state[key] == defaults.get(key))
+    if usual or (known and state[key] not in known):
+        put(key, value)
+    defaults[key] = value
+
+
+def want_units() -> None:
+    """Note that the units chosen now are the user's choice for every campaign."""
+    _state()[_WANTED] = _state().get("system")
+
+
+def put(key: str, value: object) -> None:
+    """Set what a widget shows, unless it does: what is set is sent to the browser, over what is chosen meanwhile."""
+    state = _state()
+    if key not in state or state[key] != value:
+        state[key] = value
+
+
+def leave_campaign() -> None:
+    """Let another campaign decide what nobody has chosen, and what means nothing there; call it from a callback."""
+    state = _state()
+    usual = state.get(_DEFAULTS, {})
+    if state.get("system") == state.get(_WANTED):  # the user's choice, if it is this campaign's as well
+        usual.pop("system", None)
+    for key, choice in CHOICES.items():
+        if choice.of_campaign or (key in usual and state.get(key) == usual[key]):
+            state[key] = list(choice.default) if isinstance(choice.default, tuple) else None
+
+
+def publish() -> None:
+    """Write the choices to the address of the open page, unless it says them, if with some that are the default.
+
+    What is written is one step for Back.
+    """
+    state, page = _state(), _state()[_PAGE]
+    shown, asked, known = parameters(page), given(), _of(page)
+    said = {key: known[key].texts(value) for key in asked if key in known and (value := state.get(key)) is not None}
+    if not shown.items() <= asked.items() or said != asked:
+        st.query_params.from_dict(shown)
+
+
+def parameters(page: str, keys: Collection[str] = ()) -> dict[str, list[str]]:
+    """Parameters of a link to a page that shows what this session has chosen; ``keys`` are those of :func:`keys`."""
+    state = _state()
+    known = state.get(_DEFAULTS, {})
+    shown = {}
+    for key, choice in _of(page, keys).items():
+        value, usual = state.get(key), choice.default
+        if value is not None and value not in (known.get(key), _in_session(usual)):
+            shown[key] = choice.texts(value)
+    return shown
+
+
+def given() -> dict[str, list[str]]:
+    """What the address says now."""
+    return {key: st.query_params.get_all(key) for key in st.query_params}
+
+
+def acts(key: str, page: str) -> bool:
+    """True if a choice decides what a page shows."""
+    return CHOICES[key].acts_on(page)
+
+
+def keys() -> frozenset[str]:
+    """All keys of the session and of the address; Streamlit takes milliseconds to list them."""
+    return frozenset({*map(str, _state()), *st.query_params})
+
+
+def _of(page: str | None, known: Collection[str] = ()) -> dict[str, Choice]:
+    here = {key: choice for key, choice in CHOICES.items() if choice.acts_on(page)}
+    for family in [key for key in here if key.endswith(_ANY)]:
+        choice, stem = here.pop(family), family.removesuffix(_ANY)
+        here |= {key: choice for key in known or keys() if key.startswith(stem)}
+    return here
+
+
+def _take(page: str | None, asked: Mapping[str, Sequence[str]]) -> None:
+    state = _state()
+    if asked.get("campaign") != [state.get("campaign")]:  # of which other pages have choices, too
+        leave_campaign()
+    for key, choice in _of(page).items():
+        state[key] = _in_session(choice.parse(asked[key]) if key in asked else choice.default)
+
+
+def _in_session(value: Value) -> Value | list[str]:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _state() -> MutableMapping[str, Any]:
+    return cast("MutableMapping[str, Any]", st.session_state)
+
+
+def chosen_config() -> StudyConfig:
+    """The settings made on the Train page, else the defaults; also for a seed that is none, which that page tells."""
+    state = st.session_state
+    seed = int(state.get("seed", 0))
+    return StudyConfig(
+        approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
+        preset=state.get("preset", "fast"),
+        seed=seed if seed in CHOICES["seed"].options else 0,
+        leave_out=state.get("leave_out", "test"),
+        device=state.get("device", "auto"),
+    )
+
+
+def choose_campaign(name: str) -> None:
+    """Select one of the open campaigns; call it from a callback, before the sidebar is drawn."""
+    if name not in (st.session_state["campaign"], st.session_state.pop(ASKED, None)):
+        leave_campaign()
+    st.session_state["campaign"] = name
+    forget()
+
+
+def choose_held_out(test: CrashTest) -> None:
+    """Select the test to hold out; call it from a callback, before the sidebar is drawn."""
+    st.session_state["test"] = test.id
+    forget()
+
+
+def note_for_next_page(sentence: str) -> None:
+    """Tell something at the head of the next page, until the user chooses something else there."""
+    st.session_state[NOT_FOUND] = sentence
+
+
+def forget() -> None:
+    """Clear the messages about what was not found or refused: the user has chosen something else."""
+    st.session_state.pop(NOT_FOUND, None)
+    st.session_state.pop(REFUSED, None)
+
+
+def choose_one(key: str, label: str, **look: Any) -> None:  # noqa: ANN401 - as Streamlit has it
+    """Let the user choose one of the options of a choice, in a row."""
+    st.segmented_control(label, CHOICES[key].options, required=True, key=key, persist_state="session", **look)
+
+
+def kept_choice(
+    key: str, options: Sequence[str], widget: Callable[..., object], label: str, **look: object
+) -> list[str]:
+    """What is chosen of these options, first what was chosen first, with a widget of Streamlit and its look.
+
+    The session holds the whole choice under ``key``. A widget of that key would lose what this page does not offer: an
+    approach that has not been fitted yet, a test of another campaign.
+    """
+    state = st.session_state
+    chosen, shown = [name for name in state[key] if name in options], f"{key} shown"
+    said, widgets = state.get(shown, (None, 0))
+    if said != chosen:
+        # Set by a link, a button or another page: a widget in a closed popover would not hear of it, and would send
+        # what it showed before with the next click, as if that was chosen. Another widget begins with it.
+        widgets += 1
+    state[shown] = chosen, widgets
+    here = f"{key} {widgets} in {state['system']} here"  # a browser keeps what is chosen by its label, with its unit
+    # with every run: in a closed popover there is nothing yet that would keep what is sent
+    state[here] = chosen
+
+    def keep() -> None:
+        if state[shown][1] == widgets:
+            now = state[here]
+            before = [name for name in state[key] if name in now or name not in options]
+            state[key] = [*before, *(name for name in now if name not in before)]
+            state[shown] = [name for name in state[key] if name in options], widgets
+
+    widget(label, options, key=here, on_change=keep, **look)
+    return [name for name in state[key] if name in options]
+
+
+def pinned() -> dict[str, Condition]:
+    """The pinned conditions by their texts, in the order in which they were pinned."""
+    pins = {}
+    for text in st.session_state["pins"]:
+        with suppress(UsageError):  # the link has been cut or changed
+            pins[text] = Condition.parse(text)
+    return dict(list(pins.items())[:MOST_PINS])
+
+
+def pin_all(conditions: Sequence[Condition]) -> None:
+    """Pin conditions beside those that are; if they are too many, the oldest go."""
+    new = [condition.text for condition in conditions]
+    st.session_state["pins"] = [*(text for text in pinned() if text not in new), *new][-MOST_PINS:]

@@ -1,0 +1,256 @@
+"""Jobs behind the pages: what this server has computed, and how a page requests a computation."""
+
+import threading
+from abc import ABC, abstractmethod
+from collections import defaultdict
+from collections.abc import Hashable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
+from weakref import WeakValueDictionary
+
+import numpy as np
+import streamlit as st
+
+from crashfuse.approaches.fit_cache import is_cached
+from crashfuse.approaches.registry import BASELINE, CLASSES
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import CrashfuseError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Watch
+from crashfuse.files.archive import zipped
+from crashfuse.reporting.earlier_prediction import otherwise
+from crashfuse.reporting.planning import SpeedSweep
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
+from crashfuse.study.history import PastResult, keep
+from crashfuse.study.recommendation import Recommendation, recommend_for
+from crashfuse.study.running import fold_key, run_study
+from crashfuse.study.saved_models import model_bytes, model_file
+from crashfuse.study.study import Fold, Study
+from crashfuse.study.sweep import sweep_speed, usual_speeds
+from crashfuse.ui.kit import choices
+from crashfuse.ui.kit.jobs import Job, Jobs
+from crashfuse.ui.kit.visitors import visitor
+
+T = TypeVar("T")
+_PATIENCE_S = 3.0  # to read from the cache; after that, progress is shown
+
+
+@st.cache_resource(show_spinner=False)
+def jobs() -> Jobs:
+    """The server's single job queue."""
+    return Jobs()
+
+
+@st.cache_resource(show_spinner=False)
+def _lookups() -> tuple[defaultdict[Hashable, threading.Lock], dict[Hashable, int]]:
+    """A lock for each key that is looked up in the disk cache, and how many jobs had ended at the last look."""
+    return defaultdict(threading.Lock), {}
+
+
+@st.cache_resource(show_spinner=False)
+def _folds() -> WeakValueDictionary[Hashable, Fold]:
+    """Folds of all studies in memory: one computed for one list of tests serves any other."""
+    return WeakValueDictionary()
+
+
+def said_of(campaign: Campaign) -> Hashable:
+    """Equal for equal data, and equal remarks on them, which stand in reports: why a test is left out is no data."""
+    return campaign.fingerprint, campaign.remarks
+
+
+class Request(ABC, Generic[T]):
+    """A computation that any page can request; identifies one job."""
+
+    @property
+    @abstractmethod
+    def key(self) -> Hashable:
+        """Equal for equal data and equal result-relevant settings, wherever the files are."""
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """Title shown to the user."""
+
+    @abstractmethod
+    def work(self, watch: Watch) -> T:
+        """Compute the result."""
+
+    def in_cache(self) -> bool:
+        """True if the slow part of the result is in the disk cache."""
+        return False
+
+    def start(self, page: str | None = None) -> None:
+        """Queue the job for the visitor, or join them to it if it is already queued.
+
+        They will look for the result on the page that they have open, or on another one.
+        """
+        job = jobs().start(self.key, self.title, self.work, visitor())
+        job.places[visitor()] = choices.here(page)
+
+    def ask(self, page: str) -> None:
+        """Start the job for the visitor, who then opens this page; what is known from earlier is read there at once."""
+        with suppress(CrashfuseError):  # starting the job shows it
+            if self.in_cache():
+                return
+        self.start(page)
+
+    def find(self) -> Job[T] | None:
+        """The job, if any; it is started at once if the slow part of its result is in the disk cache."""
+        if (job := jobs().get(self.key)) is not None:
+            return job
+        locks, ended_before = _lookups()
+        with locks[self.key]:  # a second caller of the same waits for the answer
+            if ended_before.get(self.key) == jobs().ended:  # it is looked up again only after another job has ended
+                return jobs().get(self.key)
+            with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # starting the job shows it
+                if self.in_cache():
+                    job = jobs().start(self.key, self.title, self.work, visitor(), at_once=True)
+                    job.wait(_PATIENCE_S)
+            ended_before[self.key] = jobs().ended
+        return job
+
+    @property
+    def result(self) -> T | None:
+        """What it has come to, once it is ready."""
+        job = self.find()
+        return None if job is None else job.result
+
+
+@dataclass(frozen=True)
+class StudyRequest(Request[Study]):
+    """Which tests of a campaign to leave out in turn, and with which settings."""
+
+    campaign: Campaign
+    held_out: tuple[str, ...]
+    config: StudyConfig
+
+    @property
+    def key(self) -> Hashable:  # noqa: D102
+        return "study", said_of(self.campaign), self.held_out, self.config
+
+    @property
+    def title(self) -> str:  # noqa: D102
+        tests = f"test {self.held_out[0]}" if len(self.held_out) == 1 else f"each of {len(self.held_out)} tests in turn"
+        return f"{self.campaign.name}: predict {tests} from the others{_unlike_usual(self.config)}"
+
+    def work(self, watch: Watch) -> Study:  # noqa: D102
+        study = run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, folds=_folds())
+        keep(PastResult.of_study(study))
+        return study
+
+    def in_cache(self) -> bool:  # noqa: D102
+        return all(self._is_known(way, test_id) for way in self.config.split_configs for test_id in self.held_out)
+
+    def _is_known(self, way: StudyConfig, test_id: str) -> bool:
+        """True if another study has this fold, or its predictions are in the disk cache."""
+        if fold_key(self.campaign, way, test_id) in _folds():
+            return True
+        training, condition = way.training_campaign(self.campaign, test_id), self.campaign.test(test_id).condition
+        cache = Cache()
+        return all(is_estimate_cached(training, condition, name, way, cache) for name in way.approaches)
+
+
+def _unlike_usual(config: StudyConfig) -> str:
+    difference = otherwise(replace(config, leave_out="test"), StudyConfig())
+    return f", {difference}" if difference else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Approaches fitted to all tests of a campaign, ready to predict any condition at once."""
+
+    fits: tuple[Fit, ...]
+
+    @property
+    def approaches(self) -> tuple[str, ...]:
+        """Their names: while a job fits them, of those that are ready."""
+        return tuple(fit.approach.name for fit in self.fits)
+
+    def estimates(self, condition: Condition) -> list[Estimate]:
+        """Each approach's estimate at a condition."""
+        return estimates_at(self.fits, condition)
+
+    def models(self, campaign: Campaign) -> bytes:
+        """The fitted approaches as a zip; ``crashfuse predict --models`` takes the unpacked folder."""
+        return zipped({model_file(fit.approach.name): model_bytes(fit, campaign) for fit in self.fits})
+
+
+@dataclass(frozen=True)
+class FitRequest(Request[Fitted]):
+    """Fit approaches to all tests of a campaign."""
+
+    campaign: Campaign
+    config: StudyConfig
+
+    @property
+    def key(self) -> Hashable:  # noqa: D102
+        config = self.config
+        return "fit", said_of(self.campaign), config.approaches, config.preset, config.seed, config.device
+
+    @property
+    def title(self) -> str:  # noqa: D102
+        return f"{self.campaign.name}: fit on all {len(self.campaign.tests)} tests{_unlike_usual(self.config)}"
+
+    def work(self, watch: Watch) -> Fitted:  # noqa: D102
+        names = self.config.approaches
+        early_first = sorted(names, key=lambda name: CLASSES[name].trains_networks)
+        fits: dict[str, Fit] = {}
+        for name in early_first:
+            fits[name] = Fit.of(self.campaign, name, self.config, watch=watch)
+            if set(fits) - {BASELINE}:  # the raw CAE model alone answers nothing
+                watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
+        fitted = Fitted(tuple(fits[name] for name in names))
+        at_no_test = np.median(self.campaign.cae.vectors, axis=0)  # where nothing is known from earlier
+        fitted.estimates(Condition.of_vector(at_no_test))  # computes what all later answers share
+        return fitted
+
+    def in_cache(self) -> bool:  # noqa: D102
+        cache = Cache()
+        return all(is_cached(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
+
+
+def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimate]:
+    """Each approach's estimate at a condition, cached because a page asks at every click."""
+    return _answers((key, fitted.approaches, condition.units), condition, fitted)
+
+
+@st.cache_resource(max_entries=12, show_spinner=False)
+def _answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fits
+    return _fitted.estimates(condition)
+
+
+@st.cache_resource(max_entries=50, show_spinner=False)
+def advised(
+    key: Hashable,  # noqa: ARG001
+    condition: Condition,
+    window_ms: float,
+    _estimates: Sequence[Estimate],
+    _campaign: Campaign,
+) -> Recommendation:
+    """Which approach to use at a condition, cached as :func:`answers` are: it rates what was left out of every fit."""
+    return recommend_for(_estimates, _campaign, condition, window_ms)
+
+
+@dataclass(frozen=True)
+class SweepRequest(Request[SpeedSweep]):
+    """Predict over impact speed with approaches fitted to a campaign."""
+
+    request: FitRequest
+    fitted: Fitted
+    condition: Condition
+
+    @property
+    def key(self) -> Hashable:  # noqa: D102
+        return "sweep", self.request.key, replace(self.condition, speed_mps=1.0)
+
+    @property
+    def title(self) -> str:  # noqa: D102
+        return f"{self.request.campaign.name}: predict over speed"
+
+    def work(self, watch: Watch) -> SpeedSweep:  # noqa: D102
+        campaign = self.request.campaign
+        sweeps = sweep_speed(self.fitted.fits, self.condition, usual_speeds(campaign), watch)
+        return SpeedSweep(campaign, sweeps, self.fitted.fits[0].config)

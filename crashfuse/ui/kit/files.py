@@ -1,0 +1,292 @@
+"""Files that a page offers: their names and captions, the form of a report, pulses for an occupant model."""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Literal
+
+import pandas as pd
+import plotly.graph_objects as go
+import streamlit as st
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.errors import UsageError
+from crashfuse.files.archive import zipped
+from crashfuse.files.csv_text import csv_bytes
+from crashfuse.reporting.earlier_prediction import LEFT_OUT
+from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for
+from crashfuse.reporting.figures import RUN, Further
+from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.report import ReportForm, ReportOptions
+from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.ui.kit import campaigns, choices
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.choices import choose_one, chosen_config, kept_choice
+from crashfuse.ui.kit.editing import notes_of
+from crashfuse.ui.kit.text import plain
+from crashfuse.units import MS
+from crashfuse.wording import IN_SI, SYSTEMS
+
+_LONGEST_NAME, _DIGEST = 130, 6
+_QUESTION = ("criteria", "matrix", "uploaded", "confidence", "earlier", "speeds", "front_weights", "rear_weights")
+_WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
+_HOLDS = {
+    "certification.csv": "Every verdict, one row a condition and criterion, with its limits, probability and reason.",
+    "track_record.csv": "Every verdict on a left-out test beside what it measured.",
+    "changes.csv": "Every verdict beside that of the earlier certification, and what tests run since measured.",
+    "criteria.toml": "The criteria as judged: put it into the campaign folder to judge by them again.",
+    "matrix.csv": "The conditions as judged: put it into the campaign folder to judge them again.",
+    "certification.json": "The whole certification for programs, and to hold a later one against it.",
+    "comparison.csv": "The ratings of both studies, and by how much they differ.",
+    "learning_curve.csv": "The mean ratings by number of tests, with their errors.",
+    "metrics.csv": "The pulse metrics with their 95 % intervals.",
+    "models.zip": "The fitted approaches: unpack it for crashfuse predict --models.",
+    "next_tests.csv": "Every test that could be run next, with what it would gain.",
+    "pulses.csv": "The predicted pulses over time, with the ends of their 95 % bands.",
+    "pulses.parquet": "The same as pulses.csv, for programs that read Parquet.",
+    "scores.csv": "The ratings, and the four scores of each, by test, approach and window.",
+    "side_by_side.csv": "The metrics of this prediction and of those beside it, with their differences.",
+    "speed_groups.csv": "As scores.csv, of tests left out with all at about their speed.",
+    "sweep.csv": "The pulse metrics over impact speed, with their 95 % intervals.",
+}
+_FORM_LABELS: dict[ReportForm, str] = {"whole": "Whole", "short": "Short"}
+_FORM_HELP = "Short: two or three pages with {}. Whole: {}, too. Both in the units and the window of the pages."
+_OF_STUDY = (
+    "the recommendation, all ratings and the test that was predicted worst",
+    "each test, the data, the method and its settings",
+)
+_DRAWS_HELP = (
+    "Whole pulses drawn from the band, all equally likely: run the occupant model with each to see how much of the "
+    "band reaches the occupant. The edges of the band are no pulses and do not go out."
+)
+_PULSE_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
+
+
+@dataclass(frozen=True)
+class Caption:
+    """Name of a figure's files, without its ending, and the lines above its picture."""
+
+    name: str
+    title: str
+    details: str
+
+
+def caption(figure: go.Figure, alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Caption:
+    """The caption of a figure on the open page.
+
+    Its alternative text is the title, as far as the first semicolon, and the name, unless few words say what is
+    ``drawn``; added curves stand in the name.
+    """
+    page, title = choices.here().page, alt.partition(";")[0]
+    campaign = _campaign(page)
+    if campaign is None:
+        return Caption(file_name(drawn or title), title, "")
+    state, unused = st.session_state, [test for test, _ in campaign.unused]
+    display = Display(float(state["window"]), state["unit"], system=SYSTEMS[state["system"]])
+    names, details = [campaign.name, drawn or title], [campaign.name]
+    if page == "compare":
+        test = campaign.test(state["test"])
+        names.insert(1, test.id)
+        details.insert(0, f"Test {test.id} at {display.condition(test.condition)}")
+    if choices.acts("window", page):
+        names.append(display.in_names[0])
+        details.append(f"Rated time window 0–{display.window_ms:g} ms")
+    names += [*_units(figure, display, campaign), *unusual_settings(), *(f"without {test}" for test in unused)]
+    if beside:
+        names.append(f"with {' '.join(map(_briefly, beside))}")
+    if page == "certify":
+        details += [f"{LABELS[state['approach']]} judged", f"Confidence {state['confidence']:.6g}"]
+    if page in _WITH_SETTINGS:
+        config = chosen_config()
+        details += [f"{config.preset.capitalize()} settings, seed {config.seed}", *map(str.capitalize, _left_out(page))]
+    details += [f"{test} left out of use" for test in unused]
+    if campaign.notice:
+        details.append(campaign.notice.partition(":")[0])
+    return Caption(file_name(*names), title, " · ".join(details))
+
+
+def unusual_settings() -> list[str]:
+    """In what the settings of the open page differ from the usual ones, for names of files."""
+    page, config, usual = choices.here().page, chosen_config(), StudyConfig()
+    if page not in _WITH_SETTINGS:
+        return []
+    preset = [f"{config.preset} settings"] if config.preset != usual.preset else []
+    question = _question() if page == "certify" else []
+    return [*_left_out(page), *question, *preset, *([f"seed {config.seed}"] if config.seed != usual.seed else [])]
+
+
+def file_name(*parts: str) -> str:
+    """Name of files, safe on any disk; a long one is cut, and still unique."""
+    safe = (re.sub(r"[^\w.-]+", "-", part, flags=re.ASCII).strip("-._") for part in parts)
+    whole = "_".join(filter(None, safe))
+    if len(whole) <= _LONGEST_NAME:
+        return whole
+    digest = sha256(whole.encode()).hexdigest()[:_DIGEST]
+    return f"{whole[: _LONGEST_NAME - _DIGEST - 1]}-{digest}"
+
+
+def _campaign(page: str) -> Campaign | None:
+    """The open campaign; none of History, whose studies may be of any, nor of an import, whose files are of none."""
+    state = st.session_state
+    elsewhere = page == "history" or (page == "data" and state.get("import"))
+    name = state.get("campaign")
+    return campaigns.load(name) if name and not elsewhere else None
+
+
+def _question() -> list[str]:
+    chosen = choices.parameters("certify")
+    asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION or key.startswith("grid_")}
+    digest = sha256(repr(asked).encode()).hexdigest()[:_DIGEST]
+    return [*(LABELS[approach] for approach in chosen.get("approach", [])), *([digest] if asked else [])]
+
+
+def _left_out(page: str) -> list[str]:
+    """Elsewhere than on Compare the figures themselves say what was left out, or all tests were learned from."""
+    left_out = chosen_config().leave_out
+    return [LEFT_OUT[left_out]] if page == "compare" and left_out == "speed group" else []
+
+
+def _units(figure: go.Figure, display: Display, campaign: Campaign) -> list[str]:
+    """Units of its axes, of speeds and weights unless they are the campaign's."""
+    state, usual = st.session_state, choices.CHOICES["sign"].default
+    titles = " ".join(axis.title.text or "" for axis in (*figure.select_xaxes(), *figure.select_yaxes()))
+    shown = {unit for unit in IN_SI if re.search(rf"(^|[ (]){re.escape(unit)}($|[ )/])", titles)}
+    said = []
+    if display.unit in shown:
+        said += [display.in_names[1], *([state["sign"]] if state["sign"] != usual else [])]
+    if display.system != campaign.units and shown & {display.system.speed, display.system.weight}:
+        said.append(state["system"])
+    return said
+
+
+def _briefly(beside: Further) -> str:
+    return beside.removeprefix(RUN) if isinstance(beside, str) else beside.text
+
+
+def download_table(name: str, table: Callable[[], pd.DataFrame], of: str = "") -> None:
+    """Button that downloads a CSV as the command line writes it; before its name stands what it is ``of``."""
+    download_bytes(name, lambda: csv_bytes(table()), of, mime="text/csv")
+
+
+def download_report(write: Callable[[], str], of: str, name: str = "report.html") -> None:
+    """Buttons that download a report and, if that can be, its figures as slides."""
+    st.download_button(
+        name, lambda: write().encode(), file_name=_named(name, of), mime="text/html", icon=":material/description:",
+        on_click="ignore", help="One file, opens without a network, prints on paper.",
+    )  # fmt: skip
+    if not missing_for(("pptx",)):
+        slides = f"{name.removesuffix('.html')}.pptx"
+        download_bytes(slides, lambda: figure_files(figures_of(write()), ("pptx",))["figures.pptx"], of)
+
+
+def download_bytes(name: str, write: Callable[[], bytes], of: str = "", mime: str | None = None) -> None:
+    """Button that downloads a file of any kind, and says what a known one holds."""
+    slides = "The figures of the report, one a slide." if name.endswith(".pptx") else None
+    st.download_button(
+        name, write, file_name=_named(name, of), mime=mime, icon=":material/download:", on_click="ignore",
+        help=_HOLDS.get(name, slides),
+    )  # fmt: skip
+
+
+def _named(name: str, of: str) -> str:
+    return f"{file_name(of, *unusual_settings())}_{name}" if of else name
+
+
+def choose_form(short: str, whole: str) -> ReportForm:
+    """Ask for the form of the report, and tell what it then has."""
+    labels, meaning = _FORM_LABELS.__getitem__, _FORM_HELP.format(short, whole)
+    choose_one("report_form", "Report", format_func=labels, help=meaning)
+    form: ReportForm = st.session_state["report_form"]
+    return form
+
+
+def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
+    """Ask for the form of the report, and which tests it shows one by one."""
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        form = choose_form(*_OF_STUDY)
+        shown: list[str] = []
+        if len(tests) > 1:
+            shown = kept_choice(
+                "report_tests", tests, st.multiselect, "Tests shown one by one",
+                placeholder="all tests" if form == "whole" else "the worst",
+                help="Means are over all tests, whichever are shown.",
+            )  # fmt: skip
+    return ReportOptions(form, tuple(test for test in tests if test in shown), notes_of(view))
+
+
+def offer_pulses(
+    campaign: Campaign, estimates: Sequence[Estimate], recommended: str, seed: int, remarks: Sequence[str] = ()
+) -> None:
+    """Ask which pulses go out and how; remarks go into the files."""
+    with st.expander("Pulse for an occupant model", icon=":material/airline_seat_recline_normal:"):
+        st.markdown("The expected pulse, and whole draws from its band: an include file each, or an ISO-MME test each.")
+        form: PulseFormat = st.segmented_control(
+            "Format", PULSE_FORMATS[1:] + PULSE_FORMATS[:1], default="lsdyna", required=True,
+            format_func=_PULSE_LABELS.__getitem__, key="export format", persist_state="session",
+        )  # fmt: skip
+        left, right = st.columns(2)
+        names = [estimate.approach for estimate in estimates]
+        approach = left.selectbox(
+            "Approach", names, index=names.index(recommended) if recommended in names else 0,
+            format_func=LABELS.__getitem__, key="export approach",
+        )  # fmt: skip
+        estimate = estimates[names.index(approach)]
+        drawn = estimate.prediction.draws_mps2
+        draws = 0
+        if drawn is not None:
+            draws = right.number_input(
+                "Draws", 0, len(drawn), 0, key=f"export draws of {len(drawn)}", persist_state="session",
+                help=_DRAWS_HELP,
+            )  # fmt: skip
+        try:
+            if form == "isomme":
+                export = PulseExport((form,), draws, seed, location=_location())
+            else:
+                export = PulseExport((form,), draws, seed, curve=_curve())
+        except UsageError as error:
+            st.warning(plain(error), icon=":material/warning:")
+            return
+        files = f"{approach}-{estimate.prediction.condition.speed_name}-{form}.zip"
+        download_bytes(files, lambda: zipped(export.files(campaign, [estimate], remarks)[form]), campaign.name)
+
+
+def _location() -> str:
+    return st.text_input(
+        "Location code", LOCATION, max_chars=12, key="export location", persist_state="session",
+        help="The first 12 characters of the channel codes: test object, position, main location, three fine "
+        "locations. AC, VE and DV, the direction X and the filter class follow.",
+    ).upper()  # fmt: skip
+
+
+def _curve() -> SolverCurve:
+    left, middle, right = st.columns(3)
+    system = left.selectbox(
+        "Unit system", list(UNIT_SYSTEMS), key="export units", persist_state="session",
+        help="Of the occupant model: length, time, mass. The time and acceleration of the curve are in these units.",
+    )  # fmt: skip
+    sign: Literal["negative", "positive"] = middle.segmented_control(
+        "Braking is", ["negative", "positive"], default="negative", required=True, key="export sign",
+        persist_state="session",
+    )  # fmt: skip
+    number = right.number_input(
+        "Curve id", 1, MOST_ID, 1, key="export id", persist_state="session",
+        help="Of the first curve. Draws count on from it, so that all curves fit into one model.",
+    )  # fmt: skip
+    left, middle, _ = st.columns(3)
+    start_ms = left.number_input(
+        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.6g",
+        key="export start", persist_state="session",
+        help="In the time of the occupant model; before it the curve is zero.",
+    )  # fmt: skip
+    scale = middle.number_input(
+        "Scale", 0.001, 1000.0, 1.0, step=0.05, format="%.6g", key="export scale", persist_state="session",
+        help="Factor on the accelerations.",
+    )  # fmt: skip
+    units = UNIT_SYSTEMS[system]
+    st.caption(f"Time in {units.time}, acceleration in {units.acceleration}.")
+    return SolverCurve(system, sign, start_ms * MS, scale, number)

@@ -1,0 +1,362 @@
+"""Frame of every page: set-up, the sidebar's choices, the settings, and the notice that a campaign is synthetic."""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from contextvars import ContextVar
+from dataclasses import replace
+from typing import Literal
+
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+from streamlit.navigation.page import Page
+from streamlit.runtime.scriptrunner import StopException
+
+from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.approaches.settings import DEVICES, PRESETS
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import SPEED_STEP_MPS
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.execution.cache import default_folder
+from crashfuse.reporting import glossary
+from crashfuse.reporting.plots.display import Display
+from crashfuse.study.config import StudyConfig, telling_test
+from crashfuse.study.facts import campaign_facts
+from crashfuse.ui.kit import campaigns, choices, uploads, visitors
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.choices import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget
+from crashfuse.ui.kit.computation import jobs
+from crashfuse.ui.kit.figures import load_early
+from crashfuse.ui.kit.progress import show_running
+from crashfuse.ui.kit.results import show_problems
+from crashfuse.ui.kit.text import chosen_units, plain
+from crashfuse.ui.kit.window import (
+    end_page,
+    navigate,
+    open_asked,
+    set_style,
+    show_link,
+    show_links,
+    watch_browser,
+)
+from crashfuse.wording import SYSTEMS, said, speed
+
+_OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
+_HELD_OUT = "held-out chooser"  # session keys: whether the page had it, and the test that it showed
+_SHOWN_TEST = "test shown"
+_opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
+_facts: ContextVar[tuple[View, bool, DeltaGenerator] | None] = ContextVar("facts", default=None)
+_IN_HEAD = {"test.stands_apart", "cae.runs_fail", "tests.left_out_of_use"}
+
+
+def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
+    """Ask for the settings; second is what is wrong with them, if anything."""
+    chosen = st.pills(
+        "Approaches", APPROACHES, selection_mode="multi", format_func=LABELS.__getitem__,
+        key="approaches", persist_state="session",
+    )  # fmt: skip
+    st.caption(f"{glossary.LF} {glossary.TIME_DOMAIN}")
+    left, right = st.columns(2, gap="large")
+    left.radio(
+        "Settings", PRESETS, format_func={"fast": "Fast", "paper": "Paper"}.__getitem__, key="preset",
+        captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023), for comparison."],
+        persist_state="session",
+    )  # fmt: skip
+    with right.expander("Advanced", icon=":material/tune:"):
+        st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
+            "Seed", step=1, key="seed", persist_state="session",
+            help="Of all random numbers. The same seed gives the same results.",
+        )  # fmt: skip
+        if leaving_out:
+            choose_left_out("train")
+        from torch import cuda  # imported while the first pages are read
+
+        st.radio(
+            "Networks are trained on",
+            DEVICES if cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu"),
+            format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
+            key="device",
+            persist_state="session",
+            help="GPU means CUDA. Results of different devices differ in their last digits.",
+        )
+    config = chosen_config()
+    if config.preset == "paper":
+        st.warning(
+            "The paper's settings take many hours without a GPU. You can cancel at any time.", icon=":material/timer:"
+        )
+    if not chosen:
+        return config, "Choose at least one approach."
+    try:
+        replace(config, seed=int(st.session_state["seed"])).check()
+    except UsageError as error:
+        return config, str(error)
+    return config, ""
+
+
+def choose_left_out(page: str) -> None:
+    """Ask what is left out with a test, on a page that has this in a place of its own.
+
+    A widget of the same key in another place, first drawn, would have no value and not that of the session.
+    """
+    state, shown = st.session_state, f"leave_out on {page}"
+    choices.put(shown, state["leave_out"])
+    st.segmented_control(
+        "Left out", choices.CHOICES["leave_out"].options, required=True,
+        format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__, key=shown,
+        persist_state="session", on_change=lambda: state.update(leave_out=state[shown]),
+        help="Without any test at about its speed the prediction is a step to a new speed: the harder question. Tests "
+        f"less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart are at about one speed.",
+    )  # fmt: skip
+
+
+def sidebar(page: str) -> View | Sequence[Problem]:
+    """Show links to the pages and the choices that act on the open one; returns these, or what is wrong."""
+    opened: View | Sequence[Problem] = ()
+    state = st.session_state
+    with st.sidebar:
+        links = st.container(gap=None)
+        names = list(campaigns.open_campaigns())
+        if state["campaign"] in names:
+            state.pop(ASKED, None)  # by Forward, or opened elsewhere: the address is written again
+        elif state["campaign"] is not None:
+            _note("You have not opened the campaign {} of this link. Open its folder, or upload it, on the page Data; "
+                  "the link then shows what it stands for.", state["campaign"])  # fmt: skip
+            state[ASKED], state["campaign"] = state["campaign"], None
+        if state["campaign"] is None and ASKED not in state:
+            state["campaign"] = campaigns.at_start()
+        name = st.selectbox(
+            "Campaign", names, index=None, placeholder="none open", key="campaign", persist_state="session",
+            format_func=campaigns.label, on_change=_turn_to_campaign,
+        )  # fmt: skip
+        if name is not None:
+            try:
+                opened = _choose_view(page, name, campaigns.load(name))
+            except DataError as error:
+                opened = error.problems
+            every_s = _OFTEN_S if jobs().active else _SELDOM_S
+            st.fragment(_keep_up, run_every=every_s)(choices.here())
+        visitors.show_account()
+        watch_browser()
+        if not isinstance(opened, View):  # nor is there a figure
+            load_early()
+    with links:
+        show_links()
+    return opened
+
+
+def _choose_view(page: str, name: str, campaign: Campaign) -> View:
+    state = st.session_state
+    was_drawn, state[_HELD_OUT] = state.get(_HELD_OUT), False
+    choices.default("system", next(name for name, system in SYSTEMS.items() if system == campaign.units))
+    units = chosen_units()
+    tests = {test.id: test for test in campaign.tests}
+    unused = dict(campaign.unused)
+    if state["test"] not in (None, *tests):
+        why = "left out of use" if state["test"] in unused else "not among the tests"
+        asked = "This link holds out {}, but that test is" if state["test"] != state.get(_SHOWN_TEST) else "{} is now"
+        _note(f"{asked} {why}; another is held out instead.", state["test"])
+        state["test"] = None
+    if state["test"] is None:
+        state["test"] = telling_test(campaign).id
+    state[_SHOWN_TEST] = state["test"]
+    if unused:
+        names = ", ".join(map(plain, unused))
+        st.caption(f":material/block: Left out of use: {names}")
+    importing = page == "data" and bool(state["import"])
+    if choices.acts("test", page) and page != "train" and not importing:  # there it is chosen among the settings
+        shown = f"test in {state['system']}"  # a browser keeps what is chosen by its label, which has a unit
+        if not was_drawn:  # the browser has forgotten it, which Streamlit does not know of a page that ended early
+            state.pop(shown, None)
+        choices.put(shown, state["test"])
+        state[_HELD_OUT] = True
+        st.selectbox(
+            "Held-out test",
+            list(tests),
+            format_func=lambda test_id: f"{test_id} · {said(speed(tests[test_id].condition.speed_mps), units)}",
+            key=shown,
+            on_change=lambda: choose_held_out(tests[state[shown]]),
+            help="The test to be predicted. Nothing that predicts it sees its pulse.",
+        )
+        for note in campaign.cae.extrapolation(tests[state["test"]].condition):
+            st.caption(f":material/warning: {plain(note)}")
+    if page == "compare":  # the page Train has it among its settings
+        choose_left_out(page)
+    if choices.acts("window", page) and not importing:
+        choices.choose_one("window", "Rated time window", format_func=lambda ms: f"0–{ms:g} ms")
+    units_of = {"mph-lb": "mph, lb", "kph-kg": "km/h, kg"}.__getitem__
+    meaning = "Of speeds and weights everywhere; files keep their own."
+    choices.choose_one("system", "Units", format_func=units_of, on_change=choices.want_units, help=meaning)
+    if choices.acts("unit", page):
+        choices.choose_one("unit", "Accelerations in")
+    if choices.acts("sign", page):
+        meaning = "Braking is negative as an acceleration (SAE J1733), positive as a deceleration."
+        choices.choose_one("sign", "Show as", help=meaning)
+    display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
+    return View(campaign, name, tests[state["test"]], display)
+
+
+def _note(sentence: str, asked: str) -> None:
+    st.session_state.setdefault(NOT_FOUND, sentence.replace("{}", f"“{asked[:80]}”", 1))
+
+
+def _turn_to_campaign() -> None:
+    """Begin with another campaign's own defaults, a test's name may mean another condition there; but for a link's."""
+    if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
+        choices.leave_campaign()
+    forget()
+
+
+def _keep_up(shown: choices.Place) -> None:
+    """Update what changes without a click: computations on the server, and what was chosen by itself."""
+    if not shown.is_here:
+        st.rerun()
+    show_running()
+
+
+def route(page: Page) -> None:
+    """Set up the frame and run the page given in the address."""
+    set_style()
+    visitors.require_login(page.url_path)
+    if not page.url_path:  # the address without a page
+        page.run()
+    open_asked()
+    choices.follow(page.url_path)
+    token = _opened.set(sidebar(page.url_path))
+    if ASKED not in st.session_state:  # else the link stays as it was given
+        choices.publish()
+    try:
+        with suppress(StopException):  # of end_page
+            page.run()
+        _show_facts()
+    finally:
+        _opened.reset(token)
+
+
+@st.fragment
+def by_itself(show: Callable[[], None]) -> None:
+    """Show the rest of a page, so that a choice made in it is answered without all that stands around it.
+
+    The address follows at once, the rest of the page, with its links to others, when the user is at rest.
+    """
+    choices.publish()
+    with st.container(key="alone"):
+        show()
+
+
+def enter() -> View | None:
+    """Start a page and return its view, or None while no campaign is open."""
+    opened = _opened.get(None)
+    if opened is None:  # run without app.py, as Streamlit does before the first call of navigate on other servers
+        navigate()
+        st.rerun()
+    if missing := st.session_state.get(NOT_FOUND):
+        st.warning(plain(missing), icon=":material/link_off:")
+    if isinstance(opened, View):
+        uploads.note_use(opened.folder)
+        return opened
+    if opened:
+        show_problems(opened)
+    return None
+
+
+def enter_with_campaign(
+    title: str, detail: Callable[[View], str] | None = None, *, by_group: Callable[[View], bool] | None = None
+) -> View:
+    """Start a page that needs a campaign; without one, say what to do and stop.
+
+    A page with results gives what they are of as a ``detail`` of its title; their settings stand beside it. A badge
+    says if tests are left out ``by_group``, as is chosen in the sidebar if the page does not say.
+    """
+    view = enter()
+    if view is not None:
+        config = chosen_config() if detail else None
+        grouped = (by_group or _chosen_by_group)(view)
+        show_head(view, title, "" if detail is None else detail(view), config, by_group=grouped)
+        if detail is not None:
+            _require_a_seed()
+    else:
+        st.title(title)
+        st.markdown("No campaign is open yet. Open one on the page **Data**, or look around with the sample.")
+        offer_sample()
+        show_link("data", "Open a campaign of your own", ":material/folder_open:")
+        end_page()
+    return view
+
+
+def _chosen_by_group(_: View) -> bool:
+    return st.session_state["leave_out"] == "speed group" and choices.acts("leave_out", choices.here().page)
+
+
+def _require_a_seed() -> None:
+    """Say where it is chosen if there is no such seed, instead of starting what can only fail."""
+    seed, seeds = st.session_state.get("seed", 0), choices.CHOICES["seed"].options
+    if seed not in seeds:
+        st.error(f"There is no seed {seed}: it is from {seeds[0]} to {seeds[-1]}.", icon=":material/error:")
+        show_link("train", "Choose another seed", ":material/tune:")
+        end_page()
+
+
+def show_head(
+    view: View, title: str, detail: str = "", config: StudyConfig | None = None, *, by_group: bool = False
+) -> None:
+    """Show in a line the title of a page, what it shows, the settings behind it, and the campaign's notice.
+
+    Of the notice, where there are settings, only the words before its colon: the rest unfolds from them.
+    """
+    if lost := _not_kept():
+        st.warning(plain(lost), icon=":material/save:")
+    with st.container(horizontal=True, vertical_alignment="center", key="head"):
+        st.title(title, width="content", anchor=False)
+        if detail:
+            st.subheader(detail, width="content", anchor=False)
+        if config is not None:
+            colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
+            label = f"{config.preset.capitalize()} settings, seed {config.seed}"
+            st.badge(label, color=colour, help="As chosen on the page Train.")
+            if by_group:
+                st.badge("All at its speed left out", color="orange")
+        if (notice := view.campaign.notice) and config is None:
+            st.caption(f":material/science: {plain(notice)}", width="content")
+        _facts.set((view, config is None, st.container(horizontal=True, width="content")))
+
+
+def _show_facts() -> None:
+    """Show what has to be known of the campaign as badges in the head, once the page is there: it may take a moment."""
+    if (asked := _facts.get()) is None:
+        return
+    view, notice_is_shown, slot = asked
+    _facts.set(None)
+    for fact in campaign_facts(view.campaign):
+        label, text = _in_badge(fact.label), plain(view.display.words(fact.sentence))
+        if fact.code in _IN_HEAD:
+            slot.badge(label, color="orange", help=text)
+        elif fact.code == "campaign.notice" and not notice_is_shown:
+            slot.badge(label, icon=":material/science:", color="gray", help=text)
+
+
+def _in_badge(text: str) -> str:
+    """Text that a badge shows literally: it escapes brackets itself."""
+    return plain(text).replace(r"\[", "[").replace(r"\]", "]")
+
+
+@st.cache_data(ttl=60, show_spinner=False)
+def _not_kept() -> str:
+    """A sentence if nothing can be kept in the cache folder; empty if it can."""
+    folder = default_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return (
+            f"Results are not kept: {folder} cannot be written ({error.strerror or error}). They are lost when the "
+            "server ends. Make the folder writable, or name another by CRASHFUSE_CACHE."
+        )
+
+
+def offer_sample() -> None:
+    """Show the one button that a newcomer needs: load the sample."""
+    st.button(
+        "Load the sample campaign", type="primary", icon=":material/play_arrow:", on_click=choose_campaign,
+        args=(campaigns.SAMPLE,),
+    )  # fmt: skip

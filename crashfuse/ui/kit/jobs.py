@@ -1,0 +1,213 @@
+"""Computations in the background: queued and watched from any page, one for all who want the same.
+
+A job knows nothing of Streamlit. Its thread writes plain numbers, and a page reads them at any time; closing or
+reloading the page changes nothing.
+"""
+
+import logging
+import math
+import os
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Hashable
+from typing import Any, Generic, Literal, TypeVar
+
+from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
+from crashfuse.execution.progress import Progress, Watch
+from crashfuse.reporting.watched import Step, Watched
+from crashfuse.ui.kit.choices import Place
+from crashfuse.ui.kit.visitors import Visitor, note_in_log
+
+State = Literal["waiting", "running", "done", "failed", "cancelled"]
+T = TypeVar("T")
+_NICE = 5  # beside pages: a third of their share of a core that both want
+_STOPS_S = 30.0  # after it was cancelled, without a report; the code of another package may never stop
+_SILENT_S = 1800.0  # without a report; no step of ours takes that long
+_LOOK_S = 1.0
+_KEPT = 24  # finished jobs; a whole study takes about 120 MB, one test 5 MB
+log = logging.getLogger(__name__)
+
+
+class Job(Generic[T]):
+    """A computation, its progress and its outcome."""
+
+    def __init__(self, title: str, work: Callable[[Watch], T]) -> None:
+        self.title = title
+        self.wanted_by: set[Visitor] = set()
+        self._asked_by: set[Visitor] = set()  # those who have cancelled it since among them
+        self.places: dict[Visitor, Place] = {}  # where each of them asked for it, and will look for the result
+        self.state: State = "waiting"
+        self.part: T | None = None  # while it runs: what is known of the result, replaced as more is known
+        self.result: T | None = None  # what the work returned, once done
+        self.message = ""  # one sentence on why it failed
+        self._heard = math.inf  # when it reported last
+        self._began_s: float | None = None
+        self._work: Callable[[Watch], T] | None = work
+        self._joining = threading.Lock()
+        self._cancel = threading.Event()
+        self._ended = threading.Event()
+        self._watch = Watched(self._report, self._cancel, self._show_part)
+
+    @property
+    def active(self) -> bool:
+        """True if it is waiting or running."""
+        return self.state in ("waiting", "running")
+
+    @property
+    def cancelling(self) -> bool:
+        """True if it was told to stop but has not stopped yet."""
+        return self.active and self._cancel.is_set()
+
+    @property
+    def steps(self) -> dict[str, Step]:
+        """Every step so far, in order of start."""
+        return self._watch.steps
+
+    @property
+    def elapsed_s(self) -> float:
+        """Seconds since it began; 0 while it waits."""
+        return 0.0 if self._began_s is None else time.monotonic() - self._began_s
+
+    def join(self, visitor: Visitor) -> None:
+        """Note that someone wants it, unless it is being stopped already."""
+        with self._joining:
+            if not self._cancel.is_set():
+                self.wanted_by.add(visitor)
+                self._asked_by.add(visitor)
+
+    def cancel(self, visitor: Visitor) -> None:
+        """Note that someone wants it no more; once nobody does, it stops at its next report, at once while it waits."""
+        with self._joining:
+            self.wanted_by.discard(visitor)
+            if self.wanted_by:
+                return
+            self._cancel.set()
+            self._heard = time.monotonic()
+            if self.state != "waiting":
+                return
+            self.state, self._work = "cancelled", None  # at once: what is ahead of it may take hours
+        self._end("cancelled")
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait until it has ended; False on timeout."""
+        return self._ended.wait(timeout_s)
+
+    def run(self) -> None:
+        """Compute, unless it was cancelled before; any error becomes the job's state and message."""
+        with self._joining:
+            if self.state != "waiting":
+                return
+            work, self._work = self._work, None  # so that the objects the work refers to can be freed
+            self.state, self._heard = "running", time.monotonic()
+            self._began_s = self._heard
+            note_in_log(self.wanted_by, f"started: {self.title}")
+        try:
+            self._end("done", result=None if work is None else work(self._watch))
+        except Cancelled:
+            self._end("cancelled")
+        except CrashfuseError as error:
+            self._end("failed", str(error))
+        except BaseException as error:  # SystemExit, too: the thread is the last to know of it
+            if out_of_memory(error):
+                self._end("failed", OUT_OF_MEMORY)
+                return
+            log.exception("%s failed", self.title)
+            text = f"This should not have happened ({type(error).__name__}: {error}); the log has the details."
+            self._end("failed", text)
+
+    def watch_over(self) -> None:
+        """Wait until it has ended, or does not report any more; then whoever cancelled it need not wait for it."""
+        while not self.wait(_LOOK_S):
+            if time.monotonic() - self._heard > (_STOPS_S if self.cancelling else _SILENT_S):
+                log.warning("%s has not reported for long; others are computed beside it.", self.title)
+                if self.cancelling:
+                    self._end("cancelled")
+                return
+
+    def _end(self, state: State, message: str = "", result: T | None = None) -> None:
+        with self._joining:
+            if self._ended.is_set():
+                return
+            self.result, self.part, self.message, self.state = result, None, message, state
+            note_in_log(self._asked_by, f"{state}: {self.title}{f' ({message})' if message else ''}")
+            self._ended.set()
+
+    def _show_part(self, part: T) -> None:
+        self.part = part
+
+    def _report(self, _: Progress) -> None:
+        self._heard = time.monotonic()
+
+
+class Jobs:
+    """The queue: one job at a time, first come, first served; the latest results are kept.
+
+    ``ended`` counts the jobs that were queued and have ended.
+    """
+
+    def __init__(self) -> None:
+        self.ended = 0
+        self._lock = threading.Lock()
+        self._jobs: dict[Hashable, Job[Any]] = {}
+        self._queue: queue.SimpleQueue[Job[Any]] = queue.SimpleQueue()
+        # a daemon thread, so that Ctrl-C ends the server even during training
+        threading.Thread(target=self._serve, name="crashfuse-jobs", daemon=True).start()
+
+    def get(self, key: Hashable) -> Job[Any] | None:
+        """The job with this key, if there is one."""
+        return self._jobs.get(key)
+
+    @property
+    def active(self) -> list[Job[Any]]:
+        """Running and waiting jobs, in order."""
+        with self._lock:
+            return [job for job in self._jobs.values() if job.active]
+
+    def start(
+        self,
+        key: Hashable,
+        title: str,
+        work: Callable[[Watch], T],
+        visitor: Visitor,
+        *,
+        at_once: bool = False,
+    ) -> Job[T]:
+        """Queue work for someone, or join the job that does it; short work may start at once."""
+        with self._lock:
+            job = self._jobs.get(key)
+            if job is not None:
+                job.join(visitor)
+                if job.state == "done" or (job.active and not job.cancelling):
+                    return job
+                del self._jobs[key]  # what is begun again is the latest
+            job = self._jobs[key] = Job(title, work)
+            job.join(visitor)
+            finished = [old for old, kept in self._jobs.items() if not kept.active]
+            for old in finished[: max(len(finished) - _KEPT, 0)]:
+                del self._jobs[old]
+        if at_once:
+            threading.Thread(target=_compute, args=(job,), name=title, daemon=True).start()
+        else:
+            self._queue.put(job)
+        return job
+
+    def _serve(self) -> None:
+        _yield_to_pages()
+        while True:
+            _compute(self._queue.get())
+            self.ended += 1
+
+
+def _compute(job: Job[Any]) -> None:
+    """Run a job in a thread of its own, which can be left behind."""
+    threading.Thread(target=job.run, name="crashfuse-jobs", daemon=True).start()
+    job.watch_over()
+
+
+def _yield_to_pages() -> None:
+    """Let pages go before the work of this thread, and before the threads and processes that it starts (Linux)."""
+    if sys.platform == "linux":
+        this = os.PRIO_PROCESS, threading.get_native_id()
+        os.setpriority(*this, os.getpriority(*this) + _NICE)  # of a server that is itself nice, nicer still

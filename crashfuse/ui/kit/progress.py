@@ -1,0 +1,206 @@
+"""Progress of running jobs, on the page that waits for one and in the sidebar."""
+
+import math
+import time
+from collections.abc import Collection, Sequence
+from typing import Any, TypeVar
+
+import streamlit as st
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.watched import Step
+from crashfuse.study.config import StudyConfig
+from crashfuse.ui.kit.computation import Request, jobs
+from crashfuse.ui.kit.figures import show_figure
+from crashfuse.ui.kit.jobs import Job
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.visitors import names, visitor
+from crashfuse.ui.kit.window import end_page, open_page, show_link
+
+T = TypeVar("T")
+_PART_S = 3.0  # between two parts of a result: each redraws the page
+_OFTEN_S, _SELDOM_S = 0.5, 1.0  # between two looks at a job: until a part is shown, and then; each look costs the job
+_WAITED_FOR, _ENDED = "waited for", "ended"  # session keys: jobs that run for the visitor; those to tell about
+
+
+def result_of(request: Request[T], *, invitation: str, button: str) -> T:
+    """The result of a request; until there is one, the page shows how to get it and stops.
+
+    While the job runs it is what is known of the result so far, if anything: progress is then shown above it.
+    """
+    result = result_or_none(request, invitation=invitation, button=button)
+    if result is None:
+        end_page()
+    return result
+
+
+def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | None:
+    """Like :func:`result_of`, but the page continues without a result."""
+    job = request.find()
+    if job is not None and job.result is not None:
+        return job.result
+    if job is not None and job.active:
+        part = job.part
+        show_job(job, part, time.monotonic(), in_full=part is None)
+        if part is not None:
+            return part
+    else:
+        if job is not None:
+            show_end(job)
+        st.markdown(invitation)
+        st.button(button, type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
+    return None
+
+
+def stop_with_a_single_test(campaign: Campaign) -> None:
+    """If there is only one test, end a page that leaves tests out, with an explanation."""
+    if len(campaign.tests) > 1:
+        return
+    st.info(
+        f"{plain(campaign.test_ids[0])} is the only test of this campaign: left out, it would leave nothing to learn "
+        "from. The page Predict works; how well it predicts cannot be checked before there is a second test.",
+        icon=":material/looks_one:",
+    )
+    show_link("predict", "Predict another condition")
+    end_page()
+
+
+def show_end(job: Job[Any]) -> None:
+    """Show in one line how a job ended."""
+    if job.state == "failed":
+        st.error(plain(job.message), icon=":material/error:")
+    elif job.state == "cancelled":
+        st.warning(
+            "Cancelled. Whatever was finished is kept; starting again continues from there.", icon=":material/cancel:"
+        )
+
+
+def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in_full: bool = True) -> None:
+    """Show the progress of a job; once it has ended, the page is redrawn.
+
+    A page that shows parts of the result says which part it has ``shown``, and ``since`` when: it is redrawn when more
+    is known, a first part at once.
+    """
+    every_s = _OFTEN_S if shown is None else _SELDOM_S
+    st.fragment(_show_job, run_every=every_s)(job, shown, since, in_full=in_full)
+
+
+def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> None:
+    more = job.part is not shown and (shown is None or time.monotonic() - since > _PART_S)
+    if not job.active or (more and since < math.inf):
+        st.rerun()
+    with st.container(border=True):
+        with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
+            st.markdown(f"**{plain(job.title)}**", width="content")
+            _show_wanting(job)
+        if job.cancelling:
+            st.caption("Stopping at the next opportunity …")
+        elif others := plain(names(job.wanted_by - {visitor()})):
+            mine = visitor() in job.wanted_by
+            st.caption(f"Also wanted by {others}: Cancel ends it only for you." if mine else f"Started by {others}.")
+        elif job.state == "waiting":
+            ahead = next((other for other in jobs().active if other is not job), None)
+            st.caption("Waiting for its turn" + (f" behind: {title_of(ahead)}" if ahead else "") + ".")
+        steps = list(job.steps.items())
+        _show_bar(job, steps)
+        if steps:
+            with st.expander("Steps", icon=":material/checklist:"):
+                for name, step in steps:
+                    _show_step(name, step)
+        learning = [(name, step) for name, step in steps if in_full and step.learns]
+        for column, (name, step) in zip(st.columns(max(len(learning), 1)), learning, strict=False):
+            column.caption(plain(name))
+            with column:
+                show_figure(step.plot(), alt=f"{name}, so far", key=f"{name} {id(job)}")
+
+
+def title_of(job: Job[Any]) -> str:
+    """The title of a job to those who want it; to others, whose it is."""
+    if visitor() in job.wanted_by:
+        return plain(job.title)
+    return f"A computation of {plain(names(job.wanted_by) or 'nobody now')}"
+
+
+def _show_wanting(job: Job[Any]) -> None:
+    """Let the visitor cancel a job for themselves, or ask for one of another."""
+    me = visitor()
+    if me in job.wanted_by or job.cancelling:
+        st.button(
+            "Cancel", icon=":material/stop:", on_click=job.cancel, args=(me,), disabled=job.cancelling,
+            key=f"cancel {id(job)}",
+        )  # fmt: skip
+    else:
+        st.button(
+            "I want it, too", icon=":material/add:", on_click=job.join, args=(me,), key=f"join {id(job)}",
+            help="It then goes on for you if the other cancels it.",
+        )  # fmt: skip
+
+
+def _show_bar(job: Job[Any], steps: Sequence[tuple[str, Step]]) -> None:
+    """A bar for what the job is doing; how long it will take nobody can know."""
+    if not steps:
+        return
+    doing, step = next((pair for pair in reversed(steps) if not pair[1].finished), steps[-1])
+    st.progress(step.progress.fraction, text=f"{plain(doing)} · {duration(job.elapsed_s)} so far")
+
+
+def _show_step(name: str, step: Step) -> None:
+    progress = step.progress
+    if step.finished:
+        st.caption(f":material/check: {plain(name)}, {duration(step.updated - step.started)}")
+    else:
+        st.caption(f":material/hourglass_top: {plain(name)}: {progress.done:,} of {progress.total:,}")
+
+
+def patience(config: StudyConfig, usually: str) -> str:
+    """Typical duration of a computation, adjusted if the settings are the paper's."""
+    return usually if config.preset == "fast" else "With the paper's settings this takes many hours without a GPU."
+
+
+def show_training(config: StudyConfig, ready: Collection[str]) -> None:
+    """Say which approaches are missing because their networks are still training."""
+    if missing := [name for name in config.approaches if name not in ready]:
+        st.info(f"{', '.join(LABELS[name] for name in missing)}: still training.", icon=":material/hourglass_top:")
+
+
+def duration(seconds: float) -> str:
+    """A duration in everyday words."""
+    if seconds < 120:  # 90 s are not yet 2 min
+        return f"{seconds:.0f} s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def show_running() -> None:
+    """Show the server's running jobs, and those of the visitor that have ended since they last looked."""
+    me, state = visitor(), st.session_state
+    ended: list[Job[Any]] = state.setdefault(_ENDED, [])
+    for job in state.get(_WAITED_FOR, []):
+        if not job.active and job.state != "cancelled" and not job.places[me].is_here:
+            ended.append(job)
+            st.toast(_outcome(job), icon=":material/notifications:")
+    active = jobs().active
+    state[_WAITED_FOR] = [job for job in active if me in job.wanted_by and me in job.places]
+    state[_ENDED] = ended = [job for job in ended if not job.places[me].is_here]
+    for job in ended:
+        _link(job, _outcome(job), ":material/check_circle:" if job.state == "done" else ":material/error:")
+    for job in active:
+        title = title_of(job) + (" (waiting)" if job.state == "waiting" else "")
+        if job not in state[_WAITED_FOR]:
+            st.caption(f":material/hourglass_top: {title}")
+        else:
+            _link(job, title, ":material/hourglass_top:")
+
+
+def _outcome(job: Job[Any]) -> str:
+    return f"{'Ready' if job.state == 'done' else 'Failed'}: {plain(job.title)}"
+
+
+def _link(job: Job[Any], label: str, icon: str) -> None:
+    place = job.places[visitor()]
+    if st.button(
+        label, icon=icon, type="tertiary", on_click=place.take, key=f"open {id(job)}", help="Open the page that asked"
+    ):
+        open_page(place.page)

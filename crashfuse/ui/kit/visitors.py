@@ -1,0 +1,222 @@
+"""Who is in front of a session: the person who has logged in, else the browser; log-in, and the log of a server.
+
+A server asks for a log-in by an identity provider (OpenID Connect) where its secrets file has a section ``[auth]``. The
+log has a line each on when, who and what; never what is in a file.
+"""
+
+import hashlib
+import importlib.util
+import logging
+import os
+import sys
+import threading
+import time
+import tomllib
+import uuid
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import streamlit as st
+
+from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.window import pages
+
+BROWSER = "crashfuse_browser"  # cookie with a random value, so that a browser is known again after a reload
+_SESSION = "visitor"  # session key, where there is no cookie
+ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, one a line
+LOG = "CRASHFUSE_LOG"  # environment variable: file to append to, instead of standard error
+_LINE = "%(asctime)s %(message)s"
+_LONGEST, _LONGEST_ADDRESS = 1000, 200
+_PAUSE_S, _MOST_ORIGINS = 60, 20  # of lines on refused pages, which anybody can cause
+log = logging.getLogger(__name__)
+_SHARED = ("redirect_uri", "cookie_secret")
+_OWN = ("client_id", "client_secret", "server_metadata_url")
+_SHORTEST = 32  # characters of the secret that signs the cookies
+_MOST_LINKS = 1000
+_NOTED = "log-in noted"  # session key
+_insisted = threading.Event()
+_linking = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Visitor:
+    """Whom uploads, imports and jobs belong to."""
+
+    key: str  # the same in all sessions of one person or browser; nobody else can guess it
+    name: str  # what others and the log may know: the e-mail address, or a short name of the browser
+
+
+def visitor() -> Visitor:
+    """Who is in front of this session."""
+    if logged_in():
+        person = st.user.to_dict()
+        key = f"{person.get('iss')} {person.get('sub')}"
+        return Visitor(key, str(person.get("email") or person.get("name") or person.get("sub")))
+    key = browser()
+    return Visitor(key, f"browser {hashlib.sha256(key.encode()).hexdigest()[:6]}")
+
+
+def names(visitors: Iterable[Visitor]) -> str:
+    """What others may know of them, in a line."""
+    return " and ".join(sorted(visitor.name for visitor in visitors))
+
+
+def browser() -> str:
+    """The random value by which the browser is known; one for this session alone if it keeps no cookies."""
+    return str(st.context.cookies.to_dict().get(BROWSER) or st.session_state.setdefault(_SESSION, uuid.uuid4().hex))
+
+
+def logged_in() -> bool:
+    """True if this server asks for a log-in, and the visitor has logged in."""
+    return bool(st.user.to_dict().get("is_logged_in"))
+
+
+def begin_log() -> None:
+    """Let the lines, warnings and unforeseen errors go to the file or to standard error."""
+    file = os.environ.get(LOG)
+    handler = logging.FileHandler(file, encoding="utf-8") if file else logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter(_LINE, "%Y-%m-%dT%H:%M:%S%z"))
+    whole = logging.getLogger("crashfuse")
+    whole.handlers[:] = [handler]
+    whole.propagate = False
+    log.setLevel(logging.INFO)
+
+
+def note_in_log(who: Visitor | set[Visitor], what: str) -> None:
+    """Add a line."""
+    visitors = {who} if isinstance(who, Visitor) else who
+    _add_line(f"{names(visitors) or 'nobody'}: {what}")
+
+
+class Refusals:
+    """Pages of another origin that may not open the WebSocket: why a browser stays empty behind a proxy."""
+
+    def __init__(self) -> None:
+        self._noted: dict[str, float] = {}  # by the origin, when
+
+    def note(self, origin: str, host: str | None) -> None:
+        """Add a line, once a minute for each origin; ``host`` is the name that was asked for."""
+        now, who = time.monotonic(), printable(repr(origin), _LONGEST_ADDRESS)
+        self._noted = {each: at for each, at in self._noted.items() if now - at < _PAUSE_S}
+        if who in self._noted or len(self._noted) == _MOST_ORIGINS:
+            return
+        self._noted[who] = now
+        here = printable(repr(host), _LONGEST_ADDRESS)
+        _add_line(
+            f"page of {who}: was refused and stays empty, for the server was asked for as {here}. If the first is this "
+            "server's address in the browser, let the proxy pass on that name with its port (Host), or add the address "
+            "to server.corsAllowedOrigins."
+        )
+
+
+def _add_line(line: str) -> None:
+    log.info("%s", printable(line, _LONGEST))
+
+
+def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
+    """Whether a secrets file asks for a log-in.
+
+    Raises an error if one cannot be read or its log-in cannot work, for Streamlit would ask nobody to log in; with
+    ``required``, also if none asks for it.
+    """
+    asked = [(path, auth) for path in map(Path, files) if path.is_file() and (auth := _auth_in(path)) is not None]
+    for path, auth in asked:
+        _check_section(path, auth)
+    if required and not asked:
+        expected = "a secrets file with a section [auth]"
+        raise DataError(Problem(str(files[0]), expected, "none", "see the how-to on a team server"))
+    if asked and importlib.util.find_spec("authlib") is None:
+        raise UsageError('A log-in needs the extra "login": python -m pip install "crashfuse[login]".')
+    return bool(asked)
+
+
+def insist_on_login() -> None:
+    """Ask for a log-in as long as this process runs, even if the secrets file is lost meanwhile."""
+    _insisted.set()
+
+
+def require_login(page: str) -> None:
+    """On a server that asks for a log-in, show nothing but that to whoever has not logged in.
+
+    A link to a page is remembered, and followed once they have.
+    """
+    auth = _asked_for()
+    if not (auth or _insisted.is_set()):
+        return
+    if logged_in():
+        if not st.session_state.get(_NOTED):
+            st.session_state[_NOTED] = True
+            note_in_log(visitor(), "began a session")
+            if not page and (link := _links().pop(browser(), None)) is not None:
+                st.switch_page(pages()[link[0]], query_params=link[1])
+        return
+    if page:
+        from crashfuse.ui.kit import choices  # takes seconds, and the server starts with this module
+
+        with _linking:
+            while len(_links()) >= _MOST_LINKS:
+                _links().pop(next(iter(_links())))
+            _links()[browser()] = page, choices.given()
+    st.title("crashfuse")
+    st.markdown("This server is for people who are known to it." if auth else "Nobody can log in at the moment.")
+    for provider in _providers(auth):
+        name = f" with {provider}" if provider else ""
+        st.button(f"Log in{plain(name)}", type="primary", icon=":material/login:", on_click=st.login, args=(provider,))
+    st.stop()
+
+
+def show_account() -> None:
+    """Show who has logged in, and let them log out."""
+    if logged_in():
+        st.caption(f":material/person: {plain(visitor().name)}")
+        st.button("Log out", icon=":material/logout:", on_click=_log_out)
+
+
+@st.cache_resource
+def _links() -> dict[str, tuple[str, dict[str, list[str]]]]:
+    """Page and choices that the last link in each browser asked for before the log-in."""
+    return {}
+
+
+def _log_out() -> None:
+    note_in_log(visitor(), "logged out")
+    st.logout()
+
+
+def _asked_for() -> dict[str, Any]:
+    if not st.secrets.load_if_toml_exists():
+        return {}
+    return dict(st.secrets.get("auth", {}))
+
+
+def _providers(auth: dict[str, Any]) -> list[str | None]:
+    if "client_id" in auth:
+        return [None]
+    return [name for name, value in auth.items() if hasattr(value, "keys") and "client_id" in value]
+
+
+def _auth_in(path: Path) -> dict[str, Any] | None:
+    try:
+        auth = tomllib.loads(path.read_text(encoding="utf-8")).get("auth")
+    except (OSError, ValueError) as error:
+        raise DataError(Problem(str(path), "a TOML file that can be read", str(error), "correct it")) from error
+    return auth if auth is None or isinstance(auth, dict) else {}
+
+
+def _check_section(path: Path, auth: dict[str, Any]) -> None:
+    wanted = [auth[name] for name in _providers(auth) if name] or [auth]
+    lacking = [name for name in _SHARED if not auth.get(name)]
+    lacking += [name for section in wanted for name in _OWN if not section.get(name)]
+    where, advice = f"{path}, [auth]", "see the how-to on a team server"
+    problems = [Problem(where, name, "none", advice) for name in dict.fromkeys(lacking)]
+    if not lacking and not str(auth["redirect_uri"]).endswith("/oauth2callback"):
+        expected = "the server's address with /oauth2callback"
+        problems.append(Problem(where, expected, str(auth["redirect_uri"]), advice, "redirect_uri"))
+    if not lacking and len(str(auth["cookie_secret"])) < _SHORTEST:
+        expected, found = f"at least {_SHORTEST} random characters", f"{len(str(auth['cookie_secret']))}"
+        problems.append(Problem(where, expected, found, advice, "cookie_secret"))
+    if problems:
+        raise DataError(problems)

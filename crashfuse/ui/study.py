@@ -1,0 +1,263 @@
+"""The page Study: ratings of tests left out in turn, what the bands are worth, and how many tests are enough."""
+
+import math
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import streamlit as st
+
+from crashfuse.campaign import Campaign
+from crashfuse.errors import DataError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Watch
+from crashfuse.reporting import glossary
+from crashfuse.reporting.fit_explanations import coverage_table
+from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5
+from crashfuse.reporting.report import learning_curve_report, study_report
+from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
+from crashfuse.reporting.result_tables import curve_table, gains_table
+from crashfuse.study.account import worst_test
+from crashfuse.study.config import StudyConfig, has_speed_groups
+from crashfuse.study.learning_curve import CURVE_CONFIG, LearningCurve, is_curve_cached, learning_curve
+from crashfuse.study.one_more_test import Cost, sentences
+from crashfuse.study.recommendation import recommend
+from crashfuse.study.study import Study
+from crashfuse.ui.kit import results
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.choices import choose_held_out
+from crashfuse.ui.kit.computation import Request, StudyRequest, jobs, said_of
+from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
+from crashfuse.ui.kit.files import choose_report, download_report, download_table
+from crashfuse.ui.kit.progress import result_or_none
+from crashfuse.ui.kit.results import show_table
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.window import open_page
+
+_ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A study of all tests, and how the reader wants to see it."""
+
+    view: View
+    config: StudyConfig  # the settings that were chosen
+    study: Study  # while networks train, of fewer approaches than the settings ask for
+    request_key: Hashable  # equal for equal data and settings
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal data, settings and display, and as many results: the key of a cached figure."""
+        ways = [way for way in (self.study, self.study.speed_groups) if way is not None]
+        known = tuple((fold.held_out, *fold.ratings) for way in ways for fold in way.folds)
+        return self.request_key, known, tuple(self.study.repeatability), self.view.display
+
+    @property
+    def whole(self) -> bool:
+        """True once every approach is known for every test; before that, nothing can be recommended."""
+        tests = len(self.study.folds) == len(self.view.campaign.tests)
+        return tests and self.study.config.approaches == self.config.approaches
+
+    @property
+    def window_ms(self) -> float:
+        """Length of the rated window."""
+        return self.view.display.window_ms
+
+    @property
+    def window(self) -> str:
+        """The rated window in words."""
+        return results.window_label(self.window_ms)
+
+
+def by_group(request: StudyRequest) -> bool:
+    """Whether tests are left out with all at about their speed: where a study has both ways, as the reader has chosen.
+
+    Of a study that is being computed, the way that is shown: at first each test left out alone.
+    """
+    if request.config.leave_out != "both":
+        return request.config.leave_out == "speed group"
+    job = jobs().get(request.key)
+    study = None if job is None else job.part if job.result is None else job.result
+    both = has_speed_groups(request.campaign) if study is None else study.speed_groups is not None
+    return both and st.session_state.get("ways") == _GROUP
+
+
+def choose_way(outcome: Outcome) -> tuple[Study, str]:
+    """The study by one way of leaving tests out, and which: what is left out with a test."""
+    study = outcome.study
+    if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
+        return study.speed_groups, "speed group"
+    return study, "speed group" if study.config.leave_out == "speed group" else "test"
+
+
+def file_of(leave_out: str) -> str:
+    """What was left out with a test, in the name of a file."""
+    return "left out with its speed group" if leave_out == "speed group" else "left out alone"
+
+
+def show_ratings(outcome: Outcome) -> None:
+    """Show the ratings of one way of leaving tests out."""
+    campaign, (study, leave_out) = outcome.view.campaign, choose_way(outcome)
+    _show_tests(outcome, study, leave_out)
+    if outcome.whole:
+        worst = worst_test(study, outcome.window_ms, approach=recommend(outcome.study).approach)
+        results.show_account(worst.sentences, missed=worst.disappoints)
+    st.markdown("**Mean over the tests, by window**")
+    show_table(results.mean_ratings_table(study), "means")
+    st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
+    for test in campaign.tests:
+        for note in campaign.cae.extrapolation(test.condition):
+            st.caption(f":material/warning: {plain(test.id)}: {plain(note)}")
+
+
+def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
+    tests = [fold.held_out for fold in study.folds]
+    st.markdown(f"**Each test, {outcome.window}**")
+
+    def open_test(cell: str) -> None:
+        """Open a test as this study left it out; *Why* explains the approach whose cell it was."""
+        test_id, _, approach = cell.partition(":")
+        choose_held_out(outcome.view.campaign.test(test_id))
+        st.session_state["leave_out"] = leave_out
+        if approach:
+            st.session_state["explained"] = approach
+
+    alt = (
+        f"Ratings of each test, {file_of(leave_out)}, by approach, with their mean; the same numbers are in the tables"
+    )
+    draw, name = partial(study.plot, display=outcome.view.display), f"ratings {file_of(leave_out)}"
+    clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=name)
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")
+        chosen = st.selectbox(
+            "Open a test on Compare", tests, index=None, placeholder="Test", key="open_test", width=160,
+            label_visibility="collapsed", on_change=lambda: open_test(st.session_state["open_test"]),
+        )  # fmt: skip
+    if clicked or chosen is not None:
+        open_page("compare")
+    if study.repeats(outcome.window_ms):
+        st.caption(glossary.REPEAT)
+
+
+def show_bands(outcome: Outcome) -> None:
+    """Show the ratings of single draws, and how much of the tests lay inside the bands."""
+    study, leave_out = choose_way(outcome)
+    if not study.coverage:
+        st.info("None of these approaches has a band.", icon=":material/info:")
+        return
+    st.subheader(f"How sure the ratings are, {outcome.window}")
+    left_out, draw = file_of(leave_out), partial(study.plot, display=outcome.view.display)
+    alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
+    name = f"ratings of draws {left_out}"
+    show_cached_figure(partial(draw, figure="draws"), alt, "draws", leave_out, outcome.key, name=name)
+    st.caption(
+        "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
+        "single pulse has oscillations of its own, so it rates lower. Grey: where a repeat of the test would rate."
+    )
+    st.subheader("What the 95 % band is worth", help=glossary.TTZV)
+    show_table(coverage_table(study.coverage), "coverage")
+    st.caption(
+        "Share of the left-out tests inside the band, up to the time of zero velocity (TTZV) and after it. With "
+        f"{len(study.folds)} tests no more can be promised than these counts."
+    )
+    alt = f"Share of the time up to TTZV at which a(t) lies inside bands of each level, each test {left_out}"
+    name = f"coverage by level {left_out}"
+    show_cached_figure(partial(draw, figure="calibration"), alt, "calibration", leave_out, outcome.key, name=name)
+    st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")
+
+
+def show_paper_tables(outcome: Outcome) -> None:
+    """Show the tables of what was predicted, by one way of leaving tests out."""
+    study, _ = choose_way(outcome)
+    st.subheader("Table 5: approaches against the CAE")
+    show_table(results.paper_table(study, TABLE_5), "table 5")
+    if TABLE_3.keys() & study.config.approaches:
+        st.subheader("Table 3: the network before and after the tests")
+        show_table(results.paper_table(study, TABLE_3), "table 3")
+        st.caption(f"{glossary.LF} MF TCN: multi-fidelity (MF) network, the LF network fine-tuned on tests.")
+
+
+def show_files(outcome: Outcome) -> None:
+    """Offer what the study rests on, and the report once every approach is known."""
+    study, view = outcome.study, outcome.view
+    of = view.campaign.name
+    report = choose_report(view, view.campaign.test_ids)
+    with st.container(horizontal=True):
+        download_table("scores.csv", lambda: study.scores, of)
+        download_table("metrics.csv", lambda: study.metrics, of)
+        if (groups := study.speed_groups) is not None:
+            download_table("speed_groups.csv", lambda: groups.scores, of)
+        if outcome.whole:
+            download_report(
+                lambda: study_report(study, view.display, report), f"{of} {report.form} {' '.join(report.tests)}"
+            )
+
+
+@dataclass(frozen=True)
+class LearningCurveRequest(Request[LearningCurve]):
+    """Predict the tests of a campaign from fewer of the others."""
+
+    campaign: Campaign
+    config: StudyConfig
+
+    @property
+    def key(self) -> Hashable:  # noqa: D102
+        return "learning curve", said_of(self.campaign), self.config
+
+    @property
+    def title(self) -> str:  # noqa: D102
+        return f"{self.campaign.name}: predict tests from fewer of the others"
+
+    def work(self, watch: Watch) -> LearningCurve:  # noqa: D102
+        return learning_curve(self.campaign, self.config, watch=watch)
+
+    def in_cache(self) -> bool:  # noqa: D102
+        return is_curve_cached(self.campaign, self.config, Cache())
+
+
+def show_learning_curve(view: View, config: StudyConfig) -> None:
+    """Show rating, band and decided verdicts over the number of tests."""
+    campaign = view.campaign
+    st.markdown(
+        "How good would the prediction be with fewer tests, and what would one more add? Parts of the tests, evenly "
+        "chosen over speed and at random, predict all the others."
+    )
+    settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
+    whole = result_or_none(
+        LearningCurveRequest(campaign, settings),
+        invitation="This has not been computed for this campaign yet. It takes a minute or more the first time; "
+        "meanwhile you can work on the other pages.",
+        button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
+    )
+    if whole is None:
+        return
+    criteria = view.folder / "criteria.toml"
+    if criteria.is_file():
+        try:
+            whole = whole.decided(criteria)
+        except DataError as error:
+            st.warning(plain(str(error.problems[0])), icon=":material/error:")
+    curve = whole.over(view.display.window_ms)
+    amount = st.number_input(
+        "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
+        key="cost", persist_state="session", width=260,
+        help="In any currency. Gains are then also given as the cost of one hundredth of rating.",
+    )  # fmt: skip
+    cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
+    st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
+    alt = "Mean rating of tests not learned from, width of the band and decided verdicts, over the number of tests"
+    show_figure(whole.plot(display=view.display), alt, name="learning curve")
+    st.caption(
+        f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "
+        f"ratings. {campaign.rating_basis}."
+    )
+    if not (steps := gains_table(curve, cost)).empty:
+        st.markdown("**What further tests gained**")
+        show_table(steps, "gains")
+        st.caption(ONE_MORE_MEANING)
+    with st.expander("All means", icon=":material/table:"):
+        show_table(curve_table(curve, view.display), "learning curve")
+    with st.container(horizontal=True):
+        download_table("learning_curve.csv", lambda: whole.table, campaign.name)
+        download_report(lambda: learning_curve_report(curve, cost, view.display), campaign.name, "learning_curve.html")

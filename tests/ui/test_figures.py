@@ -1,0 +1,264 @@
+"""Figures as they are sent to the browser, and those of the library on the pages."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse import (
+    Campaign,
+    Condition,
+    Display,
+    StudyConfig,
+    certify,
+    load_campaign,
+    next_test,
+    predict,
+    preview_source,
+    run_study,
+    sweep,
+)
+from crashfuse.files.archive import zipped
+from crashfuse.reporting.figures import Further
+from crashfuse.reporting.plots.canvas import add_band, add_line, new_figure, share_y_range
+from crashfuse.reporting.plots.pulses import motion
+from crashfuse.ui.kit.figures import SentFigure
+from crashfuse.wording import IN_SI, KPH_KG
+from tests.readers.nhtsa_files import nhtsa_files
+from tests.ui.test_certify import CRITERIA, MATRIX
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
+
+    Visit = Callable[..., Session]
+
+pytestmark = [pytest.mark.usefixtures("one_cache"), pytest.mark.slow]
+APPROACHES = ["cae", "displacement_domain"]
+OPTIONS = {"unit": "m/s²", "system": "kph-kg", "sign": "Deceleration", "window": "40", "approaches": APPROACHES}
+SHOWN = Display(40.0, "m/s²", deceleration=True, system=KPH_KG)
+
+
+def sent(figure: go.Figure) -> dict[str, Any]:
+    """What the browser gets."""
+    drawn: dict[str, Any] = json.loads(SentFigure(figure).to_json())
+    return drawn
+
+
+def test_curves_are_those_of_the_figure_to_a_twenty_thousandth_of_their_largest_value(campaign: Campaign) -> None:
+    """Plain numbers, evenly spaced positions as a first one and a step, the same titles of axes and names."""
+    figure = campaign.plot()
+    drawn = sent(figure)
+    assert "bdata" not in json.dumps(drawn)
+    for curve, own in zip(figure.data, drawn["data"], strict=True):
+        at = own["x0"] + own["dx"] * np.arange(len(own["y"]))
+        np.testing.assert_allclose(at, curve.x, atol=1e-4)
+        np.testing.assert_allclose(own["y"], curve.y, atol=5e-5 * np.abs(curve.y).max())
+        assert own["name"] == curve.name
+    assert drawn["layout"]["xaxis"]["title"] == {"text": "Time (ms)", "font": {"size": 14}}
+
+
+def test_a_smooth_curve_that_the_cursor_does_not_read_is_sent_through_fewer_points(campaign: Campaign) -> None:
+    """Velocity and displacement under an acceleration: the lines between the points lie on the curve, ends included."""
+    test = campaign.tests[0]
+    figure = motion(test.pulse, {}, test.condition.speed_mps)
+    for curve, own in zip(figure.data, sent(figure)["data"], strict=True):
+        assert (len(own["y"]) < len(curve.y) / 3) == (curve.hoverinfo == "none")
+        if "x" in own:
+            np.testing.assert_allclose(np.interp(curve.x, own["x"], own["y"]), curve.y, atol=2e-4 * np.ptp(curve.y))
+            assert own["x"][-1] == pytest.approx(curve.x[-1], abs=1e-3)
+
+
+def test_a_curve_that_fewer_points_would_cut_is_sent_whole() -> None:
+    """Though the cursor does not read it."""
+    figure, at = new_figure(400), np.arange(1000.0)
+    add_line(figure, at, at % 7, hoverinfo="none", hovertemplate=None)
+    (own,) = sent(figure)["data"]
+    assert own["y"] == (at % 7).tolist()
+
+
+def test_a_gap_in_a_band_stays_a_gap() -> None:
+    """What is unknown is no number, and the positions of an outline are kept as they are."""
+    figure, at = new_figure(400), np.arange(5.0)
+    add_band(figure, at, np.array([0, 1, np.nan, 1, 0]), at + 3, colour="#000000")
+    (band,) = sent(figure)["data"]
+    assert band["x"] == [0, 1, 1, 0, None, 3, 4, 4, 3]
+    assert band["y"] == [0, 1, 4, 3, None, 1, 0, 7, 6]
+
+
+def test_a_revision_stands_for_the_data(campaign: Campaign) -> None:
+    """The same data, the same revision; one value changed, another."""
+    other = campaign.plot()
+    other.data[0].y = other.data[0].y + 0.5
+    revisions = [sent(figure)["layout"]["datarevision"] for figure in (campaign.plot(), campaign.plot(), other)]
+    assert revisions[0] == revisions[1] != revisions[2]
+
+
+def test_many_names_have_room_above_the_figure() -> None:
+    """Two rows where one does not suffice; a figure that needs more keeps what it has."""
+    few, many, roomy = (new_figure(400) for _ in range(3))
+    for figure, count in ((few, 3), (many, 12), (roomy, 3)):
+        for number in range(count):
+            figure.add_scatter(x=[0, 1], y=[0, 1], name=f"T{number} · 35.2 mph")
+    roomy.update_layout(margin_t=96)
+    few_px, many_px, roomy_px = (sent(figure)["layout"]["margin"]["t"] for figure in (few, many, roomy))
+    assert (few_px, many_px, roomy_px) == (44, 65, 96)
+
+
+def drawn(session: "Session") -> list[list[dict[str, Any]]]:
+    """The traces of every figure on the page."""
+    return [json.loads(chart.proto.spec)["data"] for chart in session.app.get("plotly_chart")]
+
+
+def traces(*figures: go.Figure) -> list[list[dict[str, Any]]]:
+    """The same of figures of the library, in the form in which pages send them."""
+    return [json.loads(SentFigure(figure).to_json())["data"] for figure in figures]
+
+
+def opened(visit: "Visit", page: str, press: str, **parameters: object) -> "Session":
+    """A page with two approaches, once its result is there."""
+    session = visit(page, **OPTIONS, **parameters)
+    if press in session.buttons:
+        session.press(press)
+    return session.finish(100)
+
+
+def test_on_data(open_campaign: Path, visit: "Visit") -> None:
+    """Tests, conditions and CAE runs."""
+    campaign = load_campaign(open_campaign)
+    session = visit("data", test="T2", only=["T2", "T3"], also=["cae:C05"], **OPTIONS)
+    for tab, figure in (
+        ("Tests", campaign.plot(tests=["T2", "T3"], also=["C05"], held_out="T2", display=SHOWN)),
+        ("Conditions", campaign.plot("conditions", held_out="T2", display=SHOWN)),
+        ("CAE model", campaign.plot("cae", also=["C05"], display=SHOWN)),
+    ):
+        assert drawn(session.open_tab("data", tab)) == traces(figure)
+
+
+def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
+    """Over time with corridors and another test beside, residuals, over displacement, and why it is rated so."""
+    session = opened(visit, "compare", "Predict test T2", test="T2", also=["T3"], corridors="true", band="cae")
+    study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=APPROACHES, workers=1)
+
+    def library(figure: str, **options: Any) -> list[list[dict[str, Any]]]:
+        return traces(study.plot("T2", figure, display=SHOWN, **options))
+
+    assert drawn(session) == library("motion", also=["T3"], corridors=True)
+    for key, tab, figures in (
+        ("compared", None, {"Residuals": "residuals"}),
+        (
+            "over_displacement",
+            "Over displacement",
+            {"Acceleration": "displacement", "Energy": "energy", "Check of the integration": "integration"},
+        ),
+    ):
+        if tab is not None:
+            session.app.button_group(key="compare_tab").set_value(tab).run()
+        for choice, figure in figures.items():
+            session.app.button_group(key=key).set_value(choice).run()
+            assert drawn(session) == library(figure, also=["T3"]), figure
+    session.app.button_group(key="over_displacement").set_value("Bias by speed").run()
+    assert drawn(session) == traces(study.campaign.plot("bias", held_out="T2", display=SHOWN))
+    session.app.button_group(key="over_displacement").set_value("Parts of the bias").run()
+    assert drawn(session) == library("bias parts")
+    session.app.button_group(key="compare_tab").set_value("Why").run()
+    session.app.button_group(key="explained").set_value("cae").run()
+    assert drawn(session) == library("scores") + library("rating", approaches=["cae"], also=["T3"])
+
+
+@pytest.mark.usefixtures("quick_networks")
+def test_on_the_networks(open_campaign: Path, visit: "Visit") -> None:
+    """Before and after the tests, side by side on one scale, with what was put beside; and how they learned."""
+    names = ["cae", "lf_tcn", "time_domain"]
+    study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=names, workers=1)
+    session = visit("compare", test="T2", also=["T3"], curves=["test"], **{**OPTIONS, "approaches": names}).finish()
+    session.app.button_group(key="compare_tab").set_value("Networks").run()
+    beside = [
+        study.plot("T2", "acceleration", approaches=[network], also=["T3"], display=SHOWN)
+        for network in ("lf_tcn", "time_domain")
+    ]
+    share_y_range(beside)
+    assert drawn(session) == traces(*beside)
+    session.app.button_group(key="networks").set_value("Learning curves").run()
+    learning = [study.plot("T2", figure, approaches=["time_domain"]) for figure in ("training", "fine-tuning")]
+    assert drawn(session) == traces(*learning)
+
+
+def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
+    """Verdicts, what left-out tests showed, whether the probabilities are right, and where predictions are checked."""
+    (open_campaign / "criteria.toml").write_text(CRITERIA)
+    (open_campaign / "matrix.csv").write_text(MATRIX)
+    session = opened(visit, "certify", "Certify", approach="displacement_domain")
+    paths = open_campaign / "criteria.toml", open_campaign / "matrix.csv"
+    verdicts = certify(load_campaign(open_campaign), *paths, approach="displacement_domain", workers=1)
+    for tab, figure in (("Verdicts", "verdicts"), ("Validated domain", "domain"), ("Track record", "record")):
+        session.app.button_group(key="certify_tab").set_value(tab)
+        assert drawn(session.run()) == traces(verdicts.plot(figure, display=SHOWN))
+    session.app.button_group(key="record").set_value("Are the probabilities right?")
+    assert drawn(session.run()) == traces(verdicts.plot("reliability", display=SHOWN))
+
+
+def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> None:
+    """The pulse over what was recorded."""
+    assert open_campaign.is_dir()
+    source = tmp_path / "v5.zip"
+    source.write_bytes(zipped(nhtsa_files()))
+    session = visit("data", data_tab="Open another campaign", **OPTIONS)
+    session.app.file_uploader[0].set_value([(source.name, source.read_bytes(), "application/zip")])
+    session.press("Open upload")
+    (preview,) = preview_source(source)
+    assert drawn(session) == traces(preview.plot(display=SHOWN))
+
+
+def test_on_study(open_campaign: Path, visit: "Visit") -> None:
+    """Ratings, alone and with the speed group, and the bands."""
+    session = opened(visit, "study", "Leave out each of 4 tests")
+    config = StudyConfig(approaches=tuple(APPROACHES), leave_out="both")
+    study = run_study(load_campaign(open_campaign), config, workers=1)
+    assert drawn(session) == traces(study.plot(display=SHOWN))
+    session.app.button_group(key="ways").set_value("With all tests at about its speed").run()
+    assert study.speed_groups is not None
+    assert drawn(session) == traces(study.speed_groups.plot(display=SHOWN))
+    session.app.button_group(key="study_tab").set_value("Bands").run()
+    for way, label in ((study.speed_groups, "With all tests at about its speed"), (study, "Each test left out alone")):
+        session.app.button_group(key="ways").set_value(label).run()
+        assert drawn(session) == traces(*(way.plot(figure=name, display=SHOWN) for name in ("draws", "calibration")))
+
+
+def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over time beside a pinned prediction and a test, over displacement, energy, over speed, the test to run next."""
+    monkeypatch.setattr("crashfuse.study.sweep.speeds_between", lambda low, high: np.linspace(low, high, 4))
+    at = {"speed_mph": 30.0, "front_weight_lb": 2050.0, "rear_weight_lb": 1500.0}
+    pin = Condition.of(**{**at, "speed_mph": 20.0})
+    link = {name: str(value) for name, value in at.items()}
+    session = opened(visit, "predict", "Predict", also=["T3"], pins=[pin.text], **link)
+    campaign = load_campaign(open_campaign)
+    prediction = predict(campaign, Condition.of(**at), APPROACHES)
+    also: list[Further] = ["T3", predict(campaign, Condition.parse(pin.text), "displacement_domain")]
+    for choice, figure in (
+        ("Over time", "motion"),
+        ("Over displacement", "displacement"),
+        ("Energy over crush", "energy"),
+    ):
+        session.app.button_group(key="predicted").set_value(choice).run()
+        assert drawn(session) == traces(prediction.plot(figure, also=also, band="displacement_domain", display=SHOWN))
+    session.app.button_group(key="predict_tab").set_value("Over speed").run()
+    session.press("Predict over speed").finish()
+    session.app.selectbox(key="sweep_metric").set_value("peak").run()
+    swept = sweep(campaign, Condition.of(**at), approach=APPROACHES)
+    assert drawn(session) == traces(swept.plot("peak", display=SHOWN))
+    session.app.button_group(key="predict_tab").set_value("Next test").run()
+    chosen = [_ends(session.app.session_state[f"{axis}_range"]) for axis in ("speed", "front", "rear")]
+    kind = campaign.tests[0].condition.factors
+    low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*chosen, strict=True))
+    assert drawn(session) == traces(next_test(campaign, low, high).plot(display=SHOWN))
+
+
+def _ends(chosen: str) -> tuple[float, float]:
+    """The ends of a range in SI, as the address has it, such as ``20:35 mph``."""
+    numbers, unit = chosen.split()
+    low, high = numbers.split(":")
+    return float(low) * IN_SI[unit], float(high) * IN_SI[unit]
