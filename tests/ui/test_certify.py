@@ -132,7 +132,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert tab(session, "Track record").charts == 1
     assert "Lines: 95 % of tests" in session.words
     (record,) = [own for own in session.tables if "What this record supports" in own]
-    assert record["Criterion"].tolist() == ["crush", "rating"]
+    assert record["Criterion"].tolist() == ["crush", "rating", "All"]
     session.app.button_group(key="record").set_value("Are the probabilities right?")
     assert "exact 95 % bounds" in session.run().words
 
