@@ -6,11 +6,10 @@ import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.certify import APPROACH
-from crashfuse.ui.certify import earlier, files, record, results
+from crashfuse.ui.certify import earlier, record, results
 from crashfuse.ui.certify.criteria import choose_criteria
-from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
-from crashfuse.ui.certify.request import CertificationRequest
+from crashfuse.ui.certify.request import CertificationRequest, Judgement, show_files
 from crashfuse.ui.kit import choices, frame
 from crashfuse.ui.kit.choices import chosen_config
 from crashfuse.ui.kit.editing import notes_of
@@ -24,7 +23,7 @@ TABS = {
     "Earlier verdicts": earlier.show,
     "Validated domain": record.show_domain,
     "Exceptions": record.show_exceptions,
-    "Files and report": files.show,
+    "Files and report": show_files,
 }
 
 view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")

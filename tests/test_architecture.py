@@ -114,3 +114,42 @@ def test_one_module_alone_writes_csv() -> None:
     pages = [ROOT / "app.py", *(ROOT / "pages").glob("*.py")]
     found = {path.name for path in (*MODULES, *pages) if writes.search(path.read_text(encoding="utf-8"))}
     assert found == {"csv_text.py"}
+
+
+MOST = {
+    "modules": 255,
+    "lines": 48_200,
+    "words of docstrings": 68_200,
+    "words of other texts": 32_000,
+    "of tests": 39_950,
+}
+"""The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""
+LONGEST, SHORTEST = 450, 40  # lines of a module; one that is a face (``__init__``) or a table may be shorter
+TABLES = {"glossary.py", "units.py", "version.py", "__main__.py"}
+
+
+def test_the_house_keeps_its_size() -> None:
+    """Whoever adds folds something else."""
+    size = dict.fromkeys(MOST, 0)
+    for path in (*PACKAGE.rglob("*.py"), *(ROOT / "pages").glob("*.py"), ROOT / "app.py"):
+        text = path.read_text(encoding="utf-8")
+        docstrings, others = _words(ast.parse(text))
+        for name, n in zip(MOST, (1, text.count("\n"), docstrings, others), strict=False):
+            size[name] += n
+    size["of tests"] = sum(path.read_text(encoding="utf-8").count("\n") for path in (ROOT / "tests").rglob("*.py"))
+    assert {name: n for name, n in size.items() if n > MOST[name]} == {}
+
+
+def test_a_module_is_neither_long_nor_a_scrap() -> None:
+    """One noun each, in a size that one reads in one go."""
+    lines = {_name(path): path.read_text(encoding="utf-8").count("\n") for path in MODULES if path.name not in TABLES}
+    assert {name: n for name, n in lines.items() if not SHORTEST <= n <= LONGEST} == {}
+
+
+def _words(tree: ast.Module) -> tuple[int, int]:
+    """Words of the docstrings of a module, and of its other literal texts."""
+    nodes = [*ast.walk(tree)]
+    literals = (node for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+    texts: dict[ast.expr, int] = {node: len(str(node.value).split()) for node in literals}
+    docstrings = sum(texts.get(node.value, 0) for node in nodes if isinstance(node, ast.Expr))
+    return docstrings, sum(texts.values()) - docstrings

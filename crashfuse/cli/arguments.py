@@ -8,18 +8,14 @@ from typing import TypeVar
 from crashfuse.cli import (
     certification,
     data,
-    editing,
-    figures,
     history,
     imports,
-    learning,
     models,
     outgoing,
     ratings,
     studies,
 )
-from crashfuse.cli.conditions import AXES, add_axes
-from crashfuse.cli.numbers import number, whole
+from crashfuse.cli.conditions import AXES, add_axes, number, whole
 from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
 
@@ -68,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
     sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")
 
     command("check", data.check, "show what a campaign holds and what is wrong with it")
-    editing.add_options(command("edit", editing.edit, "leave tests out of use, take them out, undo the last change"))
+    data.add_edit_options(command("edit", data.edit, "leave tests out of use, take them out, undo the last change"))
     imports.add_options(commands.add_parser("import", help="import files of other formats into a campaign"))
 
     study = command("study", studies.study, "leave out each test in turn, predict it, rate the prediction", None)
@@ -116,7 +112,7 @@ def parser() -> argparse.ArgumentParser:
     _add_units(certify)
     _add_workers(certify)
 
-    curve = command("learning-curve", learning.learning_curve, "predict tests from 1, 2, 3 … of the others")
+    curve = command("learning-curve", studies.learning_curve, "predict tests from 1, 2, 3 … of the others")
     curve.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     curve.add_argument(
         "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: cae fused)"
@@ -165,7 +161,9 @@ def parser() -> argparse.ArgumentParser:
     _add_units(next_test)
     next_test.add_argument("--seed", type=whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
-    figures.add_options(commands.add_parser("figures", help="write the figures of a report as SVG, PNG, CSV or slides"))
+    outgoing.add_figure_options(
+        commands.add_parser("figures", help="write the figures of a report as SVG, PNG, CSV or slides")
+    )
     history.add_options(commands.add_parser("compare", help="say which of two studies rates better, and by how much"))
     listing = commands.add_parser("studies", help="list the studies and predictions of this machine")
     listing.set_defaults(run=history.studies)

@@ -1,16 +1,17 @@
 """Conditions on the command line: speed and weights in either unit, converted as they are read, and factors."""
 
 import argparse
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.numbers import in_si
 from crashfuse.errors import UsageError
 from crashfuse.units import KPH, LB, MPH
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
     from crashfuse.condition import Condition
+
 
 AXES = {
     "speed_mps": {"--speed-mph": MPH, "--speed-kph": KPH},
@@ -82,3 +83,40 @@ def factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
         choices = "; ".join(f"{name}={value}" for name, values in known.items() for value in values) or "none"
         raise UsageError(f"No test has the factor {text!r}; the tests have: {choices}.")
     return name, value
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    try:
+        parsed = float(text)
+    except ValueError:
+        parsed = math.nan
+    if not math.isfinite(parsed):
+        raise argparse.ArgumentTypeError(f"must be a number with a decimal point, if any, not {text!r}")
+    return parsed
+
+
+def in_si(factor: float) -> Callable[[str], float]:
+    """Parser of a number in a unit with this factor to SI."""
+    return lambda text: number(text) * factor
+
+
+def whole(low: int, high: int | None = None) -> Callable[[str], int]:
+    """Parser of an integer within bounds."""
+
+    def parsed(text: str) -> int:
+        allowed = f"{low} or more" if high is None else f"between {low} and {high}"
+        try:
+            found = int(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"must be a whole number, {allowed}, not {text!r}") from None
+        if found < low or (high is not None and found > high):
+            raise argparse.ArgumentTypeError(f"must be {allowed}, got {found}")
+        return found
+
+    return parsed
+
+
+def filter_class(text: str) -> float | str:
+    """A channel filter class, or "none"."""
+    return text if text == "none" else number(text)

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from crashfuse.cli.conditions import AXES
-from crashfuse.cli.numbers import filter_class, in_si, number
+from crashfuse.cli.conditions import AXES, filter_class, in_si, number
 from crashfuse.readers.format import TRAVELS
 from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS
 from crashfuse.units import LB, MS

@@ -1,13 +1,16 @@
 """Options of the pulses that go out to an occupant model, and what they ask for."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from crashfuse.cli.numbers import number
+from crashfuse.cli.conditions import number
+from crashfuse.cli.output import require_writable, writing
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
     from crashfuse.reporting.outgoing_pulses import PulseExport
+
 
 _FORMATS = ("isomme", "lsdyna", "radioss")
 _UNIT_SYSTEMS = ("mm-ms-kg", "mm-s-t", "m-s-kg")
@@ -66,3 +69,27 @@ def pulse_export(arguments: argparse.Namespace) -> "PulseExport":
         raise UsageError("--draws is about exported pulses; name their format with --export.")
     more = {"draws": arguments.draws, "location": arguments.isomme_location, "seed": arguments.seed}
     return PulseExport(formats, curve=curve, **{name: value for name, value in more.items() if value is not None})
+
+
+def add_figure_options(parser: argparse.ArgumentParser) -> None:
+    """Add its arguments to the parser of the command."""
+    parser.add_argument("report", type=Path, metavar="REPORT.html", help="a report that another command has written")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the figures")
+    parser.add_argument(
+        "--format", nargs="+", choices=("svg", "png", "csv", "pptx"), default=["svg", "png"], help="default: svg png"
+    )
+    parser.set_defaults(run=figures)
+
+
+def figures(arguments: argparse.Namespace) -> None:
+    """Write every figure of a report in each format, its numbers as CSV, and all of them as slides."""
+    from crashfuse.reporting.figure_files import figure_files, missing_for, read_figures
+
+    if missing := missing_for(arguments.format):
+        raise UsageError(missing)
+    require_writable(arguments.out)
+    files = figure_files(read_figures(arguments.report), arguments.format)
+    with writing(arguments.out, last=next(reversed(files))) as folder:
+        for name, content in files.items():
+            (folder / name).write_bytes(content)
+    print(f"Written to {arguments.out}: {', '.join(files)}")

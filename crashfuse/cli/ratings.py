@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from crashfuse.cli.conditions import filter_class, number
 from crashfuse.cli.imports import UNITS
-from crashfuse.cli.numbers import filter_class, number
 from crashfuse.errors import CrashfuseError, UsageError
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from crashfuse.cli.models import settings
 from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
     from crashfuse.reporting.report import ReportOptions
     from crashfuse.study.config import StudyPlan
+
 
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
 
@@ -188,3 +190,35 @@ def _print_means(scores: "pd.DataFrame") -> None:
     means.index = [LABELS[name] for name in means.index]
     means.columns = [f"0–{window:g} ms" for window in means.columns]
     print(means.to_string(float_format="{:.3f}".format))
+
+
+def learning_curve(arguments: argparse.Namespace) -> None:
+    """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
+    from crashfuse.campaign_folder.load import load_campaign
+    from crashfuse.certification.criteria import read_criteria
+    from crashfuse.reporting.result_tables import gains_table
+    from crashfuse.reporting.watched import watching
+    from crashfuse.study import learning_curve as curves
+    from crashfuse.study.one_more_test import Cost, sentences
+
+    require_output(arguments.out, arguments.campaign, "learning curve")
+    cost = None if arguments.cost_per_test is None else Cost.of(arguments.cost_per_test)
+    config = settings(arguments, curves.CURVE_CONFIG)
+    own = Path(arguments.campaign, "criteria.toml")
+    criteria = read_criteria(arguments.criteria or own) if arguments.criteria or own.is_file() else None
+    campaign = load_campaign(arguments.campaign)
+    repeats = curves.REPEATS if arguments.repeats is None else arguments.repeats
+    with watching() as watch:
+        curve = curves.learning_curve(
+            campaign, config, repeats=repeats, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler
+        )
+    if criteria is not None:
+        curve = curve.decided(criteria)
+    display = display_of(arguments, campaign)
+    with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
+        curve.write(folder, cost=arguments.cost_per_test, display=display)
+    say_facts(campaign, display)
+    if not (table := gains_table(curve, cost)).empty:
+        print(table.to_string(index=False))
+    print(*sentences(curve, cost), sep="\n")
+    say_written(arguments.out, "learning curve")

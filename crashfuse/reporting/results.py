@@ -21,8 +21,7 @@ from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport, Puls
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
-from crashfuse.reporting.provenance import provenance
-from crashfuse.reporting.records import learning_curve_record, prediction_record, study_record
+from crashfuse.reporting.provenance import learning_curve_record, prediction_record, provenance, study_record
 from crashfuse.reporting.report import (
     certification_report,
     learning_curve_report,

@@ -241,7 +241,7 @@ def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_littl
     assert certify_matrix(campaign, loose, Matrix(("P3",), (other,)), CONFIG, workers=1).run == {}
 
 
-CRUSH, PEAK = Criterion("crush", "max_crush", at_most=500.0), Criterion("peak", "peak", at_most=30.0)
+CRUSH_500, PEAK_30 = Criterion("crush", "max_crush", at_most=500.0), Criterion("peak", "peak", at_most=30.0)
 Said = tuple[Word, float | None]
 
 
@@ -250,9 +250,9 @@ def answer(campaign: Campaign, crush: Said, peak: Said, *tests: str) -> Answer:
     here = campaign.tests[0].condition
     row = tuple(
         Verdict(here, criterion, 1.0, 0.9, 1.1, probability, word, "", dict.fromkeys(tests, 1.0))
-        for criterion, (word, probability) in ((CRUSH, crush), (PEAK, peak))
+        for criterion, (word, probability) in ((CRUSH_500, crush), (PEAK_30, peak))
     )
-    criteria, domain = Criteria((CRUSH, PEAK)), Domain.of(campaign)
+    criteria, domain = Criteria((CRUSH_500, PEAK_30)), Domain.of(campaign)
     config, record = StudyConfig(approaches=("fused",)), TrackRecord(())
     made = Certification(campaign, criteria, Matrix(("M",), (here,)), config, domain, (row,), (row,), record, {})
     return answers(made)["M"]

@@ -180,7 +180,6 @@ def _band_of(draws: Sequence[LoadingPhase]) -> tuple[FloatArray, FloatArray, Flo
     return grid, lower, upper
 
 
-_MM = 1e-3
 _PARTS: Mapping[str, str] = {
     "shared": "Shared",
     "by speed": "By speed",

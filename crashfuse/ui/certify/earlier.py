@@ -13,7 +13,7 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.ui.certify.judgement import Judgement
+from crashfuse.ui.certify.request import Judgement
 from crashfuse.ui.certify.results import coloured
 from crashfuse.ui.certify.uploaded import choose_kept, find_kept, show_wrong
 from crashfuse.ui.kit import choices

@@ -11,7 +11,7 @@ from crashfuse.reporting.evidence_sentences import (
     record_sentence,
     waived_sentence,
 )
-from crashfuse.ui.certify.judgement import Judgement
+from crashfuse.ui.certify.request import Judgement
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain

@@ -15,7 +15,7 @@ from crashfuse.reporting.evidence_sentences import at_most
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
-from crashfuse.ui.certify.judgement import Judgement
+from crashfuse.ui.certify.request import Judgement
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.figures import show_clickable
 from crashfuse.ui.kit.results import fill
