@@ -114,9 +114,10 @@ def display_of(arguments: argparse.Namespace, campaign: "Campaign") -> "Display"
     return Display(system=campaign.units if arguments.units is None else SYSTEMS[arguments.units])
 
 
-def say_facts(campaign: "Campaign", display: "Display") -> None:
-    """Print what has to be known of a campaign, before its results."""
+def say_facts(campaign: "Campaign", display: "Display") -> list[str]:
+    """Print what has to be known of a campaign, before its results; returns the sentences, not to be said again."""
     from crashfuse.study.facts import campaign_facts
 
-    for fact in campaign_facts(campaign):
-        print(display.words(fact.sentence))
+    sentences = [fact.sentence for fact in campaign_facts(campaign)]
+    print(*map(display.words, sentences), sep="\n", end="\n" * bool(sentences))
+    return sentences

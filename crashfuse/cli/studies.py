@@ -143,13 +143,14 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     with replacing(run.out, "study"), writing(run.out) as folder:
         study.write(folder, report=run.report, display=display)
     keep(PastResult.of_study(study))
-    say_facts(plan.campaign, display)
+    facts = say_facts(plan.campaign, display)
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
     _print_means(study.scores)
     if study.speed_groups is not None:
         print(f"The same, {_LEFT_OUT['speed group']}")
         _print_means(study.speed_groups.scores)
-    print(*map(display.words, (*recommend(study).sentences, *worst_test(study).sentences)), sep="\n")
+    sentences = (*recommend(study).sentences, *worst_test(study).sentences)
+    print(*(display.words(sentence) for sentence in sentences if sentence not in facts), sep="\n")
     return studies_table([(run.name, study)])
 
 

@@ -154,7 +154,8 @@ def _departure(
     others = [campaign.test(other) for other in campaign.speed_group(test_id) if other != test_id]
     if len(others) < LEAST:
         return None
-    others = sorted(others, key=lambda other: abs(other.condition.mass_kg - test.condition.mass_kg))[:_MOST]
+    nearest = sorted(others, key=lambda other: abs(other.condition.mass_kg - test.condition.mass_kg))[:_MOST]
+    others = [other for other in others if other in nearest]
     bias = {own.id: measured_bias(own, model) for own in (test, *others)}
     pairs = list(combinations(others, 2))
     away = tuple(_bias_difference(bias[test.id], bias[other.id]) for other in others)

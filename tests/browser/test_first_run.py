@@ -39,7 +39,8 @@ def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: "Se
     assert not {"app", "compare", "data", "predict", "study", "train"} & set(seen)
     user.wait(lambda: user.browser.execute_script(READ))
     user.press("Load the sample campaign")  # the first click counts
-    assert "Synthetic" in user.sees("has not been predicted yet")
+    user.sees("has not been predicted yet")
+    user.sees("Synthetic")
     user.go("Train")
     user.choose_approaches("CAE", "Displacement domain")
     user.press("Start")

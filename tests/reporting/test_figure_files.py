@@ -98,7 +98,7 @@ def test_figures_become_files_in_every_format() -> None:
     assert struct.unpack(">II", png[16:24]) == (1920, 1000)
     slides = pptx.Presentation(io.BytesIO(files["figures.pptx"])).slides
     assert [slide.shapes.title.text for slide in slides] == ["Tiny: a study", "Result", "Result: By test", "Limits"]
-    assert [shape.text_frame.text for shape in slides[0].shapes][-1] == "Made up & small."
+    assert [shape.text_frame.text for shape in slides[0].shapes][-1] == "It is odd.\nMade up & small."
     for slide in list(slides)[1:]:
         (picture,) = [shape for shape in slide.shapes if hasattr(shape, "image")]
         assert picture.left >= 0
