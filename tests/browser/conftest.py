@@ -21,6 +21,7 @@ from urllib.parse import urlencode, urlsplit
 import pytest
 from selenium import webdriver
 from selenium.common.exceptions import (
+    ElementClickInterceptedException,
     ElementNotInteractableException,
     StaleElementReferenceException,
     TimeoutException,
@@ -57,7 +58,9 @@ const text = e => (e.innerText ?? e.textContent).replace(/[\\u00a0\\t]/g, " ").r
 return [...document.querySelectorAll(arguments[0])].filter(shown).map(e => [e, text(e)])
   .filter(([, text]) => text.includes(arguments[1]));
 """
-_REDRAWN = (StaleElementReferenceException, ElementNotInteractableException)  # while the page changes
+_REDRAWN = (  # while the page changes
+    StaleElementReferenceException, ElementNotInteractableException, ElementClickInterceptedException
+)  # fmt: skip
 FIGURE, TABLE, SIDEBAR = ".js-plotly-plot", '[data-testid="stTable"]', '[data-testid="stSidebar"]'
 MAIN, LINK = '[data-testid="stMain"]', f'{SIDEBAR} [data-testid="stPageLink-NavLink"]'
 PILL, CURVES = '[data-testid="stButtonGroup"] button', f'{MAIN} [data-testid="stPopover"] button'
