@@ -116,18 +116,19 @@ def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: floa
 
 def departures(campaign: Campaign, cache: Cache | None = None) -> tuple[Departure, ...]:
     """How each test that stands apart differs from the others at its speed, over 0–60 ms; kept in the cache."""
-    if not any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids):
-        return ()
-    known = _known.get(campaign)
-    if known is None:
-        cache = cache or Cache()
-        key = {"campaign": campaign.fingerprint, "code": code_digest(__name__)}
-        known = cache.get_or_compute(_KIND, key, lambda: _found(campaign, cache), _restored)
-        _known[campaign] = known
-    return known
+    if campaign not in _known:  # asked for at every condition
+        _known[campaign] = _kept(campaign, cache or Cache())
+    return _known[campaign]
 
 
 _known: WeakKeyDictionary[Campaign, tuple[Departure, ...]] = WeakKeyDictionary()
+
+
+def _kept(campaign: Campaign, cache: Cache) -> tuple[Departure, ...]:
+    if not any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids):
+        return ()
+    key = {"campaign": campaign.fingerprint, "code": code_digest(__name__)}
+    return cache.get_or_compute(_KIND, key, lambda: _found(campaign, cache), _restored)
 
 
 def _found(campaign: Campaign, cache: Cache) -> tuple[tuple[Departure, ...], dict[str, np.ndarray]]:
