@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from crashfuse import views
 from crashfuse.cae_library import CaeLibrary, QualityLimits
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest, at_the_speed_of, evenly_over_speed
@@ -21,10 +22,6 @@ if TYPE_CHECKING:
 
     import pandas as pd
     import plotly.graph_objects as go
-
-    from crashfuse.cae.quality import QualityVerdict
-    from crashfuse.reporting.figures import Further
-    from crashfuse.reporting.plots.display import DisplayOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,47 +95,35 @@ class Campaign:
         DataError
             With every problem, each with its table, column and row (counted from 0).
         """
-        from crashfuse.campaign_folder.writer import campaign_of_frames
-
         settings = {
             "name": name, "notice": notice, "channel_filter_class": channel_filter_class, "filtered_with": filtered_with
         }  # fmt: skip
-        return campaign_of_frames(tests, test_pulses, cae, cae_pulses, settings)
+        return views.campaign_of_frames(tests, test_pulses, cae, cae_pulses, settings)
 
     @property
     def tests_frame(self) -> "pd.DataFrame":
         """The tests' conditions, as ``tests.csv`` has them, in mph and lb."""
-        from crashfuse.campaign_folder.writer import conditions_frame
-
-        return conditions_frame(self, "tests")
+        return views.conditions_frame(self, "tests")
 
     @property
     def cae_frame(self) -> "pd.DataFrame":
         """The CAE runs' conditions, as ``cae.csv`` has them, in mph and lb, with what the solver says of them."""
-        from crashfuse.campaign_folder.writer import conditions_frame
-
-        return conditions_frame(self, "cae")
+        return views.conditions_frame(self, "cae")
 
     @property
     def test_pulses_frame(self) -> "pd.DataFrame":
         """All pulses of the tests, tidy: ``id``, ``time_ms``, ``acceleration_g``, at full precision."""
-        from crashfuse.campaign_folder.writer import pulses_frame
-
-        return pulses_frame(self, "tests")
+        return views.pulses_frame(self, "tests")
 
     @property
     def cae_pulses_frame(self) -> "pd.DataFrame":
         """All pulses of the CAE runs, tidy: ``id``, ``time_ms``, ``acceleration_g``, at full precision."""
-        from crashfuse.campaign_folder.writer import pulses_frame
-
-        return pulses_frame(self, "cae")
+        return views.pulses_frame(self, "cae")
 
     @property
-    def quality(self) -> "QualityVerdict":
+    def quality(self) -> "views.QualityVerdict":
         """What the solver says of the CAE runs, judged by the campaign's limits: tables, and sentences."""
-        from crashfuse.cae.quality import judge_quality
-
-        return judge_quality(self.cae, self.quality_limits)
+        return views.judge_quality(self.cae, self.quality_limits)
 
     def plot(
         self,
@@ -147,8 +132,8 @@ class Campaign:
         tests: Sequence[str] = (),
         held_out: str | None = None,
         cfc: float | None = None,
-        also: "Sequence[Further]" = (),
-        **display: "Unpack[DisplayOptions]",
+        also: "Sequence[views.Further]" = (),
+        **display: "Unpack[views.DisplayOptions]",
     ) -> "go.Figure":
         """A figure of the pages Data and Compare.
 
@@ -174,17 +159,13 @@ class Campaign:
         UsageError
             If there is no such figure, test, CAE run, option or unit.
         """
-        from crashfuse.reporting.campaign_figures import campaign_figure
-
-        return campaign_figure(self, figure, tests=tests, held_out=held_out, cfc=cfc, also=also, **display)
+        return views.campaign_figure(self, figure, tests=tests, held_out=held_out, cfc=cfc, also=also, **display)
 
     def __repr__(self) -> str:
         return f"<Campaign {self.name!r}: {len(self.tests)} tests, {len(self.cae):,} CAE runs>"
 
     def _repr_html_(self) -> str:
-        from crashfuse.reporting.notebook import campaign_html
-
-        return campaign_html(self)
+        return views.campaign_html(self)
 
     @cached_property
     def fingerprint(self) -> str:

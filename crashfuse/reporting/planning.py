@@ -8,6 +8,7 @@ from typing import Unpack, cast
 import pandas as pd
 import plotly.graph_objects as go
 
+from crashfuse import views
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -64,9 +65,7 @@ class SpeedSweep:
         OSError
             If the folder cannot be written.
         """
-        from crashfuse.reporting.results import write_sweep
-
-        write_sweep(self, folder, Display.of(self.campaign.units, **display))
+        views.write_sweep(self, folder, Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         first, speeds = self.sweeps[0], self.sweeps[0].speeds_mps
@@ -110,9 +109,7 @@ class NextTests:
         OSError
             If the folder cannot be written.
         """
-        from crashfuse.reporting.results import write_next_tests
-
-        write_next_tests(self, folder, Display.of(self.campaign.units, **display))
+        views.write_next_tests(self, folder, Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         best = self.ranked[0]

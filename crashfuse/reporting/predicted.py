@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
 
+from crashfuse import views
 from crashfuse.approaches.nearness import Neighbour, nearest_sentences, nearest_tests
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
@@ -29,10 +30,6 @@ from crashfuse.study.expected_rating import ExpectedRating, expected_rating
 from crashfuse.study.facts import campaign_facts, condition_facts
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.units import KPH
-
-if TYPE_CHECKING:
-    from crashfuse.reporting.outgoing_pulses import PulseExport
-    from crashfuse.reporting.report.page import ReportForm
 
 _MM = 1e-3
 
@@ -152,8 +149,8 @@ class PredictedPulse:
         self,
         folder: str | Path,
         *,
-        export: "PulseExport | None" = None,
-        report: "ReportForm" = "whole",
+        export: "views.PulseExport | None" = None,
+        report: "views.ReportForm" = "whole",
         **display: Unpack[DisplayOptions],
     ) -> None:
         """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model.
@@ -165,12 +162,9 @@ class PredictedPulse:
         UsageError
             If there is no such form or option, or there are fewer draws than are to be exported.
         """
-        from crashfuse.reporting.outgoing_pulses import PulseExport
-        from crashfuse.reporting.results import write_prediction
-
-        export = PulseExport() if export is None else export
-        require_a(PulseExport, export, "crashfuse.PulseExport()")
-        write_prediction(self, folder, Display.of(self.campaign.units, **display), export, report)
+        export = views.PulseExport() if export is None else export
+        require_a(views.PulseExport, export, "crashfuse.PulseExport()")
+        views.write_prediction(self, folder, Display.of(self.campaign.units, **display), export, report)
 
     def beside(self, other: "PredictedPulse") -> OtherPrediction:
         """Itself in a figure of another one: at the same condition it is named by its settings."""

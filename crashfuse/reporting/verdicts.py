@@ -8,6 +8,7 @@ from typing import Self, Unpack
 import pandas as pd
 import plotly.graph_objects as go
 
+from crashfuse import views
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
@@ -93,12 +94,10 @@ class Verdicts:
         DataError
             If there is no such earlier certification, or it is of another vehicle.
         """
-        from crashfuse.reporting.results import write_certification
-
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")
         shown = Display.of(self.certification.campaign.units, **display)
-        write_certification(self.certification, folder, shown, since, notes)
+        views.write_certification(self.certification, folder, shown, since, notes)
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
         """A figure of the page Certify.

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 import pandas as pd
 
+from crashfuse import views
 from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
@@ -45,8 +46,6 @@ if TYPE_CHECKING:
 
     import plotly.graph_objects as go
 
-    from crashfuse.certification.criteria import CriteriaGiven
-    from crashfuse.reporting.plots.display import DisplayOptions
 
 Choice = Literal["even", "random"]
 
@@ -153,28 +152,22 @@ class LearningCurve:
         rows = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
-    def decided(self, criteria: "CriteriaGiven") -> "LearningCurve":
+    def decided(self, criteria: "views.CriteriaGiven") -> "LearningCurve":
         """The same curve with the share of verdicts that each prediction decides, as ``crashfuse learning-curve`` adds.
 
         ``criteria`` are as in :func:`crashfuse.reporting.verdicts.certify`, which raises the same.
         """
-        from crashfuse.certification.criteria import criteria_given
-        from crashfuse.certification.verdict import with_decided
+        return views.with_decided(self, views.criteria_given(criteria))
 
-        return with_decided(self, criteria_given(criteria))
-
-    def plot(self, **display: "Unpack[DisplayOptions]") -> "go.Figure":
+    def plot(self, **display: "Unpack[views.DisplayOptions]") -> "go.Figure":
         """Rating and width of the band over the number of tests, as the page Study shows them.
 
         ``display`` are the options of :class:`crashfuse.reporting.plots.display.DisplayOptions`.
         """
-        from crashfuse.reporting.plots.display import Display
-        from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
+        shown = views.Display.of(self.campaign.units, self.window_ms, **display)
+        return views.over_number_of_tests(self.over(shown.window_ms), shown)
 
-        shown = Display.of(self.campaign.units, self.window_ms, **display)
-        return over_number_of_tests(self.over(shown.window_ms), shown)
-
-    def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[DisplayOptions]") -> None:
+    def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[views.DisplayOptions]") -> None:
         """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``.
 
         Raises
@@ -184,22 +177,15 @@ class LearningCurve:
         UsageError
             If the cost is none.
         """
-        from crashfuse.reporting.plots.display import Display
-        from crashfuse.reporting.results import write_learning_curve
-        from crashfuse.study.one_more_test import Cost
-
-        shown = Display.of(self.campaign.units, **display)
-        write_learning_curve(self, folder, shown, None if cost is None else Cost.of(cost))
+        shown = views.Display.of(self.campaign.units, **display)
+        views.write_learning_curve(self, folder, shown, None if cost is None else views.Cost.of(cost))
 
     def __repr__(self) -> str:
         sizes = self.table["n_tests"].unique()
         return f"<LearningCurve of {self.campaign.name!r}: {self.judged} with {sizes.min()} to {sizes.max()} tests>"
 
     def _repr_html_(self) -> str:
-        from crashfuse.reporting.notebook import card
-        from crashfuse.reporting.result_tables import curve_table
-
-        return card(repr(self)[1:-1], curve_table(self))
+        return views.card(repr(self)[1:-1], views.curve_table(self))
 
 
 def learning_curve(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from crashfuse import views
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
@@ -28,11 +29,6 @@ if TYPE_CHECKING:
 
     import pandas as pd
     import plotly.graph_objects as go
-
-    from crashfuse.campaign_folder.notes import Note
-    from crashfuse.reporting.figures import Further
-    from crashfuse.reporting.plots.display import DisplayOptions
-    from crashfuse.reporting.report import ReportOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,30 +143,22 @@ class Study:
     @property
     def scores(self) -> "pd.DataFrame":
         """Ratings, one row a held-out test, approach and window, as ``scores.csv``."""
-        from crashfuse.reporting.result_tables import scores_table
-
-        return scores_table(self)
+        return views.scores_table(self)
 
     @property
     def pulses(self) -> "pd.DataFrame":
         """Pulses of the tests and their predictions with their bands, as ``pulses.csv``."""
-        from crashfuse.reporting.result_tables import study_pulses
-
-        return study_pulses(self)
+        return views.study_pulses(self)
 
     @property
     def metrics(self) -> "pd.DataFrame":
         """Pulse metrics of the tests and their predictions, as ``metrics.csv``."""
-        from crashfuse.reporting.result_tables import study_metrics
-
-        return study_metrics(self)
+        return views.study_metrics(self)
 
     @property
     def repeat_scores(self) -> "pd.DataFrame":
         """What a repeat of each held-out test would rate, one row a test and window, as in ``study.json``."""
-        from crashfuse.reporting.result_tables import repeat_scores
-
-        return repeat_scores(self)
+        return views.repeat_scores(self)
 
     def plot(
         self,
@@ -178,12 +166,12 @@ class Study:
         figure: str = "",
         *,
         approaches: Sequence[str] | None = None,
-        also: "Sequence[Further]" = (),
+        also: "Sequence[views.Further]" = (),
         band: str | None = None,
         measured: bool = True,
         corridors: bool = False,
-        notes: "Sequence[Note]" = (),
-        **display: "Unpack[DisplayOptions]",
+        notes: "Sequence[views.Note]" = (),
+        **display: "Unpack[views.DisplayOptions]",
     ) -> "go.Figure":
         """A figure of the page Compare, of one held-out test, or of the page Study, of all of them.
 
@@ -219,17 +207,19 @@ class Study:
             If the test was not held out; if there is no such figure, approach, test, CAE run, option or unit; or if the
             study was not rated over this window.
         """
-        from crashfuse.reporting.study_figures import figure_of_test, overview
-
         if not held_out:
-            return overview(self, figure or "ratings", approaches, **display)
-        return figure_of_test(
+            return views.overview(self, figure or "ratings", approaches, **display)
+        return views.figure_of_test(
             self, held_out, figure or "motion", approaches,
             also=also, band=band, measured=measured, corridors=corridors, notes=notes, **display,
         )  # fmt: skip
 
     def write(
-        self, folder: str | Path, *, report: "ReportOptions | None" = None, **display: "Unpack[DisplayOptions]"
+        self,
+        folder: str | Path,
+        *,
+        report: "views.ReportOptions | None" = None,
+        **display: "Unpack[views.DisplayOptions]",
     ) -> None:
         """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``.
 
@@ -238,12 +228,8 @@ class Study:
         OSError
             If the folder cannot be written.
         """
-        from crashfuse.reporting.plots.display import Display
-        from crashfuse.reporting.report import ReportOptions
-        from crashfuse.reporting.results import write_study
-
-        shown = Display.of(self.campaign.units, **display)
-        write_study(self, folder, shown, ReportOptions() if report is None else report)
+        shown = views.Display.of(self.campaign.units, **display)
+        views.write_study(self, folder, shown, views.ReportOptions() if report is None else report)
 
     def __repr__(self) -> str:
         window = self.config.windows_ms[-1]
@@ -252,9 +238,7 @@ class Study:
         return f"<Study of {self.campaign.name!r}, {tests} left out: {means} (0–{window:g} ms)>"
 
     def _repr_html_(self) -> str:
-        from crashfuse.reporting.notebook import study_html
-
-        return study_html(self)
+        return views.study_html(self)
 
     def mean_rating(self, approach: str, window_ms: float | None = None) -> float:
         """Overall rating of an approach over one window, by default the longest, averaged over the held-out tests."""

@@ -281,7 +281,7 @@ def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Es
     program = "[(k.get_title(), k.lcid, k.lcint, k.sfa, k.sfo, k.curves.values.tolist()) for k in deck.keywords]"
     ((keyword, number, lcint, sfa, sfo, points),) = asked_of(reader, program, path)
     assert keyword == "*DEFINE_CURVE_TITLE"
-    assert (number, lcint, sfa, sfo) == (77, len(points), 1.0, 1.0)
+    assert (number, lcint, sfa, sfo) == (78, len(points), 1.0, 1.0), "the second of two curves for one model"
     pulse = next(iter(outgoing(estimates[1:], 0, 0)))
     np.testing.assert_allclose(points, curve.points(pulse.accel_mps2), rtol=1e-12, atol=1e-15)
 
