@@ -153,11 +153,11 @@ class _Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory: pytest.TempPathFactory, shared_cache: Path) -> Path:
     """The built site, all notebooks run; warnings (a missing page, a reference to nothing) end the build."""
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
-    env = {**os.environ, "CRASHFUSE_CACHE": str(tmp_path_factory.mktemp("cache"))}
+    env = {**os.environ, "CRASHFUSE_CACHE": str(shared_cache)}
     done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, encoding="utf-8")
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
