@@ -37,13 +37,12 @@ _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
 _MOST_ROWS = {"tests": 20_000, "cae": MOST_ROWS}
 _UNSAFE = re.compile(r'[/\\:*?|<>"]')
-_WILD = re.compile(r'[*?|<>"]')  # Windows keeps these for itself
 _FORMULA = ("=", "+", "-", "@")
 _LONGEST_ID = 180  # bytes of one made of a foreign name
 
 
 def has_table(folder: Path) -> bool:
-    """Whether there is a condition table in a folder, which makes it a campaign's."""
+    """Whether there is a condition table in a folder."""
     return any((folder / name).is_file() for name in TABLES)
 
 
@@ -77,8 +76,8 @@ class ConditionTable:
 def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
     """Read a condition table, converting units by the endings of the column names.
 
-    A CAE run may start at rest, a test may not. A list that is made ``by_hand`` may be as a spreadsheet writes it
-    elsewhere. Raises a DataError with every problem of the table.
+    A CAE run may start at rest, a test may not. A list made ``by_hand`` may have a spreadsheet's decimal commas. Raises
+    a DataError with every problem of the table.
     """
     problems: list[Problem] = []
     table = read_lenient(path, role, problems, by_hand=by_hand)
@@ -88,10 +87,9 @@ def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) 
 
 
 def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bool = False) -> ConditionTable | None:
-    """Read a condition table that may have problems, so that pulses can be checked against what is sound in it.
+    """As :func:`read_conditions`, with every row that has an id of its own, so that pulses can be checked against it.
 
-    As :func:`read_conditions`, but with every row that has an id of its own; NaN stands for a speed or weight that is
-    not there. None if there are no such rows. Problems are appended to ``problems``.
+    NaN stands for a speed or weight that is not there; None if there are no such rows. Problems go to ``problems``.
     """
     frame, where = _read_text(path, role, problems, by_hand=by_hand), path.name
     if frame is None:
@@ -144,7 +142,7 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
 def find_column(
     columns: Sequence[str], quantity: str, units: Mapping[str, float], where: str, problems: list[Problem]
 ) -> tuple[str, float] | None:
-    """Find the one column of a quantity and, from its name's ending, its factor to SI; append a problem otherwise."""
+    """The one column of a quantity and, by its name's ending, its factor to SI; else a problem."""
     wanted = {f"{quantity}_{unit}": factor for unit, factor in units.items()}
     matches = [column for column in columns if column in wanted]
     if len(matches) == 1:
@@ -163,7 +161,7 @@ def numbers_in(
 ) -> FloatArray:
     """Convert cells to float64; a cell that is not a number, or is beyond ``largest``, is a problem and becomes NaN.
 
-    Each such cell is a separate problem, except that consecutive empty cells are reported together.
+    Consecutive empty cells are one problem.
     """
     numbers = _as_numbers(cells)
     bad = np.flatnonzero(~(np.abs(numbers) <= largest))
@@ -176,9 +174,8 @@ def numbers_in(
         expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[bad[start]]) else "a number"
         found, advice = repr(printable(str(wrong.iloc[start]).strip(), 60)), "correct the cell"
         if empty[start]:
-            found, advice = "an empty cell", "fill it in"
-        if stop - start > 1:
-            found, advice = f"rows {row}–{last}, empty", "fill them in"
+            found = f"rows {row}–{last}, empty" if last > row else "an empty cell"
+            advice = "fill it in"
         problems.append(Problem(where, expected, found, advice, column, row))
     _count_more(bad.size - int(stops[-1]), "cells that are no number", where, column, problems)
     numbers[bad] = np.nan
@@ -186,7 +183,7 @@ def numbers_in(
 
 
 def listed(names: Iterable[str]) -> str:
-    """The names of the columns as text, a dozen at most."""
+    """A dozen names at most, as text."""
     texts = [printable(name, 40) for name in names]
     return ", ".join(texts[:12]) + (f" and {len(texts) - 12} more" if len(texts) > 12 else "")
 
@@ -196,11 +193,10 @@ def id_trouble(run_id: str) -> tuple[str, str, str] | None:
     if not run_id:
         return "an id in each row", "an empty cell", "name the row"
     found = repr(printable(run_id, 60))
-    unsafe = ("", "a slash", "") if "/" in run_id else name_trouble(run_id)
-    if unsafe is None and (wild := _WILD.search(run_id)):
-        unsafe = ("", f"the character {wild[0]}", "")
-    if unsafe is not None:
-        return "an id that can name a file", f"{found}, {unsafe[1]}", "rename it"
+    if unsafe := _UNSAFE.search(run_id):
+        return "an id that can name a file", f"{found}, with {unsafe[0]}", "rename it"
+    if trouble := name_trouble(run_id):
+        return "an id that can name a file", f"{found}, {trouble[1]}", "rename it"
     if run_id.startswith(_FORMULA):
         return "an id that no spreadsheet takes for a formula", found, "let it begin with a letter or a digit"
     return None
@@ -224,7 +220,6 @@ def safe_id(name: str) -> str:
 
 
 def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
-    """All cells as text, indexed by their row in the file; None, and a problem, if it is not such a table."""
     if not path.exists():
         problems.append(Problem(path.name, "this file", "no such file", "add it"))
         return None
@@ -267,7 +262,6 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]
 
 
 def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> None:
-    """Reject text that cannot be displayed verbatim: control characters, overlong text."""
     expected = f"plain text of at most {_LONGEST_FACTOR} characters"
     for column in cells.columns:
         texts = {column, *cells[column].unique()}
@@ -286,7 +280,6 @@ def _check_low(numbers: FloatArray, smallest: float, cells: pd.Series, where: st
 
 
 def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[RunQuality, ...]:
-    """The quality of each row of a table; empty if no cell says anything."""
     columns = [name for name in QUALITIES if name in frame]
     if not columns or not (frame[columns] != "").to_numpy().any():
         return ()
@@ -295,7 +288,6 @@ def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> t
 
 
 def _shares(cells: pd.Series, where: str, problems: list[Problem]) -> list[float | None]:
-    """The shares in a column, None where a cell is empty; what is no share is a problem."""
     name, least = str(cells.name), -1 if cells.name == "energy_change" else 0
     expected = f"a share from {least} to 1, or an empty cell where it is not recorded"
     shares = [_number(text) if text.strip() else None for text in cells]
@@ -326,14 +318,10 @@ def _append_first(
 
 def _count_more(more: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
     if more > 0:
-        found = f"{more} more {what}" if more > 1 else f"1 more of the {what}"
-        problems.append(Problem(where, "none", found, "correct them too", column))
+        problems.append(Problem(where, "none", f"{more} more {what}", "correct them too", column))
 
 
 def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:
-    if isinstance(cells.dtype, pd.CategoricalDtype):  # strip each distinct text only once
-        of_texts = _are_empty(pd.Series(cells.cat.categories, dtype=cells.cat.categories.dtype))
-        return np.asarray(np.append(of_texts, True)[cells.cat.codes])
     return np.array([pd.isna(cell) or (isinstance(cell, str) and not cell.strip()) for cell in cells], dtype=bool)
 
 

@@ -10,12 +10,10 @@ import shutil
 import tempfile
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -43,22 +41,14 @@ from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import Pulse
 
 WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
-"""One and many of each role, in words."""
+"""Singular and plural of each role."""
 _NAMED = 5  # ids
 _SAME = 1e-5  # relative: a table may keep float32
-_MARKS = (*TABLES, "campaign.toml")  # any of these marks a campaign folder
-_ENDINGS = ("csv", "parquet")
-_STRING = r""" "(?:[^"\\\n]|\\.)*" | '[^'\n]*' """
-_START = re.compile(r"^unused[ \t]*=", re.M)
-_MOST_STARTS = 5  # what looks like one in texts; for each the file is read once more
-_LIST = re.compile(
-    rf"""
-    ^unused[ \t]*=[ \t]*
-    (?: \[ (?: {_STRING} | \#[^\n]*\n | [^]"'\#] )* \] | \{{ (?: {_STRING} | [^}}"'\n] )* \}} )
-    [ \t]* (?: \#[^\n]* )? \r? (?: \n | \Z )
-    """,
-    re.M | re.X,
-)
+_SETTINGS = "campaign.toml"
+_MARKS = (*TABLES, _SETTINGS)  # any of these marks a campaign folder
+_ENDINGS = ("parquet", "csv")
+_START = re.compile(r"unused[ \t]*=")
+_MOST_STARTS, _MOST_LINES = 5, 1000  # lines that look like the start of the list, and lines of the list
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -74,16 +64,14 @@ class Addition:
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What an addition came to: the ids that are new, and those that were there already, with the same pulse."""
+    """The ids that were added, and those that the campaign had already, with the same pulse."""
 
     role: Role
     ids: tuple[str, ...]
     there: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """Such as ``Added: 2 tests (T12, T13); 3 were there already``."""
-        count = len(self.there)
-        there = f"; {count} {'was' if count == 1 else 'were'} there already" if count else ""
+        there = f"; there already: {len(self.there)}" if self.there else ""
         return f"Added: {counted(len(self.ids), self.role)} ({_named(self.ids)}){there}"
 
 
@@ -97,14 +85,13 @@ def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) 
 
     Rows go into the existing table, in its units; pulses go where the others are, by default ``<role>/<id>.csv``;
     ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, with the same id, condition and
-    pulse, stays as it is. The folder may be empty, or not exist yet.
+    pulse, stays as it is.
 
     Raises
     ------
     DataError
-        If an id is already in the campaign with another condition or pulse, or all are there already; if a test is a
-        copy of another; if an id occurs twice in the additions or is not a valid file name; if the campaign's table
-        is invalid, or it is the sample; nothing is changed.
+        If an id is invalid, twice in the additions, or in the campaign with another condition or pulse; if all are
+        there already; if a test is a copy of another; if the campaign is the sample or invalid.
     OSError
         If writing fails; the campaign is unchanged.
     """
@@ -124,15 +111,9 @@ def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) 
 def leave_out(folder: Path, ids: Sequence[str], why: str = "") -> str:
     """Leave tests of a campaign out of use: they stay in the folder, but nothing learns from them or rates them.
 
-    ``unused`` in ``campaign.toml`` lists them, with the reason if one is given. A test whose record is damaged can be
-    left out, too. Returns what was done, a sentence without its full stop.
-
-    Raises
-    ------
-    UsageError
-        If there is no such test, it is left out already, or none would stay in use.
-    DataError
-        If the campaign's files cannot be edited, or it is the sample; nothing is changed.
+    ``unused`` in ``campaign.toml`` lists them, with the reason if one is given. Returns what was done, a sentence
+    without its full stop. Raises a UsageError if there is no such test in use or none would stay in use, a DataError
+    if the files cannot be edited.
     """
     with taking_turns(folder):
         test_ids, unused = _tests(folder)
@@ -145,7 +126,7 @@ def say_why(folder: Path, test_id: str, why: str) -> str:
     """Give a test that is left out of use another reason, or none; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
         test_ids, unused = _tests(folder)
-        _require([test_id], list(unused), "left out of use")
+        _require([test_id], unused, "left out of use")
         return _set_why(folder, test_ids, unused, [test_id], why)
 
 
@@ -153,7 +134,7 @@ def use_again(folder: Path, ids: Sequence[str]) -> str:
     """Use tests again that were left out of use; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
         test_ids, unused = _tests(folder)
-        _require(ids, list(unused), "left out of use")
+        _require(ids, unused, "left out of use")
         return _set_unused(folder, test_ids, _without(unused, ids), f"In use again: {_named(ids)}")
 
 
@@ -163,15 +144,14 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
         test_ids, unused = _tests(folder)
         _require(ids, test_ids, "there")
         _require_one_in_use(test_ids, {*unused, *ids})
-        table, settings = folder / "tests.csv", folder / "campaign.toml"
+        table, settings = folder / "tests.csv", folder / _SETTINGS
         what = f"Taken out: {_named(ids)}"
         with changing(folder, what) as new:
             if {*ids} & {*unused}:
                 _write_unused(settings, _without(unused, ids), new(settings))
             new(table).write_bytes(_without_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
-            for path in (folder / f"tests_pulses.{ending}" for ending in _ENDINGS):
-                if path.is_file():
-                    append_to_table(path, new(path), [], without=ids)
+            for path in _pulse_tables(folder, "tests"):
+                append_to_table(path, new(path), [], without=ids)
             for path in (folder / "tests" / f"{test_id}.{ending}" for test_id in ids for ending in _ENDINGS):
                 if path.is_file():
                     new(path)  # without a content
@@ -184,9 +164,9 @@ def copy_campaign(folder: Path, to: Path) -> None:
     Raises a DataError if there is something in it already, an OSError if that fails; nothing is left behind then.
     """
     settle(folder)
-    pulses = [(f"{role}_pulses.{ending}", f"{role}/*.{ending}") for role in ("tests", "cae") for ending in _ENDINGS]
+    pulses = [name for role in WHAT for end in _ENDINGS for name in (f"{role}_pulses.{end}", f"{role}/*.{end}")]
     with new_folder(to) as home:
-        for path in chain.from_iterable(map(folder.glob, (*FILES, *chain.from_iterable(pulses)))):
+        for path in chain.from_iterable(map(folder.glob, (*FILES, *pulses))):
             if path.is_file():
                 target = home / path.relative_to(folder)
                 target.parent.mkdir(exist_ok=True)
@@ -198,48 +178,45 @@ def _named(ids: Sequence[str]) -> str:
     return (", " if few else " to ").join(printable(run_id, 60) for run_id in (ids if few else (ids[0], ids[-1])))
 
 
+def _pulse_tables(folder: Path, role: Role) -> list[Path]:
+    return [path for ending in _ENDINGS if (path := folder / f"{role}_pulses.{ending}").is_file()]
+
+
 def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
-    tables = {role: _table(folder / f"{role}.csv", role) for role in additions}
+    path = folder / _SETTINGS
+    settings = path.read_bytes().decode(errors="surrogateescape") if path.is_file() else ""
+    tables: dict[str, str] = {}
     new: dict[Role, list[Addition]] = {}
     added = []
     for role, of_role in additions.items():
-        there = tuple(_already_there(folder, role, tables[role], of_role))
+        table = _table(folder, role)
+        there = _already_there(folder, role, table, of_role)
         new[role] = [addition for addition in of_role if addition.id not in there]
         added.append(Added(role, tuple(addition.id for addition in new[role]), there))
-    contents = _contents(folder, tables, new)
-    check = partial(_check_differ, folder) if "tests" in new else lambda: None
+        text, header = _table_to_extend(folder / f"{role}.csv", table, new[role])
+        rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in new[role]]
+        tables[f"{role}.csv"] = text + csv_text(rows)
+        for addition in new[role]:
+            values = {"id": addition.id, "as": role, **addition.provenance}
+            lines = ["[[imported]]", *(f"{key} = {toml_text(value)}" for key, value in values.items())]
+            settings += ("\n" if settings else "") + "\n".join(lines) + "\n"
+    _check_readable({**tables, _SETTINGS: settings})
+
+    def check() -> None:
+        if "tests" in new:
+            _check_differ(folder)
+
     with changing(folder, ". ".join(map(str, added)), check) as new_file:
         for role, of_role in new.items():
             _write_pulses(folder, role, of_role, new_file)
-        for path, text in contents.items():
-            new_file(path).write_bytes(text.encode())
+        for name, text in {_SETTINGS: settings, **tables}.items():
+            new_file(folder / name).write_bytes(text.encode())
     return tuple(added)
 
 
-def _contents(
-    folder: Path, tables: Mapping[Role, ConditionTable | None], additions: Mapping[Role, Sequence[Addition]]
-) -> dict[Path, str]:
-    """What campaign.toml, which records the additions at its end, and the condition tables become, in this order."""
-    path = folder / "campaign.toml"
-    settings = path.read_bytes().decode(errors="surrogateescape") if path.is_file() else ""
-    contents = {}
-    for role, of_role in additions.items():
-        table = folder / f"{role}.csv"
-        text, header = _table_to_extend(table, tables[role], of_role)
-        rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in of_role]
-        contents[table] = text + csv_text(rows)
-        for addition in of_role:
-            values = {"id": addition.id, "as": role, **addition.provenance}
-            lines = [f"{key} = {toml_text(value)}" for key, value in values.items()]
-            settings += ("\n" if settings else "") + "\n".join(["[[imported]]", *lines]) + "\n"
-        _check_readable({table.name: contents[table], path.name: settings}, role)
-    return {path: settings, **contents}
-
-
 def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_file: Callable[[Path], Path]) -> None:
-    tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
-    if tables:
-        append_to_table(tables[0], new_file(tables[0]), [(addition.id, addition.pulse) for addition in additions])
+    for table in _pulse_tables(folder, role)[:1]:
+        append_to_table(table, new_file(table), [(addition.id, addition.pulse) for addition in additions])
         return
     for addition in additions:
         path = folder / role / f"{addition.id}.csv"
@@ -250,39 +227,40 @@ def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_f
         new_file(path).write_bytes(pulse)
 
 
-def _table(path: Path, role: Role) -> ConditionTable | None:
+def _table(folder: Path, role: Role) -> ConditionTable | None:
+    path = folder / f"{role}.csv"
     return read_conditions(path, role) if path.is_file() else None
 
 
 def _already_there(
     folder: Path, role: Role, table: ConditionTable | None, additions: Sequence[Addition]
-) -> Iterator[str]:
+) -> tuple[str, ...]:
     """The ids of additions that the campaign has already; a DataError if one has another condition or pulse there."""
     conditions = {} if table is None else dict(zip(table.ids, table.conditions, strict=True))
-    there = set(map(folded, conditions))
-    again = {addition.id: addition for addition in additions if folded(addition.id) in there}
+    names = set(map(folded, conditions))
+    again = {addition.id: addition for addition in additions if folded(addition.id) in names}
     if not again:
-        return
+        return ()
+    wanted = [run_id for run_id in again if run_id in conditions]
     same = set()
-    for run_id, _, record in PulseFiles(folder, role, None).records(
-        [run_id for run_id in again if run_id in conditions]
-    ):
-        if record is not None and run_id in again:
-            pulse, condition = again[run_id].pulse, again[run_id].condition
-            if (
-                record.time_s.shape == pulse.time_s.shape
-                and np.allclose(record.time_s, pulse.time_s, rtol=_SAME, atol=1e-9)
-                and np.allclose(record.accel_mps2, pulse.accel_mps2, atol=_SAME * float(np.abs(pulse.accel_mps2).max()))
-                and np.allclose(conditions[run_id].vector, condition.vector, rtol=_SAME)
-            ):
-                same.add(run_id)
+    for run_id, _, record in PulseFiles(folder, role, None).records(wanted):
+        if record is not None and run_id in wanted:
+            there, pulse = Pulse(record.time_s, record.accel_mps2), again[run_id].pulse
+            close = np.allclose(conditions[run_id].vector, again[run_id].condition.vector, rtol=_SAME)
+            same |= {run_id} if close and _is_same(there, pulse) else set()
     if other := [run_id for run_id in again if run_id not in same]:
         expected, advice = "an id that is not there yet", "give it another id, or remove the one that is there"
         raise DataError([Problem(f"{role}.csv", expected, repr(i), advice, "id") for i in other[:20]])
     if len(same) == len(additions):
         expected, found = f"a {WHAT[role][0]} that is not there yet", f"{_named([*again])}, there already with the same"
         raise DataError(Problem(f"{role}.csv", expected, f"{found} condition and pulse", "nothing has to be added"))
-    yield from again
+    return tuple(again)
+
+
+def _is_same(one: Pulse, other: Pulse) -> bool:
+    if one.time_s.shape != other.time_s.shape or not np.allclose(one.time_s, other.time_s, rtol=_SAME, atol=1e-9):
+        return False
+    return np.allclose(one.accel_mps2, other.accel_mps2, atol=_SAME * float(np.abs(other.accel_mps2).max()))
 
 
 def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
@@ -304,21 +282,23 @@ def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequen
     return text, header
 
 
-def _check_readable(files: Mapping[str, str], role: Role) -> None:
+def _check_readable(files: Mapping[str, str]) -> None:
     """Raise a DataError if a file could not be read back: the whole campaign could no longer be opened."""
     problems: list[Problem] = []
     with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
         for name, text in files.items():
-            (Path(scratch) / name).write_bytes(text.encode(errors="surrogateescape"))
-        with collecting(problems):
-            read_conditions(Path(scratch) / f"{role}.csv", role)
-        read_settings(Path(scratch), problems, [])
+            (folder / name).write_bytes(text.encode(errors="surrogateescape"))
+        for role in WHAT:
+            with collecting(problems):
+                _table(folder, role)
+        read_settings(folder, problems, [])
     _refuse(problems)
 
 
 def _check_differ(folder: Path) -> None:
     """Raise a DataError if a test in use has become a copy of another: the campaign could no longer be opened."""
-    settings, tests = read_settings(folder, [], []), _table(folder / "tests.csv", "tests")
+    settings, tests = read_settings(folder, [], []), _table(folder, "tests")
     if tests is not None:
         tests = tests.without([place for place, test_id in enumerate(tests.ids) if test_id in settings.unused])
         reader = PulseFiles(folder, "tests", settings.channel_filter_class)
@@ -345,7 +325,7 @@ def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
     return table.ids, settings.unused
 
 
-def _require(ids: Sequence[str], allowed: Sequence[str], what: str) -> None:
+def _require(ids: Sequence[str], allowed: Collection[str], what: str) -> None:
     for test_id in ids:
         if test_id not in allowed:
             names = ", ".join(printable(other, 60) for other in allowed) or "none"
@@ -370,7 +350,7 @@ def _set_why(folder: Path, test_ids: Sequence[str], unused: Mapping[str, str], i
 
 
 def _set_unused(folder: Path, test_ids: Sequence[str], unused: Mapping[str, str], what: str) -> str:
-    path = folder / "campaign.toml"
+    path = folder / _SETTINGS
     with changing(folder, what) as new:
         _write_unused(path, {test_id: unused[test_id] for test_id in test_ids if test_id in unused}, new(path))
     return what
@@ -384,11 +364,8 @@ def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
     wanted = {key: setting for key, setting in tomllib.loads(text).items() if key != "unused"}
     if value:
         wanted["unused"] = value
-    # the first line: before any table, whose setting it would be
-    starts = islice(_START.finditer(text), _MOST_STARTS)
-    lists = (match for start in starts if (match := _LIST.match(text, start.start())))
-    edits = chain([line + text], (line + text[: match.start()] + text[match.end() :] for match in lists))
-    new = next((edit for edit in edits if _values(edit) == wanted), None)  # what looks like it may be in a text
+    # the setting is the first line: before any table, whose setting it would be
+    new = next((line + others for others in _without_list(text) if _values(line + others) == wanted), None)
     if new is None:
         expected, found = "unused = [...] or {...} at the start of a line", "another form"
         raise DataError(Problem(path.name, expected, found, f"set it by hand: unused = {toml_text(value)}"))
@@ -396,7 +373,17 @@ def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
         to.write_bytes(new.encode())
 
 
-def _values(text: str) -> dict[str, Any] | None:
+def _without_list(text: str) -> Iterator[str]:
+    """The text, then without each of what looks like the list: the lines may stand in a text, too."""
+    yield text
+    lines = text.splitlines(keepends=True)
+    for start in islice((at for at, line in enumerate(lines) if _START.match(line)), _MOST_STARTS):
+        ends = range(start + 1, min(len(lines), start + _MOST_LINES) + 1)
+        end = next((end for end in ends if _values("".join(lines[start:end])) is not None), start)
+        yield "".join(lines[:start] + lines[end:])
+
+
+def _values(text: str) -> dict[str, object] | None:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:

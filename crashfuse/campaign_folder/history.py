@@ -1,9 +1,8 @@
 """Changes of a campaign folder: all or nothing, and each kept with what it replaced, so that it can be undone.
 
-``.undo/`` in the folder has a folder for each change, numbered, with a list of its files (SHA-256 before and after) and
-those that it replaced in ``before/``, as hard links where the disk allows: files are replaced, never written in place,
-so keeping the old one costs no time. The list is named ``begun.json`` from before the first file is touched, when all
-that is needed to put everything back is on the disk for good, until after the last, then ``change.json``. Whoever comes
+``.undo/`` has a numbered folder for each change, with a list of its files (SHA-256 before and after) and those that it
+replaced in ``before/``, as hard links where the disk allows: files are replaced, never written in place. The list is
+named ``begun.json`` from before the first file is touched until after the last, then ``change.json``. Whoever comes
 upon a change that has begun and whose process is gone puts its files back; an undo makes of a change one that has
 only begun.
 """
@@ -15,7 +14,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import asdict, dataclass
@@ -50,8 +49,8 @@ class ChangedFile:
 class Change:
     """A change of a campaign folder, by increasing numbers.
 
-    ``what`` is a sentence without its full stop, such as ``Added: 2 tests (T12, T13)``, ``when`` date and time in UTC.
-    ``files`` are in the order in which they were written, in which each step leaves a campaign that can be read.
+    ``what`` is a sentence without its full stop, ``when`` date and time in UTC. ``files`` are in the order of writing:
+    each step leaves a campaign that can be read.
     """
 
     number: int
@@ -61,7 +60,6 @@ class Change:
     author: str = ""
 
     def __str__(self) -> str:
-        """Such as ``“Left out of use: T3” by anna, 2026-11-03 at 10:31 UTC``."""
         by = f" by {self.author}" if self.author else ""
         return f"“{self.what}”{by}, {self.when[:16].replace('T', ' at ')} UTC"
 
@@ -74,7 +72,7 @@ def changes(folder: Path) -> tuple[Change, ...]:
 
 @contextmanager
 def changed_by(author: str) -> Iterator[None]:
-    """Context of the changes of somebody else than the user that this process belongs to."""
+    """Context of changes by somebody else than the user of this process."""
     token = _author.set(author)
     try:
         yield
@@ -86,12 +84,12 @@ def changed_by(author: str) -> Iterator[None]:
 def taking_turns(folder: Path) -> Iterator[None]:
     """Let nobody else change a campaign folder meanwhile, and find it without half a change.
 
-    Raises a DataError if another is changing it for longer than one would wait, an interrupted change cannot be put
-    back, or it is the sample; an OSError if it cannot be written.
+    Raises a DataError if another process changes it for too long, an interrupted change cannot be put back, or it is
+    the sample; an OSError if it cannot be written.
     """
     if is_sample(folder):
-        found, advice = "the sample's own", "save a copy of it first (crashfuse sample DIR), and edit that"
-        raise DataError(Problem(str(folder), "a campaign folder of yours", found, advice))
+        advice = "edit a copy of it (crashfuse sample DIR)"
+        raise DataError(Problem(str(folder), "a campaign folder of yours", "the sample's own", advice))
     with sole_writer(folder, _PATIENCE_S):
         for home in reversed(_entries(folder)):
             if (home / _BEGUN).exists():
@@ -110,9 +108,8 @@ def settle(folder: Path) -> None:
             with taking_turns(folder):
                 pass
         except OSError as error:
-            expected, found = "a campaign whose last change was finished", "one that was interrupted in the middle"
-            advice = "open it where its folder can be written, and the change is put back"
-            raise DataError(Problem(str(folder), expected, found, advice)) from error
+            expected, advice = "a campaign whose last change was finished", "open it where its folder can be written"
+            raise DataError(Problem(str(folder), expected, "an interrupted change", advice)) from error
 
 
 def is_vacant(folder: Path) -> bool:
@@ -126,9 +123,8 @@ def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) 
     """Change files of a campaign folder, all of them or none, while it is one's turn.
 
     Yields a function that takes a file of the folder and returns the path to write its new content to; a file whose new
-    content is not written is removed. They take their places in the order in which they were asked for, the last
-    of which completes the change. ``check`` is called when all are in their places; if it raises, everything is put
-    back.
+    content is not written is removed. Files are replaced in the order in which they were asked for. ``check`` is called
+    after that; if it raises, everything is put back.
     """
     home = folder / _HOME / f"{1 + max((int(home.name) for home in _entries(folder)), default=0):06d}"
     names: list[str] = []
@@ -164,23 +160,15 @@ def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) 
 def undo(folder: Path, last: Change | None = None) -> Change:
     """Undo the last change of a campaign folder, which is returned: every file is again what it was, byte for byte.
 
-    Parameters
-    ----------
-    last : Change, optional
-        The one that is meant: if another was made since, nothing is undone.
-
-    Raises
-    ------
-    DataError
-        If there is none, another was made since, or one of its files was changed since; the folder stays as it is.
+    ``last`` is the change that is meant. Raises a DataError if there is no change, another one was made since, or one
+    of its files was changed since; the folder stays as it is.
     """
     with taking_turns(folder):
         change = next(iter(changes(folder)), None)
         if change is None:
-            found, advice = "none that is recorded", "nothing has to be undone"
-            raise DataError(Problem(str(folder), "a change that can be undone", found, advice))
+            raise DataError(Problem(str(folder), "a change that can be undone", "none", "nothing has to be undone"))
         if last is not None and change != last:
-            expected, advice = f"“{last.what}” as the last change", "look at what it did, and undo that first"
+            expected, advice = f"“{last.what}” as the last change", "undo that first"
             raise DataError(Problem(str(folder), expected, f"{change}", advice))
         home = folder / _HOME / f"{change.number:06d}"
         _waiting(folder, home, change)
@@ -193,7 +181,7 @@ def sample_folder() -> Path:
     """The folder of the sample campaign, which is written first if it is not shipped."""
     if (SHIPPED / "tests.csv").is_file():
         return SHIPPED
-    folder = _in_the_cache()
+    folder = default_folder() / "sample"
     if not (folder / "tests.csv").is_file():
         from crashfuse.synthetic import write_sample
 
@@ -206,16 +194,11 @@ def sample_folder() -> Path:
 
 def is_sample(folder: Path) -> bool:
     """True if a folder is the sample's own or lies inside it: it is never changed."""
-    folder = folder.resolve()
-    return bool({folder, *folder.parents} & {SHIPPED.resolve(), _in_the_cache().resolve()})
-
-
-def _in_the_cache() -> Path:
-    return default_folder() / "sample"
+    folder, samples = folder.resolve(), (SHIPPED, default_folder() / "sample")
+    return bool({folder, *folder.parents} & {sample.resolve() for sample in samples})
 
 
 def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
-    """Keep what is going to be replaced or removed, for good, and the list with it."""
     for name in names:
         _require_inside(folder, folder / name)
         if (folder / name).is_file():
@@ -225,8 +208,8 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
     now = datetime.now(UTC).isoformat(timespec="seconds")
     content = json.dumps(asdict(Change(int(home.name), what, now, files, _author.get() or _user())), indent=1).encode()
     if len(content) > _LARGEST or not all(map(_is_sound, files)):
-        expected, found = "files that a list of at most 32 MB can name", "more, or names that no campaign has"
-        raise DataError(Problem(str(folder), expected, found, "change them in several steps, or rename them"))
+        found, advice = "too many, or names that no campaign has", "change them in several steps, or rename them"
+        raise DataError(Problem(str(folder), "files of a campaign", found, advice))
     for path in sorted(home.rglob("*"), reverse=True):  # the inner ones first
         flush(path)
     write_atomically(home / _BEGUN, content)
@@ -235,12 +218,10 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
 
 
 def _put_back(folder: Path, home: Path) -> None:
-    """Put back all files of a change that was begun, and let it go; what was put back before is passed over."""
     change = _read(home / _BEGUN)
     if change is None:
-        where = f"{_HOME}/{home.name}/{_BEGUN}"
-        advice = f"compare the campaign with {_HOME}/{home.name}/{_BEFORE}, then remove {_HOME}/{home.name}"
-        raise DataError(Problem(where, "the list of what an interrupted change touched", "a damaged one", advice))
+        where, expected = f"{_HOME}/{home.name}/{_BEGUN}", "the list of what an interrupted change touched"
+        raise DataError(Problem(where, expected, "a damaged one", _by_hand(home)))
     _move(home / _BEFORE, folder, [*reversed(_waiting(folder, home, change))])
     for file in change.files:
         if "/" in file.name:
@@ -249,7 +230,7 @@ def _put_back(folder: Path, home: Path) -> None:
 
 
 def _move(source: Path, folder: Path, names: Sequence[str]) -> None:
-    """Move files to their places in a campaign folder; those that are not there are removed from it."""
+    """Files that are not in ``source`` are removed from the campaign folder."""
     parents = {folder: None}
     for name in names:
         target = folder / name
@@ -267,10 +248,7 @@ def _move(source: Path, folder: Path, names: Sequence[str]) -> None:
 
 
 def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
-    """The files that are still as a change left them, each of which can be put back; the others are as before.
-
-    Raises a DataError if a file is neither, or what it replaced is gone.
-    """
+    """The files that are still as a change left them; a DataError if a file is neither that nor as before."""
     waiting = []
     for file in change.files:
         kept = home / _BEFORE / file.name
@@ -279,21 +257,21 @@ def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
         if (now := _digest(folder / file.name)) == file.before:
             continue
         waiting.append(file.name)
-        advice = f"put its rows and files right by hand; {_HOME}/{home.name}/{_BEFORE} has what was there before"
-        if (home / _BEGUN).exists():
-            advice = f"that change was interrupted: {advice}; remove {_HOME}/{home.name} then"
         if now != file.after:
-            expected = f"the file as it was after “{change.what}”"
-            found = "none" if now is None else "another content" if file.after else "a file that was removed"
-            raise DataError(Problem(file.name, expected, f"{found}: it was changed since", advice))
+            expected, found = f"the file as it was after “{change.what}”", "one that was changed since"
+            raise DataError(Problem(file.name, expected, found, _by_hand(home)))
         if file.before is not None and (kept.is_symlink() or _digest(kept) != file.before):
             where, found = kept.relative_to(folder).as_posix(), "none, or a damaged one"
-            raise DataError(Problem(where, "the file that was replaced", found, "put it right by hand"))
+            raise DataError(Problem(where, "the file that was replaced", found, _by_hand(home)))
     return waiting
 
 
+def _by_hand(home: Path) -> str:
+    kept = f"{_HOME}/{home.name}"
+    return f"compare the campaign with {kept}/{_BEFORE}, put it right by hand, then remove {kept}"
+
+
 def _entries(folder: Path, names: str = "[0-9]" * 6) -> list[Path]:
-    """The folders of changes that are kept, damaged ones too, the last one last."""
     home = folder / _HOME
     return [] if home.is_symlink() else sorted(path for path in home.glob(names) if path.is_dir())
 
@@ -303,24 +281,20 @@ def _read(path: Path) -> Change | None:
     try:
         if path.parent.is_symlink() or path.is_symlink() or path.stat().st_size > _LARGEST:
             return None
-        values: Mapping[str, object] = json.loads(path.read_text(encoding="utf-8"))
-        number, what, when, listed = (values[key] for key in ("number", "what", "when", "files"))
-        if not isinstance(number, int) or path.parent.name != f"{number:06d}" or not isinstance(listed, list):
+        values = json.loads(path.read_text(encoding="utf-8"))
+        files = tuple(ChangedFile(row["name"], row["before"], row["after"]) for row in values["files"])
+        if not all(map(_is_sound, files)) or len({file.name for file in files}) != len(files):
             return None
-        files = tuple(ChangedFile(*(row[key] for key in ("name", "before", "after"))) for row in listed)
-        if not all(_is_sound(file) for file in files) or len({file.name for file in files}) != len(files):
-            return None
-        author = printable(str(values.get("author", "")), 100)
-        return Change(number, printable(str(what)), printable(str(when), 40), files, author)
+        what, when = printable(str(values["what"])), printable(str(values["when"]), 40)
+        return Change(int(path.parent.name), what, when, files, printable(str(values.get("author", "")), 100))
     except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None
 
 
 def _is_sound(file: ChangedFile) -> bool:
-    for digest in (file.before, file.after):
-        if not (digest is None or (isinstance(digest, str) and len(digest) == 64)):
-            return False
-    return isinstance(file.name, str) and _OF_A_CAMPAIGN.fullmatch(file.name) is not None
+    digests = (digest for digest in (file.before, file.after) if digest is not None)
+    are_digests = all(isinstance(digest, str) and len(digest) == 64 for digest in digests)
+    return are_digests and isinstance(file.name, str) and _OF_A_CAMPAIGN.fullmatch(file.name) is not None
 
 
 def _require_inside(folder: Path, path: Path) -> None:
@@ -338,7 +312,6 @@ def _digest(path: Path) -> str | None:
 
 
 def _link(path: Path, to: Path) -> None:
-    """Keep a file under a second name: a hard link, or a copy where there are none."""
     to.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(path.resolve(), to)
@@ -347,7 +320,7 @@ def _link(path: Path, to: Path) -> None:
 
 
 def _discard(home: Path) -> None:
-    """Let go of what was kept of a change: all of it at once, or at least its list first."""
+    """Remove what was kept of a change: all of it at once, or at least its list first."""
     with suppress(OSError):  # such as one of its files being open on Windows
         home = home.rename(home.with_suffix(".gone"))
     for name in (_BEGUN, _LIST):

@@ -15,21 +15,10 @@ import pyarrow.parquet as pq
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role, folded, read_lenient
+from crashfuse.campaign_folder import plausibility
+from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role, folded, listed, read_lenient
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
 from crashfuse.campaign_folder.history import settle
-from crashfuse.campaign_folder.plausibility import (
-    Gap,
-    check_band,
-    check_ends,
-    check_physics,
-    check_units,
-    confirmed_faults,
-    fault_advice,
-    find_gap,
-    unlike_others,
-    unlike_weights,
-)
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
@@ -59,10 +48,8 @@ FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv")
 AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
 """The files of a campaign folder that do not lie in a folder in it."""
 _ABOUT = re.compile(r"(?i)(readme|licen[cs]e)(\..*)?|.*\.md")
-_NAMED = 5
 _ROLES: tuple[Role, ...] = ("tests", "cae")
 _NOTES = (".md", ".txt")
-_ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
 _ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory
 
 
@@ -96,10 +83,8 @@ def read_folder(folder: str | Path) -> Campaign:
     """:func:`load_campaign` of a folder alone."""
     folder = Path(folder)
     if not folder.is_dir():
-        found, advice = "no such folder", "check the path"
-        if folder.exists():
-            found, advice = "a file", "name the folder that it lies in, or a zip of it"
-        raise DataError(Problem(str(folder), "a campaign folder", found, advice))
+        found = "a file" if folder.exists() else "no such folder"
+        raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, "check the path"))
     settle(folder)
     problems: list[Problem] = []
     warnings: list[str] = []
@@ -109,7 +94,7 @@ def read_folder(folder: str | Path) -> Campaign:
     ends_s: dict[str, float] = {}
     faults: Mapping[str, tuple[SensorFault, ...]] = {}
     unused: tuple[tuple[str, Condition], ...] = ()
-    gap: Gap | None = None
+    gap: plausibility.Gap | None = None
     for role in ("tests", "cae"):
         table = read_lenient(folder / f"{role}.csv", role, problems)
         speeds = {} if table is None else dict(zip(table.ids, table.speeds_mps, strict=True))
@@ -137,10 +122,12 @@ def read_folder(folder: str | Path) -> Campaign:
     if problems:
         raise DataError(shortened(problems))
     is_comparable = gap is None or not gap.hides_tests
-    faults = confirmed_faults(tables, pulses, faults, is_comparable=is_comparable)
-    warnings += _shortened([f"tests.csv, {test}: {fault_advice(test, of_test)}." for test, of_test in faults.items()])
+    faults = plausibility.confirmed_faults(tables, pulses, faults, is_comparable=is_comparable)
+    advices = {test: plausibility.fault_advice(test, of_test) for test, of_test in faults.items()}
+    warnings += _shortened([f"tests.csv, {test}: {advice}." for test, advice in advices.items()])
+    checks = [plausibility.check_units, plausibility.unlike_weights, plausibility.unlike_others]
     # of tests against CAE runs that have a gap nothing can be seen
-    for findings in (check_units, unlike_weights, unlike_others) if is_comparable else (unlike_weights,):
+    for findings in checks if is_comparable else [plausibility.unlike_weights]:
         explained = {warning.partition(":")[0] for warning in warnings}  # by a failed sensor, a wrong speed or unit
         warnings += _shortened([line for line in findings(tables, pulses) if line.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)
@@ -173,44 +160,38 @@ def unread_files(folder: Path) -> str:
         elif path.name not in AT_THE_TOP:
             unread.append(path.name + "/" * path.is_dir())
     unread = [name for name in unread if not left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)]
-    if not unread:
-        return ""
-    more = f" and {len(unread) - _NAMED} more" if len(unread) > _NAMED else ""
-    named = ", ".join(printable(name, 60) for name in unread[:_NAMED])
-    return f"Not read, as no file of a campaign has such a name: {named}{more}."
+    return f"Not read, as no file of a campaign has such a name: {listed(unread)}." if unread else ""
 
 
 def _without_unused(
     table: ConditionTable, ids: Collection[str], problems: list[Problem]
 ) -> tuple[ConditionTable, tuple[tuple[str, Condition], ...]]:
-    where, key = "campaign.toml", "unused"
-    for test_id in ids:
-        if test_id not in table.ids:
-            expected, advice = "ids of tests.csv", "correct or remove the id"
-            problems.append(Problem(where, expected, repr(printable(test_id, 60)), advice, key))
+    where, expected, advice = "campaign.toml", "ids of tests.csv, not all of them", "correct the list"
+    strangers = [repr(printable(test_id, 60)) for test_id in ids if test_id not in table.ids]
+    problems += [Problem(where, expected, stranger, advice, "unused") for stranger in strangers]
     places = [place for place, test_id in enumerate(table.ids) if test_id in ids]
     if len(places) == len(table.ids):
-        found, advice = "all of them left out", "take one out of the list"
-        problems.append(Problem(where, "a test that is in use", found, advice, key))
+        problems.append(Problem(where, expected, "all of them", advice, "unused"))
     return table.without(places), tuple((table.ids[place], table.conditions[place]) for place in places)
 
 
 def _check_pulses(
     role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles, tests: tuple[FloatArray, FloatArray] | None
-) -> Gap | None:
+) -> plausibility.Gap | None:
     """Check every pulse that could be read against its condition, and tests against each other.
 
-    Returns the gap before the barrier of CAE runs, if they have one by the speeds and pulses of ``tests``.
+    Returns the gap of CAE runs before the barrier, if they have one by the speeds and pulses of ``tests``.
     """
     if reader.unread:
         table, accel = table.without(reader.unread), np.delete(accel, reader.unread, axis=0)
     gap = None
     if tests is not None:
-        gap = find_gap(table.speeds_mps, accel, *tests, taken_m=reader.gap_m if reader.through_gap else 0.0)
+        taken_m = reader.gap_m if reader.through_gap else 0.0
+        gap = plausibility.find_gap(table.speeds_mps, accel, *tests, taken_m=taken_m)
         reader.warnings += [gap.warning] if gap else []
-    check_physics(role, table, accel, reader.faults, reader.problems, gap.advice if gap else "")
-    check_ends(role, table, accel, reader.ends_s, reader.faults, reader.problems)
-    check_band(role, accel, reader.warnings)
+    plausibility.check_physics(role, table, accel, reader.faults, reader.problems, gap.advice if gap else "")
+    plausibility.check_ends(role, table, accel, reader.ends_s, reader.faults, reader.problems)
+    plausibility.check_band(role, accel, reader.warnings)
     if role == "tests":
         check_tests_differ(table, accel, reader.ends_s, reader.problems, reader.warnings)
     return gap
@@ -220,23 +201,18 @@ def _check_counts(
     tables: dict[str, ConditionTable], left_out: int, problems: list[Problem], warnings: list[str]
 ) -> None:
     if "tests" in tables and len(tables["tests"].ids) == 1:
-        warnings.append(
-            "Only one test: nothing can be left out, so nothing can be checked; predictions can be made, but how much "
-            "tests differ from each other is assumed."
-        )
+        warnings.append("Only one test: nothing can be checked, and how much tests differ from each other is assumed.")
     if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
-        found = str(len(tables["cae"].ids)) + f", and {left_out} left out for their quality" * (left_out > 0)
+        found = f"{len(tables['cae'].ids)}, and {left_out} left out for their quality"
         problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
 
 
 def _check_factors(tests: ConditionTable, warnings: list[str]) -> None:
-    """Warn of tests without a value for a factor that other tests have."""
     factors_of = {test: dict(condition.factors) for test, condition in zip(tests.ids, tests.conditions, strict=True)}
     for name in dict.fromkeys(name for factors in factors_of.values() for name, value in factors.items() if value):
         lacking = [test for test, factors in factors_of.items() if not factors.get(name)]
         if lacking:
-            named = ", ".join(lacking[:5]) + " …" * (len(lacking) > 5)
-            warnings += [f"tests.csv, {name}: not given for {named}; fill it in, for tests may differ by it."]
+            warnings += [f"tests.csv, {name}: not given for {listed(lacking)}; fill it in, for tests may differ by it."]
 
 
 def _shortened(warnings: list[str], most: int = 5) -> list[str]:
@@ -248,14 +224,9 @@ def _shortened(warnings: list[str], most: int = 5) -> list[str]:
 def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
     """Lay uploads out as a campaign folder in another one, which the caller must delete; its numbers are not checked.
 
-    Uploads are either one zip of a campaign folder, or the files of one. A pulse file beside the tables belongs to the
-    table that has its id; if both have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are ignored.
-
-    Raises
-    ------
-    DataError
-        If anything in the uploads is not part of a campaign or exceeds the limits; nothing is left in ``into``. In the
-        first case, it also has what is wrong with the others.
+    Uploads are one zip of a campaign folder, or its files. A pulse file beside the tables belongs to the table that has
+    its id. Notes (``.md``, ``.txt``) are ignored. Raises a DataError if anything is not part of a campaign or exceeds
+    the limits; nothing is left in ``into`` then.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
@@ -283,14 +254,12 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
 
 
 def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[Member], str]:
-    expected = "one zip of a campaign folder, or its files"
-    if not uploads:
-        raise DataError(Problem("upload", expected, "nothing", "choose the files"))
     check_uploads(uploads, limits)
-    if not any(name.lower().endswith(".zip") for name, _ in uploads):
+    if uploads and not any(name.lower().endswith(".zip") for name, _ in uploads):
         return [in_memory(*upload) for upload in uploads if not left_by_the_system(upload[0])], "upload"
-    if len(uploads) > 1:
-        raise DataError(Problem("upload", expected, f"a zip among {len(uploads)} files", "zip all of it together"))
+    if len(uploads) != 1:
+        expected, found = "one zip of a campaign folder, or its files", f"{len(uploads)} files, with a zip or none"
+        raise DataError(Problem("upload", expected, found, "zip all of it together"))
     name, content = uploads[0]
     return members_of_zip(name, content, limits), name
 
@@ -312,48 +281,38 @@ def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
 
 
 def _root(members: Sequence[Member], name: str) -> PurePosixPath:
-    """The folder that holds the campaign: the outermost one with a condition table."""
     homes = [member.path.parent for member in members if member.path.name in TABLES]
     if not homes:
         refuse([trouble for member in members if (trouble := _strange(member))], name)
-        where = printable(members[0].where) if len(members) == 1 else name
-        raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
+        raise DataError(Problem(name, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
     return min(homes, key=lambda home: len(home.parts))
 
 
 def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Problem]) -> dict[Member, PurePosixPath]:
-    """The target of each member in the campaign folder; notes are dropped, pulses beside the tables stay for now."""
+    """The target of each member; pulses beside the tables stay there for now."""
     targets: dict[Member, PurePosixPath] = {}
     for member in members:
         ending = member.path.suffix.lower()
-        if ending in _NOTES:
-            continue
         if trouble := _strange(member):
             problems.append(trouble)
         elif root in member.path.parents and _in_a_campaign(member.path.relative_to(root).with_suffix(ending)):
             targets[member] = member.path.relative_to(root).with_suffix(ending)
-        else:
+        elif ending not in _NOTES:
             expected, advice = "a file of one campaign folder", "put pulses into tests/ or cae/ and leave out the rest"
             problems.append(Problem(member.where, expected, "a file elsewhere", advice))
     times = Counter(folded(str(target)) for target in targets.values())
-    for member, target in [*targets.items()]:
-        if (found_times := times[folded(str(target))]) > 1:
-            expected = "names that differ by more than capitals"
-            problems.append(Problem(member.where, expected, f"{found_times} of this name", "keep one"))
-            del targets[member]
+    for member in [member for member, target in targets.items() if times[folded(str(target))] > 1]:
+        problems.append(Problem(member.where, "names that differ by more than capitals", "two alike", "keep one"))
+        del targets[member]
     return targets
 
 
 def _strange(member: Member) -> Problem | None:
-    """The problem of a file that is neither in a campaign format nor a note, if it is so."""
     ending = member.path.suffix.lower()
-    if ending in _ARCHIVES:
-        return Problem(member.where, "tables", "an archive in the upload", "unpack it first")
     if ending in (*PULSES, *_NOTES, ".toml"):
         return None
-    found = f"a file {printable(ending)}" if ending else "a file without an ending"
     expected = "a file of a campaign (.csv, .parquet, campaign.toml) or of a format to be imported"
-    return Problem(member.where, expected, found, "leave it out")
+    return Problem(member.where, expected, printable(member.path.name), "unpack or leave it out")
 
 
 def _in_a_campaign(path: PurePosixPath) -> bool:
@@ -366,25 +325,18 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
 
 
 def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Problem]) -> None:
-    """Move each pulse beside the tables to the tests or the CAE runs, whichever has its id.
-
-    What is wrong with the tables is told when they are read. A pulse that is of no other role is of one whose table
-    cannot be read.
-    """
+    """Move each pulse beside the tables to the role that has its id, else to the one whose table cannot be read."""
     strays = [folder / path for path in at_the_top if path.name not in AT_THE_TOP]
-    ids: dict[str, set[str]] = {}
-    unread: list[str] = []
-    for role in _ROLES if strays else ():
-        table = read_lenient(folder / f"{role}.csv", role, [])
-        has_pulses = any((folder / f"{role}_pulses{ending}").is_file() for ending in PULSES)
-        ids[role] = set() if table is None or has_pulses else set(table.ids)
-        if table is None and not has_pulses:
-            unread.append(role)
+    without_pulses = [
+        role for role in _ROLES if strays and not any((folder / f"{role}_pulses{end}").is_file() for end in PULSES)
+    ]
+    tables = {role: read_lenient(folder / f"{role}.csv", role, []) for role in without_pulses}
+    unread = [role for role, table in tables.items() if table is None]
     for path in strays:
-        homes = [role for role in _ROLES if path.stem in ids[role]] or unread[:1]
+        homes = [role for role, table in tables.items() if table and path.stem in table.ids] or unread[:1]
         if len(homes) != 1:
-            expected = "a pulse named after an id in tests.csv or in cae.csv"
-            found = "an id of both" if homes else "a name that is no id there, or one whose pulse is in a table"
+            expected = "a pulse named after an id in one of tests.csv and cae.csv whose pulse is in no table"
+            found = "an id of both" if homes else "another name"
             problems.append(Problem(path.name, expected, found, "put it into tests/ or cae/, zipped, or leave it out"))
         elif (home := folder / homes[0] / path.name).exists():
             problems.append(Problem(path.name, "each pulse once", f"one in {homes[0]}/ too", "keep one"))

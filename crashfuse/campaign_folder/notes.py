@@ -1,7 +1,6 @@
 """Notes on tests, and marks in time on their figures: ``notes.csv`` of a campaign folder.
 
-Readers write them; they are shown, drawn and reported as text, and nothing is computed from them: they are no part of a
-campaign's fingerprint.
+They are shown, drawn and reported as text; nothing is computed from them: they are no part of the fingerprint.
 """
 
 from collections.abc import Callable, Sequence
@@ -85,9 +84,9 @@ def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
 def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> None:
     """Change the notes in a campaign folder, which is there, while nobody else does.
 
-    ``change`` takes the notes that are there, whoever wrote them, and returns those that shall be. Raises an OSError if
-    the folder cannot be written, and a DataError if the file that is there, or the one that would be, cannot be read
-    (there are too many notes, say), or it has other columns, which would be lost; nothing is changed then.
+    ``change`` takes the notes that are there and returns those that shall be. Raises an OSError if the folder cannot be
+    written, and a DataError if the old or new file cannot be read, or the old one has other columns, which would be lost;
+    nothing is changed then.
     """
     path = Path(folder, FILE)
     with taking_turns(path.parent):
@@ -104,7 +103,7 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
 
 
 def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
-    """The notes in a file, which has no other columns if they are to be alone in it."""
+    """``alone``: a file with other columns is refused."""
     names, rows, numbers = read_rows(path, FILE)
     if missing := [name for name in COLUMNS if name not in names]:
         raise DataError(Problem(FILE, f"the columns {', '.join(COLUMNS)}", f"none named {missing[0]}", _ADVICE))

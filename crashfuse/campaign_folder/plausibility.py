@@ -4,8 +4,7 @@ A gap lets the vehicle move freely before it decelerates, over one distance in a
 is the time at which a run begins to decelerate, but for a constant: a filter brings an onset forward by up to 4 ms, a
 soft bumper delays it.
 
-Records unlike the others are seen against what the CAE runs at a test's speed do, less what the other tests do against
-theirs: a CAE model that is off by as much in every test accuses none.
+Records are compared with the CAE runs at a test's speed, less what the other tests differ from theirs.
 """
 
 import shlex
@@ -74,21 +73,17 @@ def check_physics(
     moving = speed > CREEP_MPS
     typical = float(np.median(ratio[moving])) if moving.any() else 1.0
     if role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
-        found = f"{typical:.2f} times it"
-        expected = "changes of velocity near the impact speed, for half of the runs at least"
+        found, expected = f"{typical:.2f} times it", "changes of velocity near the impact speed, in most runs"
         problems.append(Problem("cae.csv", expected, found, advice or _likely_cause(typical, *_LIBRARY_STOPS)))
         return
-    for row in np.flatnonzero(np.isnan(speed) & (biggest > CREEP_MPS)):
-        found = f"{signed(biggest[row] / MPH, 1)} mph ({signed(biggest[row] / KPH, 1)} km/h)"
-        turn, place = _likely_cause(-1.0, low, high), f"id {table.ids[row]}"
-        problems.append(Problem(f"{role}.csv", "a pulse that brakes", found, turn, place, table.rows[row]))
-    for row in np.flatnonzero(((ratio < low) | (ratio > high)) & moving):
-        v0, delta_v = speed[row], biggest[row]
-        found = f"a change of {signed(delta_v / MPH, 1)} mph ({signed(delta_v / KPH, 1)} km/h)"
-        expected = f"a change of velocity near the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
-        place, failed = f"id {table.ids[row]}", faults.get(table.ids[row], ())
-        cause = fault_advice(table.ids[row], failed) or advice or _likely_cause(float(ratio[row]), low, high)
-        problems.append(Problem(f"{role}.csv", expected, found, cause, place, table.rows[row]))
+    turned = np.isnan(speed) & (biggest > CREEP_MPS)
+    for row in np.flatnonzero(turned | (((ratio < low) | (ratio > high)) & moving)):
+        test_id, share = table.ids[row], -1.0 if turned[row] else float(ratio[row])
+        found = f"a change of {signed(biggest[row] / MPH, 1)} mph ({signed(biggest[row] / KPH, 1)} km/h)"
+        expected = f"a change of velocity near the impact speed of {_speed_text(speed[row])}"
+        expected = "a pulse that brakes" if turned[row] else expected
+        cause = fault_advice(test_id, faults.get(test_id, ())) or advice or _likely_cause(share, low, high)
+        problems.append(Problem(f"{role}.csv", expected, found, cause, f"id {test_id}", table.rows[row]))
 
 
 def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray]) -> list[str]:
@@ -106,10 +101,14 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
             unit, ending = ("km/h", "_mph") if share < 1 else ("mph", "_kph")
             warnings.append(
                 f"tests.csv, {test_id}: over its impact speed its change of velocity is {share:.2f} times that of CAE "
-                f"runs near {speed / MPH:.1f} mph ({speed / KPH:.1f} km/h); check its speed ({unit} under a name that "
-                f"ends in {ending}?) and the scale and zero of its acceleration."
+                f"runs near {_speed_text(speed)}; check its speed ({unit} under a name that ends in {ending}?) and the "
+                "scale and zero of its acceleration."
             )
     return warnings
+
+
+def _speed_text(speed_mps: float) -> str:
+    return f"{speed_mps / MPH:.1f} mph ({speed_mps / KPH:.1f} km/h)"
 
 
 def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatArray]) -> list[str]:
@@ -145,7 +144,7 @@ def check_ends(
         speed, end = table.conditions[row].speed_mps, ends_s[run_id]
         velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
         if velocity > MOVING * speed:
-            found = f"{velocity / MPH:.1f} mph ({velocity / KPH:.1f} km/h) at its end, {time_text(end)}"
+            found = f"{_speed_text(velocity)} at its end, {time_text(end)}"
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             place, number = f"id {run_id}", table.rows[row]
             advice = fault_advice(run_id, faults.get(run_id, ())) or "export a longer record"
@@ -194,7 +193,7 @@ def _weights(table: ConditionTable) -> FloatArray:
 
 
 def _changes(accel: FloatArray) -> FloatArray:
-    """The largest change of velocity of each pulse, signed, computed in batches: shape (n,)."""
+    """The largest change of velocity of each pulse, signed: shape (n,)."""
     changes = np.empty(len(accel))
     for first in range(0, len(accel), _AT_ONCE):
         velocity = kinematics(accel[first : first + _AT_ONCE], 0.0, DT_S).velocity_mps
@@ -229,7 +228,7 @@ class Gap:
 
     @property
     def warning(self) -> str:
-        """That it is there, and what to do."""
+        """The finding, and what to do."""
         who = "the CAE runs move" if self.share == 1 else f"{100 * self.share:.0f} % of the CAE runs move"
         first, last = (f"{lasts / MS:.1f}" for lasts in self.lasts_s)
         far = f"freely for {first} to {last} ms before they decelerate, over no one distance"
@@ -285,7 +284,6 @@ def _scatter(values: FloatArray) -> float:
 
 
 def _is_through(free_s: FloatArray, lasts_s: FloatArray) -> npt.NDArray[np.bool_]:
-    """Whether runs move freely for as long as a gap lasts."""
     return np.asarray(free_s > np.maximum(lasts_s / 3, lasts_s - _SMEARED_S))
 
 
@@ -304,10 +302,7 @@ def _free_travel(
 
 
 def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray]) -> list[str]:
-    """Warnings of tests whose onset, or mean acceleration over 0 to 100 ms, is unlike that of the other tests.
-
-    Both are by role; pulses are on the study grid in m/s², shape (n, 1250).
-    """
+    """Warnings of tests whose onset, or mean acceleration over 0 to 100 ms, is unlike that of the other tests."""
     speeds, runs = (tables[role].speeds_mps for role in ("tests", "cae"))
     moving, runs_moving = np.flatnonzero(speeds > CREEP_MPS), np.flatnonzero(runs > CREEP_MPS)
     if not runs_moving.size:
@@ -320,20 +315,15 @@ def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Flo
         usual_onsets[i] = np.median(_onsets(pulses["cae"][near], runs[near]))
         usual_means[i] = v0 * np.median(pulses["cae"][near].mean(axis=1, dtype=np.float64) / runs[near])
     by = "by the other tests and the CAE runs near its speed"
-    share = f"{100 * _ONSET:.0f} % of its speed is gone"
-    return [
-        *(
-            f"tests.csv, {ids[i]}: its deceleration begins {abs(off) / MS:.1f} ms {'late' if off > 0 else 'early'}: "
-            f"{share} at {onsets[i] / MS:.1f} ms, expected at {(onsets[i] - off) / MS:.1f} "
-            f"ms {by}; check its time zero, which is first contact."
-            for i, off in _odd(onsets - usual_onsets, _LATE_S)
-        ),
-        *(
-            f"tests.csv, {ids[i]}: its mean acceleration over 0 to 100 ms is {number(means[i] / G, '.1f')} g, expected "
-            f"{number((means[i] - off) / G, '.1f')} g {by}; check the zero of its sensor (off by "
-            f"{signed(off / G, 1)} g?), its time zero, scale and speed."
-            for i, off in _odd(means - usual_means, _OFFSET_MPS2)
-        ),
+    late = [
+        f"tests.csv, {ids[i]}: its deceleration begins {abs(off) / MS:.1f} ms {'late' if off > 0 else 'early'} {by}; "
+        "check its time zero, which is first contact."
+        for i, off in _odd(onsets - usual_onsets, _LATE_S)
+    ]
+    return late + [
+        f"tests.csv, {ids[i]}: its mean acceleration over 0 to 100 ms is {number(means[i] / G, '.1f')} g, expected "
+        f"{number((means[i] - off) / G, '.1f')} g {by}; check the zero of its sensor, its time zero, scale and speed."
+        for i, off in _odd(means - usual_means, _OFFSET_MPS2)
     ]
 
 
@@ -344,9 +334,9 @@ def confirmed_faults(
     *,
     is_comparable: bool = True,
 ) -> dict[str, tuple[SensorFault, ...]]:
-    """The faults of sensors that a record shows alone, and those likely ones that the other tests do not show.
+    """The faults of sensors that a record shows alone, and the likely ones that the other tests do not show.
 
-    What is flat in all tests is the structure. Tests are not comparable if the CAE runs begin before the barrier.
+    Tests are not comparable if the CAE runs begin before the barrier.
     """
     confirmed_of = {}
     for test_id, likely in faults.items():
@@ -371,7 +361,7 @@ def _expected(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatAr
 
 
 def _odd(differences: FloatArray, limit: float) -> list[tuple[int, float]]:
-    """Place and deviation of each test that is further than the limit from what the others are."""
+    """Place and deviation of each test that is further than the limit from the others."""
     odd = []
     for i, difference in enumerate(differences):
         others = np.delete(differences, i)

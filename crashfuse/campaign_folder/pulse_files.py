@@ -7,14 +7,13 @@ Tables are read in batches and their samples go straight into the float32 array 
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.campaign_folder.condition_tables import MOST_PROBLEMS, RowNumbers, find_column, listed, numbers_in
+from crashfuse.campaign_folder.condition_tables import RowNumbers, find_column, listed, numbers_in
 from crashfuse.campaign_folder.plausibility import gap_s
 from crashfuse.errors import DataError, Problem, collecting, printable, shortened
 from crashfuse.files.csv_text import CsvTable, unreadable
@@ -36,12 +35,11 @@ _MOST_SAMPLES = 2_000_000  # a record of 10 s at 200 kHz
 _LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: beyond any sensor or vehicle
 _ENDINGS = (".csv", ".parquet")
 _MOST_RECORDS = 500_000
-_MOST_STRANGERS = 3  # named in the warning
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordedPulse:
-    """The samples of a record as stored in a file, and the file's row of each, shape (n,); the name of its times."""
+    """A record as stored in a file, with the file's row of each sample, shape (n,), and the name of its times."""
 
     time_s: FloatArray
     accel_mps2: FloatArray
@@ -57,7 +55,9 @@ class PulseFiles:
     """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid.
 
     With a channel filter class, whole records are filtered before they are cropped to the grid. With a gap before the
-    barrier, a record begins where its run is through it, by its speed.
+    barrier, a record begins where its run is through it, by its speed. ``ends_s`` has the ends of records that are shorter
+    than the grid, ``faults`` what looks like a fault of a test's sensor, both by id; ``unread`` the rows of ids without a
+    usable pulse; ``through_gap`` counts the records whose gap was taken out.
     """
 
     folder: Path
@@ -68,13 +68,9 @@ class PulseFiles:
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     ends_s: dict[str, float] = field(default_factory=dict)
-    """End times of the records that are shorter than the study grid, by id."""
     unread: list[int] = field(default_factory=list)
-    """Rows of the ids without a pulse that can be used."""
     faults: dict[str, tuple[SensorFault, ...]] = field(default_factory=dict)
-    """What looks like a fault of a test's sensor in its record as stored, by id."""
     through_gap: int = 0
-    """Records whose gap was taken out."""
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str], unused: Sequence[str] = ()) -> npt.NDArray[np.float32]:
@@ -85,17 +81,15 @@ class PulseFiles:
         passed_over = set(map(_composed, unused))
         accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)  # takes memory only where a pulse is written
         row_of = {run_id: row for row, run_id in enumerate(ids)}
-        missing, unread = set(ids), set(row_of.values())
-        strangers, first_strangers = 0, list[str]()
+        missing, unread = dict.fromkeys(ids), set(row_of.values())
+        strangers: list[str] = []
         for run_id, where, record in self.records(ids):
             if _composed(run_id) in passed_over:
                 continue
             if run_id not in row_of:
-                strangers += 1
-                if strangers <= _MOST_STRANGERS:
-                    first_strangers.append(printable(run_id, 60))
+                strangers.append(run_id)
             elif run_id in missing:
-                missing.remove(run_id)
+                del missing[run_id]
                 if record is None:
                     continue
                 record = self._through_gap(record, run_id)
@@ -108,28 +102,21 @@ class PulseFiles:
                     if _ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
         self.unread = sorted(unread)
-        more = f" and {strangers - _MOST_STRANGERS} more" if strangers > _MOST_STRANGERS else ""
-        without_row = f"{', '.join(first_strangers)}{more}"
         if not self._unreadable:
             found, advice = f"none in {self.role}/ or {self.role}_pulses", "add its pulse or remove its row"
-            found += f", but {without_row} without a row" if strangers else ""
-            for run_id in islice((run_id for run_id in ids if run_id in missing), MOST_PROBLEMS):
-                expected = f"a pulse for {printable(run_id, 60)}"
-                self.problems.append(Problem(f"{self.role}.csv", expected, found, advice, "id"))
-            if (more_missing := len(missing) - MOST_PROBLEMS) > 0:
-                found, advice = f"{more_missing} more like these", "correct them too"
-                self.problems.append(Problem(f"{self.role}.csv", "a pulse for each id", found, advice, "id"))
+            found += f", but {listed(strangers)} without a row" if strangers else ""
+            expected = [f"a pulse for {printable(run_id, 60)}" for run_id in missing]
+            self.problems += [Problem(f"{self.role}.csv", text, found, advice, "id") for text in expected]
         if strangers:
             where = f"{self.role}: pulses without a row in {self.role}.csv"
-            self.warnings.append(f"{where} are left out, namely {without_row}.")
+            self.warnings.append(f"{where} are left out, namely {listed(strangers)}.")
         return accel
 
     def check(self) -> None:
-        """Check every record there is, for want of a table that says which belong; problems go to ``problems``."""
-        if self._forms():
-            for run_id, where, record in self.records(None):
-                if record is not None:
-                    self._on_grid(record, _named(run_id, where))
+        """Check every record there is, for want of a table that says which belong."""
+        for run_id, where, record in self.records(None) if self._forms() else ():
+            if record is not None:
+                self._on_grid(record, _named(run_id, where))
 
     def _forms(self) -> list[Path]:
         tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.role}_pulses{ending}").exists()]
@@ -177,7 +164,7 @@ class PulseFiles:
                 yield stem, name, None
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, RecordedPulse | None]]:
-        """Yield one record per run, joining records that were split at a batch boundary."""
+        """Records that were split at a batch boundary are joined."""
         finished: set[str] = set()
         pending_id = ""
         pending: list[RecordedPulse] = []
@@ -218,7 +205,6 @@ class PulseFiles:
         return replace(record, time_s=time_s - lasts_s)
 
     def _on_grid(self, record: RecordedPulse, where: str) -> FloatArray | None:
-        """Resample a record to the study grid; where that is impossible, append a problem and return None."""
         time, accel = record.time_s, record.accel_mps2
         if not np.isfinite(time).all():
             return None  # already reported cell by cell
@@ -236,10 +222,8 @@ class PulseFiles:
                 return None
         early = _ends_early(time)
         if early:
-            self.warnings.append(
-                f"{where}: the record ends at {time_text(time[-1])}; it goes on with no acceleration, which nobody "
-                f"measured: ratings over windows beyond {time_text(time[-1])} mean nothing for it."
-            )
+            found = f"{where}: the record ends at {time_text(time[-1])}; it goes on with no acceleration"
+            self.warnings.append(f"{found}: ratings over windows beyond that mean nothing for it.")
         return np.interp(GRID_S, time, accel, right=0.0 if early else None)
 
 
@@ -259,7 +243,7 @@ def _time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} after {time_text(time[at], 6)}"
-        advice = "sort the rows by time" if steps[at] else "delete the duplicates, or export time with more digits"
+        advice = "sort the rows by time, and delete duplicates"
         return Problem(where, "time that increases from row to row", found, advice, column, int(rows[at + 1]))
     step = float(np.median(steps))
     off = np.abs(steps - step)
@@ -273,7 +257,7 @@ def _time_trouble(record: RecordedPulse, where: str) -> Problem | None:
 
 
 def rate_trouble(step_s: float, lasts_s: float) -> tuple[str, str, str] | None:
-    """What was expected, what was found and what to do, if a record is sampled too slowly."""
+    """Expected, found and advice for a record that is sampled too slowly."""
     if step_s <= SLOWEST_S:
         return None
     if lasts_s > _NO_CRASH_S:
@@ -304,7 +288,7 @@ def _cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
 def _sample_batches(
     path: Path, where: str, problems: list[Problem], *, with_id: bool = False
 ) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
-    """Yield the samples of a CSV or Parquet file in SI units, batch by batch, with the record id of each.
+    """Samples of a CSV or Parquet file in SI units, batch by batch, with the record id of each.
 
     Cells that are not numbers become problems and NaN. Without an id column, all rows belong to one record. A file that
     cannot be read, lacks a column or an id, or is empty raises a DataError.

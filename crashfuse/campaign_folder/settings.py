@@ -45,8 +45,8 @@ class QualitySettings:
 class Settings:
     """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with.
 
-    ``tests_imported_with`` holds the CFC of each imported test by its id, ``unused`` why tests are left out of use by
-    theirs, with no words if nobody says, ``cae_gap_m`` how far CAE runs move before they meet the barrier.
+    ``tests_imported_with`` holds the CFC of imported tests, ``unused`` why tests are left out of use, both by id;
+    ``cae_gap_m`` is how far CAE runs move before they meet the barrier.
     """
 
     name: str
@@ -91,7 +91,7 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
 
 
 def own_filter_class(folder: Path) -> float | None:
-    """The channel filter class that a campaign applies to all its records on reading; None if it has none."""
+    """The channel filter class that a campaign applies to its records on reading; None if it has none."""
     problems: list[Problem] = []
     settings = read_settings(folder, problems, [])
     if problems:
@@ -100,24 +100,21 @@ def own_filter_class(folder: Path) -> float | None:
 
 
 def reason(text: str) -> str:
-    """Why a test is left out of use, in one line; a longer one is cut, and ends with a sign of that."""
-    line = " ".join(text.split())
-    whole = printable(line, LONGEST_REASON)
-    return whole if len(whole) <= LONGEST_REASON else printable(line, LONGEST_REASON - 1)
+    """Why a test is left out of use, in one line, cut if it is too long."""
+    return printable(" ".join(text.split()), LONGEST_REASON - 1)
 
 
 def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> OccupantModel:
     """Pop ``[occupant]`` from the settings of a campaign; append its problems to ``problems``."""
     table = values.pop("occupant", {})
+    expected = f"a table [occupant] with {', '.join(OCCUPANT_RANGES)}"
     if not isinstance(table, dict):
-        expected = f"a table [occupant] with {', '.join(OCCUPANT_RANGES)}"
-        problems.append(Problem(_FILE, expected, "another value", "correct it", "occupant"))
+        _refuse(expected, table, "occupant", problems)
         return USUAL_OCCUPANT
     sound: dict[str, float] = {}
     for name, value in table.items():
         if name not in OCCUPANT_RANGES:
-            expected, found = f"{', '.join(OCCUPANT_RANGES)} in [occupant]", printable(str(name), 60)
-            problems.append(Problem(_FILE, expected, found, "correct or remove it", name))
+            _refuse(expected, name, name, problems, "correct or remove it")
             continue
         low, high = OCCUPANT_RANGES[name]
         advice = likely_m(name, value) if _is_number(value) else ""
@@ -139,7 +136,7 @@ def _quality(values: dict[str, Any], problems: list[Problem]) -> QualitySettings
     table, before = values.pop("cae_quality", {}), len(problems)
     keys = f"limits, {', '.join(QUALITIES)} or leave_out_failing"
     if not isinstance(table, dict):
-        _refuse(f"a table [cae_quality] with {keys}", table, "cae_quality", problems, "correct it")
+        _refuse(f"a table [cae_quality] with {keys}", table, "cae_quality", problems)
         return QualitySettings()
     single: dict[str, float] = {}
     for name in QUALITIES:
@@ -147,8 +144,7 @@ def _quality(values: dict[str, Any], problems: list[Problem]) -> QualitySettings
         if _is_number(limit) and 0 < limit < 1:
             single[name] = float(limit)
         elif name in table:
-            expected = "a share between 0 and 1 (0.05 for 5 %)"
-            _refuse(expected, limit, f"cae_quality.{name}", problems, "correct the limit")
+            _refuse("a share between 0 and 1 (0.05 for 5 %)", limit, f"cae_quality.{name}", problems)
     limits = QualityLimits("limits of this campaign", **single) if single else None
     if "limits" in table:
         name = table["limits"]
@@ -157,10 +153,10 @@ def _quality(values: dict[str, Any], problems: list[Problem]) -> QualitySettings
             problems.append(Problem(_FILE, expected, "both", advice, "cae_quality.limits"))
         limits = NAMED_LIMITS.get(name) if isinstance(name, str) else None
         if limits is None:
-            _refuse(f"one of {', '.join(NAMED_LIMITS)}", name, "cae_quality.limits", problems, "correct it")
+            _refuse(f"one of {', '.join(NAMED_LIMITS)}", name, "cae_quality.limits", problems)
     leave_out = table.get("leave_out_failing", False)
     if not isinstance(leave_out, bool):
-        _refuse("true or false", leave_out, "cae_quality.leave_out_failing", problems, "correct it")
+        _refuse("true or false", leave_out, "cae_quality.leave_out_failing", problems)
     elif leave_out and limits is None and len(problems) == before:
         advice = "say by which limits runs fail"
         problems.append(Problem(_FILE, "limits in [cae_quality]", "none", advice, "cae_quality"))

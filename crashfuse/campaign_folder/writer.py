@@ -88,18 +88,16 @@ def condition_rows(campaign: Campaign, role: str, speed: str, weight: str) -> tu
 
 
 def quality_columns(quality: Sequence[RunQuality]) -> list[str]:
-    """The columns for what the solver says of runs; none for what it says of no run."""
+    """The columns of what the solver says of runs."""
     return [name for name in QUALITIES if any(getattr(run, name) is not None for run in quality)]
 
 
 def table_row(header: Sequence[str], run_id: str, condition: Condition, quality: RunQuality) -> list[object]:
     """The cells of a condition in the columns of a table, empty for factors and quality it does not have."""
-    quantities = zip(
-        ("speed", "front_weight", "rear_weight"), condition.vector.tolist(), (SPEED, MASS, MASS), strict=True
-    )
+    quantities = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
     of_run = {name: value for name in QUALITIES if (value := getattr(quality, name)) is not None}
     cells: dict[str, object] = {"id": run_id, **dict(condition.factors), **of_run}
-    for quantity, value, units in quantities:
+    for (quantity, units), value in zip(quantities.items(), condition.vector.tolist(), strict=True):
         for unit, factor in units.items():
             cells[f"{quantity}_{unit}"] = float(value) if factor == 1.0 else float(f"{value / factor:.12g}")
     return [cells.get(column, "") for column in header]
@@ -112,7 +110,7 @@ def pulse_csv(pulse: Pulse) -> str:
 
 
 def _write_runs(campaign: Campaign, path: Path) -> None:
-    """Write all CAE runs in batches, so that a library of any size needs little extra memory."""
+    """In batches, so that a library of any size needs little extra memory."""
     schema = pa.schema(
         [("id", pa.dictionary(pa.int32(), pa.string())), ("time_s", pa.float64()), ("acceleration_mps2", pa.float32())]
     )
@@ -136,8 +134,7 @@ def check_ids(ids: Sequence[str], where: str) -> None:
 def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:
     """Write ``<role>_pulses.parquet`` or ``.csv`` with more pulses, and without those of some ids, to another path.
 
-    Rows with the ids of added pulses, which no row of the condition table names, are replaced. A DataError says what
-    the table lacks.
+    Rows with the ids of added pulses are replaced. A DataError says what the table lacks.
     """
     left_out = {*without, *(run_id for run_id, _ in pulses)}
     try:
@@ -220,7 +217,6 @@ def campaign_of_frames(
 
 
 def _write(pulses: pd.DataFrame, path: Path) -> None:
-    """Write pulses for the reader of folders, which tells what is wrong with them."""
     try:
         pulses.to_parquet(path, index=False)
     except (pa.ArrowException, TypeError, ValueError) as error:  # texts and numbers in one column, say
@@ -249,7 +245,7 @@ def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:
 
 @contextmanager
 def in_memory() -> Iterator[Path]:
-    """A folder for tables in memory: a problem of its files is told of the arguments, with rows that count from 0."""
+    """A folder for tables in memory: problems of its files name the arguments, with rows that count from 0."""
     with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
         try:
             yield Path(folder)
