@@ -85,8 +85,8 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
     """Change the notes in a campaign folder, which is there, while nobody else does.
 
     ``change`` takes the notes that are there and returns those that shall be. Raises an OSError if the folder cannot be
-    written, and a DataError if the old or new file cannot be read, or the old one has other columns, which would be lost;
-    nothing is changed then.
+    written, and a DataError if the old or new file cannot be read, or the old one has other columns, which would be
+    lost; nothing is changed then.
     """
     path = Path(folder, FILE)
     with taking_turns(path.parent):

@@ -55,9 +55,9 @@ class PulseFiles:
     """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid.
 
     With a channel filter class, whole records are filtered before they are cropped to the grid. With a gap before the
-    barrier, a record begins where its run is through it, by its speed. ``ends_s`` has the ends of records that are shorter
-    than the grid, ``faults`` what looks like a fault of a test's sensor, both by id; ``unread`` the rows of ids without a
-    usable pulse; ``through_gap`` counts the records whose gap was taken out.
+    barrier, a record begins where its run is through it, by its speed. ``ends_s`` has the ends of records that are
+    shorter than the grid, ``faults`` what looks like a fault of a test's sensor, both by id; ``unread`` the rows of ids
+    without a usable pulse; ``through_gap`` counts the records whose gap was taken out.
     """
 
     folder: Path
