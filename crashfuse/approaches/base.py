@@ -69,7 +69,7 @@ def _at(ordered: FloatArray, place: float) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class FittedState:
-    """Result of a fit: plain JSON values, and arrays by name. With the fitted data it gives every prediction again."""
+    """Result of a fit, JSON values and arrays by name: with the fitted data it gives every prediction again."""
 
     values: Mapping[str, Any]
     arrays: Entry
@@ -93,18 +93,14 @@ MOST_TESTS = 30  # that the exact posteriors are fitted to: their cost grows wit
 class Approach(ABC):
     """One way to predict a pulse, with everything that the rest of the program needs to know about it.
 
-    A new approach is a subclass in its own module, listed in :mod:`crashfuse.approaches.registry`. Fitted
-    attributes end in an underscore; hyperparameters are a frozen config. Before :meth:`fit`, all that needs it raises
+    A new approach is a subclass in its own module, listed in :mod:`crashfuse.approaches.registry`. Fitted attributes
+    end in an underscore; hyperparameters are a frozen config. Before :meth:`fit`, all that needs it raises
     NotFittedError; :meth:`prepare` and :meth:`fit` raise Cancelled if the watch was told to stop.
 
     Attributes
     ----------
-    name : str
-        The name in files and calls.
-    label : str
-        The name in figures and tables.
-    in_words : str
-        The name in a sentence, with its article.
+    name, label, in_words : str
+        The name in files and calls, in figures and tables, and in a sentence, with its article.
     description : str
         What it does, as a sentence to follow its label and a colon.
     colour, dark_colour : str
@@ -113,10 +109,8 @@ class Approach(ABC):
         Plotly dash style of its curves; solid is reserved for approaches that learn from tests.
     preference : int
         Among approaches that the tests cannot separate, the lowest number is recommended.
-    learns_from_tests : bool
-        Whether :meth:`fit` uses tests.
-    trains_networks : bool
-        Whether :meth:`prepare` trains networks, so that approaches that need none are ready long before.
+    learns_from_tests, trains_networks : bool
+        Whether :meth:`fit` uses tests, and whether :meth:`prepare` trains networks, which takes long.
     made_of : tuple of Approach classes
         The approaches that it mixes, if any; the first note of a prediction then states the weights.
     """
@@ -140,22 +134,19 @@ class Approach(ABC):
         """Create an unfitted approach from these settings, ignoring any that do not apply to it."""
         return cls()
 
-    def prepare(  # noqa: B027 - there may be nothing
-        self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT
-    ) -> None:
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
         """Compute and cache everything that no test's pulse affects; all fits to these CAE runs share it.
 
         The campaign has the CAE runs and no tests; ``conditions`` are where tests are learned from or predicted.
         """
+        if not self.learns_from_tests:
+            self.fit(campaign, watch)
 
     @abstractmethod
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fit to the whole campaign as given; the caller has already removed held-out tests.
+        """Fit to the whole campaign as given, without held-out tests.
 
-        Raises
-        ------
-        UsageError, DataError
-            If there is not enough to learn from.
+        Raises a UsageError or DataError if there is not enough to learn from.
         """
 
     @abstractmethod
@@ -171,12 +162,12 @@ class Approach(ABC):
         """Predict as :meth:`predict` does, given the predictions of its :attr:`parts` at this condition."""
         return self.predict(condition)
 
-    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:  # noqa: ARG002 - others need it
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Prediction for each test left out (cross-validation), by test id; empty under the paper's preset.
 
         With fewer draws than other predictions.
         """
-        return {}
+        return {} if self.learns_from_tests else {test.id: self.predict(test.condition) for test in campaign.tests}
 
     @abstractmethod
     def learned(self) -> FittedState:
@@ -184,16 +175,12 @@ class Approach(ABC):
 
     @abstractmethod
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
-        """Restore the state that an approach with these hyperparameters learned from this campaign, without a fit.
+        """Restore what an approach with these hyperparameters learned from this campaign.
 
-        Raises
-        ------
-        KeyError, ValueError, RuntimeError
-            If the state is not of this kind.
+        Raises a KeyError, ValueError or RuntimeError if the state is not of this kind.
         """
 
     def _thinned(self, campaign: Campaign) -> Campaign:
-        """The campaign thinned evenly over speed to at most MOST_TESTS; prediction notes say if it was thinned."""
         n = len(campaign.tests)
         self._thinning = (f"Of {n} tests {MOST_TESTS} were learned from, evenly over speed.",) * (n > MOST_TESTS)
         return campaign.evenly_over_speed(MOST_TESTS)
@@ -206,10 +193,7 @@ class Approach(ABC):
     def device(self) -> str:
         """Device it trains on, ``cpu`` or ``cuda``, if that affects the last bits of the result; else empty.
 
-        Raises
-        ------
-        UsageError
-            If the requested device is not available.
+        Raises a UsageError if the requested device is not available.
         """
         return ""
 
@@ -229,6 +213,6 @@ def draw(mean: FloatArray, covariance: FloatArray, n_samples: int, rng: np.rando
 def student_draws(
     mean: FloatArray, covariance: FloatArray, freedom: int, n_samples: int, rng: np.random.Generator
 ) -> FloatArray:
-    """Draw from Student's t distribution with this location, scale matrix and degrees of freedom, (n_samples, m)."""
+    """Draw from Student's t with this location, scale matrix and degrees of freedom, (n_samples, m)."""
     widening = np.sqrt(freedom / rng.chisquare(freedom, size=(n_samples, 1)))
     return np.asarray(mean + widening * draw(np.zeros_like(mean), covariance, n_samples, rng))

@@ -1,6 +1,5 @@
 """The uncorrected CAE pulse, the baseline that every correction has to beat."""
 
-from collections.abc import Sequence
 from typing import Self
 
 from crashfuse.approaches.base import Approach, FittedState, Prediction
@@ -31,29 +30,21 @@ class Cae(Approach):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """Create it with the cache, its only setting."""
+        """Create it with the cache."""
         return cls(cache=settings.cache)
 
-    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
-        """Train the emulator."""
-        self.fit(campaign, watch)
-
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Train the emulator on the campaign's CAE runs; tests are not used."""
+        """Train the emulator."""
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         return self
 
-    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
-        """The CAE pulse at every test, since no test is learned from."""
-        return {test.id: self.predict(test.condition) for test in campaign.tests}
-
     def learned(self) -> FittedState:
-        """An empty state: the emulator is not stored, as it trains in a second."""
+        """An empty state: the emulator trains in a second."""
         self._require("model_")
         return FittedState({}, {})
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:  # noqa: ARG002 - there is nothing in it
-        """Fit again, as :meth:`fit` does."""
+        """Fit again."""
         return self.fit(campaign)
 
     def predict(self, condition: Condition) -> Prediction:

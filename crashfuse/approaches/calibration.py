@@ -44,7 +44,7 @@ class LeftOut:
     def of(cls, pulses_mps2: Mapping[int, FloatArray]) -> "LeftOut":
         """Thin out pulses, given by test number: row 0 is the expected pulse, then draws.
 
-        They are given on every k-th sample of the study grid, shape (1 + m, 1250 / k), where k divides 10.
+        They are on every k-th sample of the study grid, shape (1 + m, 1250 / k), where k divides 10.
         """
         thin = [pulses[: 1 + _DRAWS, :: STRIDE * pulses.shape[1] // N_SAMPLES] for pulses in pulses_mps2.values()]
         return cls(
@@ -54,18 +54,18 @@ class LeftOut:
         )
 
     def widened(self, factors: Mapping[int, float]) -> "LeftOut":
-        """The same with each test's draws moved away from its expected pulse by the factor under its number."""
+        """The same with each test's deviations of draws times the factor under its number."""
         by = np.array([factors[int(number)] for number in self.numbers])[:, None, None]
         mean = self.mean_mps2[:, None]
         return LeftOut(self.numbers, self.mean_mps2, (mean + by * (self.draws_mps2 - mean)).astype(np.float32))
 
     def predictions(self, campaign: Campaign) -> dict[str, Prediction]:
-        """The predictions on the study grid, by test id; the campaign is the one that was learned from."""
+        """The predictions on the study grid, by id, for the campaign that was learned from."""
         rows = zip(self.numbers, self.mean_mps2, self.draws_mps2, strict=True)
         return {test.id: predicted(test, mean, draws) for n, mean, draws in rows for test in [campaign.tests[n]]}
 
     def learned(self) -> FittedState:
-        """These predictions as a state to store."""
+        """The state to store."""
         return FittedState({}, {"numbers": self.numbers, "mean": self.mean_mps2, "draws": self.draws_mps2})
 
     @classmethod
@@ -126,8 +126,7 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
     """Whether values lie inside the central interval of draws, shape (n_draws, ...).
 
-    Where clearly more, or clearly fewer, draws lie beyond a value than beyond the interval's end, their number decides;
-    quantiles, for which draws are sorted, are computed for the few other values alone.
+    Quantiles, for which draws are sorted, are computed only where the number of draws beyond a value does not decide.
     """
     tail = (1 - LEVEL) / 2
     end = int(tail * (len(draws) - 1))  # draws that lie beyond the interval's end for sure
@@ -188,7 +187,7 @@ class Calibration:
         }
 
     def learned(self) -> FittedState:
-        """The factors, and the coverages as an array of shape (n_tests, 5), as a state to store."""
+        """The state to store."""
         inside = np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 5)
         values = {"widening": self.widening, "late_widening": self.late_widening, "far": self.far}
         return FittedState(values, {"inside": inside})
@@ -210,7 +209,7 @@ class Calibration:
 def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[float] = WIDENINGS) -> Calibration:
     """Find the first widening with which a band holds on left-out tests; the last one if none suffices.
 
-    ``check`` takes a factor on every draw's deviation and returns the resulting coverage of each left-out test.
+    ``check`` takes the widening and returns the resulting coverage of each left-out test.
     """
     for widening in widenings:
         calibration = Calibration(widening, tuple(check(widening)))
@@ -241,13 +240,9 @@ def widening_far(measured_mps2: FloatArray, speeds_mps: FloatArray, left_out: Le
 class BandedApproach(Approach):
     """An approach whose band is calibrated on left-out tests.
 
-    Attributes
-    ----------
-    calibration_ : Calibration
-        On tests left out one by one.
-    left_out_, left_out_groups_ : LeftOut
-        The predictions of these tests, and of each test with all at about its speed left out (its prediction in
-        ``left_out_`` where no other is); the latter is empty if all tests are at one speed.
+    ``left_out_`` has the predictions of tests left out one by one, ``left_out_groups_`` those of each test with all at
+    about its speed left out (its prediction in ``left_out_`` where no other is); the latter is empty if all tests are
+    at one speed.
     """
 
     calibration_: Calibration

@@ -52,12 +52,10 @@ _WIDENINGS = (0.6, 0.7, 0.8, 0.9, *WIDENINGS)
 class Fused(AboutFused):
     """A mixture of time domain, displacement domain, pre-trained network and raw CAE.
 
-    The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.mixture.Pool`, so
-    velocity and displacement, which are integrated from the mean, agree with it. Each whole pulse of the band is drawn
-    from one component. The CAE's draws are its pulse plus the error that it had in some test, with either sign.
-
-    It always uses the fast forms of both approaches, as the paper has no fused approach. The cache keeps their fits.
-    ``calibration_`` is that of the band, on tests that all approaches predicted from the others.
+    The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.mixture.Pool`; each whole
+    pulse of the band is drawn from one component. The CAE's draws are its pulse plus the error that it had in some
+    test, with either sign. It always uses the fast forms, as the paper has no fused approach; the cache keeps their
+    fits.
     """
 
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
@@ -67,7 +65,7 @@ class Fused(AboutFused):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """Create an unfitted mixture, the same under every preset."""
+        """Create it, the same under every preset."""
         return cls(seed=settings.seed, device=settings.device, cache=settings.cache)
 
     def _unfitted(self) -> tuple[TimeDomain, DisplacementDomain, Pretrained]:
@@ -84,7 +82,7 @@ class Fused(AboutFused):
         return self._unfitted()[0].device
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:
-        """Prepare both approaches."""
+        """Prepare all parts."""
         for part in self._unfitted():
             part.prepare(campaign, conditions, watch)
 
@@ -120,14 +118,12 @@ class Fused(AboutFused):
         return self
 
     def _begin(self, campaign: Campaign) -> Campaign:
-        """Set up for a campaign that the parts are fitted to; returns it with the tests that they learned from."""
         campaign = self._thinned(campaign)
         self._tests = Tests.of(campaign, self.displacement_domain_.model_)
         self.pool_ = Pool(PRIOR, spread=SPREAD, strength=STRENGTH)
         return campaign
 
     def _alone(self) -> list[HeldOut]:
-        """Components for each test left out alone."""
         singly = [(number,) for number in range(len(self._tests.speeds_mps))]
         return self._tests.held_out([part.left_out_ for part in self._learning], singly)
 

@@ -58,9 +58,8 @@ class Distribution:
 
         The draws' median moves by the mean error of the left-out tests, the half width of their central 80 % is scaled
         by the size of these errors; both are shrunk as if 8 more tests had come out as draws usually do. The half width
-        is no smaller than by what repeats of a test usually differ. The error of a single value is a share of it, as
-        left-out tests show. None if the record ends too early for more than one draw in ten, or a single value has no
-        left-out tests.
+        is no smaller than by what repeats usually differ. The error of a single value is a share of it. None if the
+        record ends too early for more than one draw in ten, or a single value has no left-out tests.
         """
         spread = _spread(values, metric)
         known = np.clip(errors[~np.isnan(errors)], -_WORST, _WORST)
@@ -95,7 +94,7 @@ class Distribution:
         return min(max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0), self.most)
 
     def interval(self, value: float | None = None) -> tuple[float | None, float | None]:
-        """Central 95 % interval; an end is None if it lies beyond the record; so is a lower end of 0 below such a one.
+        """Central 95 % interval; an end beyond the record is None, and so is then a lower end of 0.
 
         It reaches to the ``value`` of the predicted pulse, which left-out tests can have moved it away from.
         """
@@ -116,7 +115,7 @@ def standardised_error(values: FloatArray, measured: float, metric: str = "") ->
 
 
 def metric_errors(left_out: Mapping[str, Prediction], campaign: Campaign) -> Errors:
-    """Standardised errors of all metrics for tests that were left out, in the order of their ids in ``left_out``."""
+    """Standardised errors of all metrics for left-out tests, in the order of their ids in ``left_out``."""
     if not left_out:
         return {name: np.empty(0) for name in METRIC_LABELS}
     tests = [campaign.test(test_id) for test_id in left_out]
@@ -131,7 +130,7 @@ def metric_errors(left_out: Mapping[str, Prediction], campaign: Campaign) -> Err
 
 
 def _drawn_together(predictions: Sequence[Prediction], occupant: OccupantModel) -> list[dict[str, FloatArray]]:
-    """:func:`drawn_metrics` of each prediction, computed for many draws at once, in a third of the time."""
+    """:func:`drawn_metrics` of each prediction, for many draws at once: a third of the time."""
     metrics: list[dict[str, FloatArray]] = []
     while left := predictions[len(metrics) :]:
         ends = np.cumsum([len(_drawn(prediction)) for prediction in left])

@@ -143,7 +143,7 @@ def thinned_out(mixtures: Mapping[int, Component]) -> LeftOut:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scores:
-    """Terms from which the score of any mixture follows, for one left-out test: mean distances of draws."""
+    """Terms of the score of any mixture, for one left-out test: mean distances of draws."""
 
     away: FloatArray  # from the measured pulse, E|X - y|, shape (n_components,)
     apart: FloatArray  # between draws of two components, E|X - X'|, shape (n_components, n_components)

@@ -35,14 +35,14 @@ class Neighbour:
 
 
 def nearest_tests(campaign: Campaign, condition: Condition, n: int = 3) -> tuple[Neighbour, ...]:
-    """The tests nearest to a condition, nearest first: speeds differ by shares of its speed, weights of its mass."""
+    """The tests nearest to a condition: speeds differ by shares of its speed, weights of its mass."""
     conditions = [test.condition for test in campaign.tests]
     order = _order(np.array([c.vector for c in conditions]), condition)[:n]
     return tuple(Neighbour(campaign.tests[i].id, conditions[i]) for i in order)
 
 
 def nearest_run(campaign: Campaign, condition: Condition) -> Neighbour:
-    """The CAE run nearest to a condition, measured as for :func:`nearest_tests`."""
+    """The CAE run nearest to a condition."""
     nearest = _order(campaign.cae.vectors, condition)[0]
     return Neighbour(campaign.cae.ids[nearest], campaign.cae.conditions[nearest])
 

@@ -19,17 +19,9 @@ from scipy.ndimage import gaussian_filter1d
 from torch import Tensor, nn
 from torch.nn import functional
 
+from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import FittedState, Prediction
-from crashfuse.approaches.calibration import (
-    LEAST_CHECKED,
-    STRIDE,
-    BandedApproach,
-    Calibration,
-    HeldOutPredictor,
-    LeftOut,
-    check_band,
-    check_band_far,
-)
+from crashfuse.approaches.calibration import BandedApproach, Calibration, HeldOutPredictor, LeftOut
 from crashfuse.approaches.nearness import nearness
 from crashfuse.approaches.settings import Settings
 from crashfuse.approaches.threads import single_thread
@@ -41,10 +33,10 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray, in_full
 
-N_TIMES = N_SAMPLES // STRIDE
+N_TIMES = N_SAMPLES // bands.STRIDE
 FACTORS = 8  # functions of time along which a test's errors hang together
 
-_DT_S = STRIDE * DT_S
+_DT_S = bands.STRIDE * DT_S
 _STEP = 5  # samples of one step of the sequence
 _STEPS = N_TIMES // _STEP
 _RATE = 15.0  # 1/s: an acceleration of 1 is 15 times the impact speed per second, about a vehicle's mean
@@ -113,8 +105,7 @@ class PretrainedNetwork(nn.Module):
         Parameters
         ----------
         measured_mps2, cae_mps2 : Tensor, shape (n_campaigns, n_pulses, 125)
-            Tests, and the CAE model at their conditions, every tenth sample of the study grid. What is not known is
-            not read.
+            Tests, of which only known ones are read, and the CAE model at their conditions: every tenth sample.
         conditions : Tensor, shape (n_campaigns, n_pulses, 3)
             Impact speed in m/s, front and rear weight in kg.
         known : bool Tensor, shape (n_campaigns, n_pulses)
@@ -147,7 +138,7 @@ class PretrainedNetwork(nn.Module):
         seen: Tensor | None = None,
         memory: Memory = (),
     ) -> tuple[Forecast, Memory]:
-        """Predict pulses from the known ones among them, ``seen`` by each step, and from a memory of others."""
+        """``seen`` are the pulses that each step attends to; ``memory`` is of others."""
         shape, speeds = cae_mps2.shape, conditions[..., :1].clamp(min=_SLOWEST_MPS)
         weights = torch.log(conditions[..., 1:] / mean_kg) / _WEIGHT_SHARE
         at = torch.cat([speeds / _SPEED_MPS, weights], -1)[:, :, None].expand(*shape[:2], _STEPS, 3)
@@ -171,7 +162,7 @@ class PretrainedNetwork(nn.Module):
 
 
 class _Layer(nn.Module):
-    """Attention to what may be seen, then a perceptron for each step, both beside a shortcut."""
+    """Attention, then a perceptron for each step, both beside a shortcut."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -194,13 +185,12 @@ class _Layer(nn.Module):
 
 
 def _steps(accel_mps2: Tensor, cae_mps2: Tensor, speeds_mps: Tensor) -> Tensor:
-    """Motion under a pulse, and its difference from the CAE pulse, by steps."""
     beyond = ((accel_mps2 - cae_mps2) / unit(speeds_mps)).view(*accel_mps2.shape[:2], _STEPS, _STEP)
     return torch.cat([_motion(accel_mps2, speeds_mps), beyond], -1)
 
 
 def _motion(accel_mps2: Tensor, speeds_mps: Tensor) -> Tensor:
-    """Acceleration, velocity and displacement of each sample (Eqs. 11 and 13), and waves of displacement, by steps."""
+    """Acceleration, velocity and displacement (Eqs. 11 and 13), and waves of displacement, by steps."""
     velocity = speeds_mps + _integral(accel_mps2)
     displacement = _integral(velocity)
     scaled = torch.stack([accel_mps2 / unit(speeds_mps), velocity / speeds_mps, displacement / _CRUSH_M], -2)
@@ -218,9 +208,8 @@ def _integral(values: Tensor) -> Tensor:
 class Pretrained(BandedApproach):
     """A transformer that ``benchmarks/pretraining.py`` trained on simulated vehicles of many kinds.
 
-    It reads each test beside the CAE pulse at its condition, and says what a test beside another CAE pulse would show.
-    No weight of it depends on the campaign: to fit is to check the band on left-out tests. The cache keeps the CAE
-    emulator.
+    It reads each test beside the CAE pulse at its condition. No weight of it depends on the campaign: to fit is to
+    check the band on left-out tests. The cache keeps the CAE emulator.
     """
 
     name = "pretrained"
@@ -244,20 +233,20 @@ class Pretrained(BandedApproach):
         if not campaign.tests:
             raise UsageError("The pre-trained network learns from tests; this campaign has none.")
         campaign = self._begin(campaign, watch)
-        if len(campaign.tests) < LEAST_CHECKED:
+        if len(campaign.tests) < bands.LEAST_CHECKED:
             self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             self.calibration_ = Calibration(_UNCHECKED, ())
             return self
-        near = check_band(campaign, self._without, watch)
-        self.calibration_, self.left_out_, self.left_out_groups_ = check_band_far(campaign, *near)
+        near = bands.check_band(campaign, self._without, watch)
+        self.calibration_, self.left_out_, self.left_out_groups_ = bands.check_band_far(campaign, *near)
         return self
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> Campaign:
         campaign = self._thinned(campaign)
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
-        self._measured = np.array([test.pulse.accel_mps2[::STRIDE] for test in campaign.tests])
-        self._cae = np.array([self.model_.pulse(test.condition).accel_mps2[::STRIDE] for test in campaign.tests])
+        self._measured = np.array([test.pulse.accel_mps2[:: bands.STRIDE] for test in campaign.tests])
+        self._cae = np.array([self.model_.pulse(test.condition).accel_mps2[:: bands.STRIDE] for test in campaign.tests])
         self._all_tests = self._read()
         return campaign
 
@@ -271,7 +260,6 @@ class Pretrained(BandedApproach):
             return _network().read(*map(_batch, (self._measured[tests], self._cae[tests], self._vectors[tests])))
 
     def _pulses(self, tests: KnownTests, vector: FloatArray, cae: FloatArray, seed: Sequence[int]) -> FloatArray:
-        """Expected pulse and draws on every tenth sample, at a condition with this CAE pulse."""
         with single_thread(), torch.inference_mode():
             forecast = _network().predict(tests, _batch(cae[None]), _batch(vector[None]))
             tensors = forecast.mean_mps2, forecast.log_deviation.exp(), forecast.factors
@@ -289,12 +277,12 @@ class Pretrained(BandedApproach):
         cae = self.model_.pulse(condition).accel_mps2
         near = nearness(condition.speed_mps, self._vectors[:, 0])
         widening = self.calibration_.widening * self.calibration_.further(near)
-        pulses = self._pulses(self._all_tests, condition.vector, cae[::STRIDE], [self.seed])
-        pulses = in_full(_widened(pulses, widening), STRIDE)
+        pulses = self._pulses(self._all_tests, condition.vector, cae[:: bands.STRIDE], [self.seed])
+        pulses = in_full(_widened(pulses, widening), bands.STRIDE)
         return Prediction(condition, pulses[0], pulses[1:], (*self._thinning, *self.model_.notes(condition)))
 
     def learned(self) -> FittedState:
-        """Fitted state: the check of the band."""
+        """The check of the band."""
         self._require("calibration_")
         return FittedState.of({}, {}, **self._learned_band())
 
@@ -321,7 +309,6 @@ def _widened(pulses: FloatArray, factor: float) -> FloatArray:
 
 @functools.cache
 def _network() -> PretrainedNetwork:
-    """The network with its weights, which have to be those that this code was shipped with."""
     content = _WEIGHTS.read_bytes()
     if hashlib.sha256(content).hexdigest() != _SHA256:
         raise CrashfuseError(f"{_WEIGHTS.name} is not the file that belongs to this version; install crashfuse again.")

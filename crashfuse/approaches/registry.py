@@ -27,7 +27,7 @@ _ALL: tuple[type[Approach], ...] = (
 
 
 def _with_networks() -> tuple[type[Approach], ...]:
-    """The classes behind the abstract bases above, imported when one is created."""
+    """The classes behind the abstract bases above."""
     from crashfuse.approaches.fused import Fused
     from crashfuse.approaches.time_domain.approach import TimeDomain
     from crashfuse.approaches.time_domain.lf_tcn import LfTcn
@@ -36,7 +36,6 @@ def _with_networks() -> tuple[type[Approach], ...]:
 
 
 def _checked(name: str, loaded: object) -> type[Approach]:
-    """An approach of another package, if it has all that is shown of it and takes no name of ours."""
     if not (isinstance(loaded, type) and issubclass(loaded, Approach)):
         raise ValueError("expected a subclass of crashfuse.approaches.base.Approach")
     if getattr(loaded, "name", None) != name:
@@ -72,7 +71,7 @@ BASELINE: str = Cae.name
 
 
 def by_preference(names: Iterable[str]) -> list[str]:
-    """Names, those of approaches first, the preferred one at the head; what is no approach keeps its order."""
+    """Names of approaches by preference, others last in their order."""
     return sorted(names, key=lambda name: CLASSES[name].preference if name in CLASSES else inf)
 
 
@@ -84,13 +83,7 @@ def require_approach(name: str) -> type[Approach]:
 
 
 def create(name: str, settings: Settings) -> Approach:
-    """Create an unfitted approach, one of :data:`APPROACHES`.
-
-    Raises
-    ------
-    UsageError
-        If there is no approach with that name, or another package's cannot be used.
-    """
+    """Create an unfitted approach; a UsageError if there is none of that name, or another package's cannot be used."""
     approach = require_approach(name)
     if isabstract(approach):
         approach = next((network for network in _with_networks() if issubclass(network, approach)), approach)

@@ -50,20 +50,17 @@ def _in_a_new_thread(function: Callable[..., T], *arguments: int) -> T:
 
 
 def quick_threads(n_weights: int) -> AbstractContextManager[None]:
-    """Context in which a single thread computes a network of so few weights that several would wait for each other."""
+    """One thread for a network of so few weights that several would wait for each other."""
     return single_thread() if n_weights < _SMALL else nullcontext()
 
 
 def side_by_side(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
-    """Do the work for all networks in parallel; returns the results in their order.
-
-    A single one is done by the caller's thread. The work itself must not call this function.
-    """
+    """Do the work for all networks in parallel, in their order; it must not call this function."""
     items = list(items)
     return list((_crew().map if len(items) > 1 else map)(work, items))
 
 
 @cache
 def _crew() -> ThreadPoolExecutor:
-    """One thread for each core, once for all: to start them takes as long as their work in a prediction."""
+    """One thread for each core, once for all: to start them takes as long as their work."""
     return ThreadPoolExecutor(os.cpu_count(), initializer=torch.set_num_threads, initargs=(1,))

@@ -8,16 +8,9 @@ from typing import Literal, Self, cast
 
 import numpy as np
 
+from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import FittedState, Prediction
-from crashfuse.approaches.calibration import (
-    CHECK_STRIDE,
-    LEAST_CHECKED,
-    BandedApproach,
-    Calibration,
-    HeldOutPredictor,
-    LeftOut,
-    check_band,
-)
+from crashfuse.approaches.calibration import BandedApproach, Calibration, HeldOutPredictor, LeftOut
 from crashfuse.approaches.displacement_domain.bias import (
     BiasDraws,
     BiasPart,
@@ -26,7 +19,7 @@ from crashfuse.approaches.displacement_domain.bias import (
     CaeStop,
     bijective_projection,
     uniform_points,
-)
+)  # fmt: skip
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
@@ -54,8 +47,8 @@ _CHECK_DRAWS = 200  # for each test used to check the band
 class DisplacementConfig:
     """Hyperparameters of the displacement-domain approach.
 
-    Bias points are as far apart as the vehicle comes at impact speed in ``step_s``, and while it stops this time. A CFC
-    60 pulse contains little finer detail; closer points would repeat each other and count as evidence.
+    Bias points are as far apart as the vehicle comes at impact speed in ``step_s``, and while it stops this time: a CFC
+    60 pulse contains little finer detail, and closer points would count as evidence.
     """
 
     bias: Literal["hierarchical", "table 4"] = "hierarchical"
@@ -114,7 +107,7 @@ class CaeView:
 
 
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
-    """The CAE model's error in a test over displacement: the hierarchical model's input at finer steps."""
+    """The CAE model's error in a test over displacement, as the hierarchical model reads it, at finer steps."""
     condition, speed = test.condition, test.condition.speed_mps
     phase = loading_phase(test.pulse.accel_mps2, speed)
     return uniform_points(condition, phase, model.loading_curve(condition), step_m / speed, HierarchicalBias.end_share)
@@ -123,8 +116,7 @@ def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> Bi
 class DisplacementDomain(BandedApproach):
     """Bias of the CAE model over displacement, learned from the tests and integrated by Eq. 29.
 
-    The seed is that of the draws and the optimiser's starts; the cache keeps the emulator of the CAE model. ``points_``
-    are the bias points of each test.
+    The seed is that of the draws and the optimiser's starts; the cache keeps the emulator of the CAE model.
     """
 
     name = "displacement_domain"
@@ -171,7 +163,6 @@ class DisplacementDomain(BandedApproach):
         return campaign if self.config.bias == "table 4" else self._thinned(campaign)
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
-        """Compare the tests with the CAE model, for fit and restore; returns their rebounds."""
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
         self._paired = float(np.mean([view.paired for view in self._views]))
@@ -185,7 +176,7 @@ class DisplacementDomain(BandedApproach):
         return [] if by_table_4 else [view.unloading(test) for test, view in pairs]
 
     def learned(self) -> FittedState:
-        """Fitted state: hyperparameters of bias and rebound, and the check of the band."""
+        """Hyperparameters of bias and rebound, and the check of the band."""
         self._require("calibration_")
         parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), **self._learned_band()}
         return FittedState.of({"seconds": self._seconds}, {}, **parts)
@@ -208,7 +199,7 @@ class DisplacementDomain(BandedApproach):
         return uniform_points(condition, phase, curve, self.config.step_s, self.bias_.end_share, self._most_points)
 
     def expected_points(self, condition: Condition) -> BiasPoints:
-        """Points at which a test here would show the bias if it crushed like the CAE model; their bias is zero."""
+        """Where a test would show the bias if it crushed like the CAE model; the bias there is zero."""
         self._require("bias_")
         test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
         return self._points(test, LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps)))
@@ -233,7 +224,6 @@ class DisplacementDomain(BandedApproach):
     def _sample(
         self, cae: CaeView, model: HierarchicalBias | Table4Bias, n_draws: int, rng: np.random.Generator
     ) -> BiasDraws:
-        """Mean and draws of the bias at a condition, over displacement and over shares of the impact speed."""
         grid = cae.grid_m[::FINER]
         force = CaeForce.at(grid, partial(cae.curve.accel_at, end_share=model.end_share))
         stop = CaeStop(_SHARES, cae.curve.stopping_accel(_SHARES, model.end_share), cae.curve.phase.crush_m)
@@ -254,7 +244,7 @@ class DisplacementDomain(BandedApproach):
         widening: float,
         stride: int = 1,
     ) -> FloatArray:
-        """Pulses, shape (1 + n_draws, 1250 / stride): the expected one in row 0, then draws."""
+        """Shape (1 + n_draws, 1250 / stride): the expected pulse in row 0, then draws."""
         speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
         wide = bias.widened(widening)
         motion = integrate(
@@ -269,14 +259,13 @@ class DisplacementDomain(BandedApproach):
         return rebound.follow(motion, cae.accel_mps2, curve.phase, speed, rng, widening)
 
     def _calibrate(self, campaign: Campaign, watch: Watch) -> Calibration:
-        if isinstance(self.bias_, Table4Bias) or len(campaign.tests) < LEAST_CHECKED:
+        if isinstance(self.bias_, Table4Bias) or len(campaign.tests) < bands.LEAST_CHECKED:
             self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             return Calibration(1.0, ())
-        calibration, self.left_out_, self.left_out_groups_ = check_band(campaign, self._without, watch)
+        calibration, self.left_out_, self.left_out_groups_ = bands.check_band(campaign, self._without, watch)
         return calibration
 
     def _without(self, number: int, left_out: Sequence[int]) -> HeldOutPredictor:
-        """Prediction of a test from all but these, hyperparameters kept."""
         view, rng = self._views[number], np.random.default_rng([self.seed, number])
         model = cast(HierarchicalBias, self.bias_).without(*left_out)  # Table 4 is not checked
         bias = self._sample(view, model, _CHECK_DRAWS, rng)
@@ -284,12 +273,12 @@ class DisplacementDomain(BandedApproach):
 
         def pulses(widening: float) -> FloatArray:
             again = np.random.default_rng([self.seed, number, 1])
-            return self._simulate(view, bias, rebound, again, widening, CHECK_STRIDE)
+            return self._simulate(view, bias, rebound, again, widening, bands.CHECK_STRIDE)
 
         return pulses
 
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
-        """Split the expected bias at a condition into its parts; empty for Table 4, which has none."""
+        """The expected bias at a condition, split into its parts; empty for Table 4, which has none."""
         self._require("bias_")
         if isinstance(self.bias_, Table4Bias):
             return ()
@@ -298,7 +287,7 @@ class DisplacementDomain(BandedApproach):
 
     @property
     def state(self) -> dict[str, object]:
-        """Fit results: hyperparameters, likelihood, bounds reached, number of points, duration in s."""
+        """Hyperparameters, likelihood, bounds reached, number of points, duration in s."""
         if not hasattr(self, "bias_"):
             return {}
         check = {"band_check": self.calibration_.state} if self.calibration_.tests else {}

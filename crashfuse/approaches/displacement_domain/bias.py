@@ -43,7 +43,7 @@ class CaeForce(NamedTuple):
 
 
 class CaeStop(NamedTuple):
-    """What is added to the CAE vehicle's acceleration while it stops: a hump too, of which tests may show nothing."""
+    """What is added to the CAE vehicle's acceleration while it stops."""
 
     speed_share: FloatArray  # velocity over impact speed, shape (n,)
     accel_mps2: FloatArray  # shape (n,)
@@ -76,7 +76,7 @@ class BiasDraws:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasPart:
-    """A part of the expected bias over displacement, or the sum of all, with its central 95 % interval; shape (n,)."""
+    """A part of the expected bias over displacement, or their sum, with its central 95 % interval; shape (n,)."""
 
     name: str
     mean_mps2: FloatArray
@@ -108,8 +108,8 @@ def uniform_points(
     """Sample the bias from contact to the test's maximum crush: evenly in displacement, while it stops in time.
 
     Points are as far apart as the vehicle comes at impact speed in ``step_s``, or farther, for about ``most`` in all.
-    Below ``end_share`` of its impact speed the vehicle counts as stopping: acceleration changes while displacement
-    hardly grows, so points are even in time there, and the stopping phases of CAE vehicle and test are aligned.
+    Below ``end_share`` of its impact speed points are even in time, as displacement hardly grows, and the stopping
+    phases of CAE vehicle and test are aligned.
     """
     slow_m = test.displacement_at_speed(end_share)
     slow_s, fast_s = float(np.interp(slow_m, test.displacement_m, test.time_s)), slow_m / condition.speed_mps

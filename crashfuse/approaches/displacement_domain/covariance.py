@@ -63,7 +63,7 @@ class Covariance:
         return covariance
 
     def terms(self, logs: FloatArray) -> list[FloatArray]:
-        """Terms of the parts in order, shape (n, m) each."""
+        """Terms of the parts, shape (n, m) each."""
         terms: list[FloatArray] = []
         for where, term in self._linked_terms(logs):
             terms.append(whole := np.zeros(self._shape))
@@ -76,7 +76,6 @@ class Covariance:
 
 
 def _block(part: Part, x: FloatArray, z: FloatArray) -> tuple[tuple[slice, slice], FloatArray, list[list[FloatArray]]]:
-    """Rows and columns between which a part need not be zero, its known factor and squared distances there."""
     rows, columns = _linked(part, x, z), _linked(part, z, x)
     one, two = x[rows], z[columns]
     squares = [[np.subtract.outer(one[:, column], two[:, column]) ** 2 for column, _ in group] for group in part.groups]
@@ -86,8 +85,7 @@ def _block(part: Part, x: FloatArray, z: FloatArray) -> tuple[tuple[slice, slice
 class TrainingCovariance:
     """Covariance of rows, shape (n, n_columns + 1), with themselves, and its derivatives.
 
-    Only where a part is not zero in the lower triangle (rows and columns in ``entries``): a third of the work, as most
-    parts link few rows (those of one test, or near the stop).
+    Only where a part is not zero in the lower triangle (rows and columns in ``entries``): a third of the work.
     """
 
     def __init__(self, parts: Sequence[Part], x: FloatArray) -> None:
@@ -104,7 +102,7 @@ class TrainingCovariance:
     def with_derivatives(
         self, log_hyperparameters: FloatArray
     ) -> tuple[FloatArray, list[tuple[np.ndarray, list[FloatArray]]]]:
-        """Covariance, shape (n, n), its upper triangle zero, and each part's places in it with its derivatives."""
+        """Covariance, its upper triangle zero, and each part's places in it with its derivatives."""
         values, derivatives = np.zeros(len(self.entries[0])), []
         logs = np.split(log_hyperparameters, self._ends[:-1])
         for (where, factor, squares), part_logs in zip(self._parts, logs, strict=True):
@@ -120,10 +118,7 @@ class TrainingCovariance:
 def _term(
     factor: FloatArray, squares: Sequence[Sequence[FloatArray]], logs: FloatArray, *, slopes: bool = False
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """One part's covariance from its known factor and squared distances by group, and column in it.
-
-    With ``slopes`` also its derivatives by the logarithm of each length scale.
-    """
+    """One part's covariance, and with ``slopes`` its derivatives by the logarithm of each length scale."""
     scaled, inverse_squares = np.exp(2 * logs[0]) * factor, iter(np.exp(-2 * logs[1:]))
     shares = [[square * next(inverse_squares) for square in group] for group in squares]
     distances = [np.sqrt(5 * reduce(np.add, group)) for group in shares]

@@ -33,12 +33,8 @@ def integrate(
         G_a(s, x) + δ(s, x) of Eq. 10 at s = 0, step_m, 2 step_m, …; linear in between, constant beyond.
     over_speed_mps2 : ndarray, shape (n_draws, n_shares)
         Added to it, at even steps of v / v0 from 0 to 1.
-    speed_mps : float
-        Impact speed v0.
     common_mps2 : ndarray, shape (n_fine,), optional
-        A function of s from 0 to the end of the grid that is added to every draw's, such as G_a, at steps of its own.
-    dt_s, n_times : float, int
-        Time step and number of times, the first being contact.
+        Added to every draw's: a function of s from 0 to the end of the grid, at steps of its own.
     """
     # In units of the grid and of the time step: the first samples are then the places in the tables, and the scheme is
     # s += v + a / 2, then v += (a + a') / 2. Halves of accelerations are kept; the overhead of each call dominates.
@@ -76,10 +72,7 @@ def integrate(
 
 
 def replay(phase: LoadingPhase) -> FloatArray:
-    """Displacement in m from Eq. 29 for a pulse known over displacement only, at the times of its phase.
-
-    The difference from the pulse's displacement, integrated over time, is the round-trip error.
-    """
+    """Displacement in m from Eq. 29 for a pulse known over displacement only, at the times of its phase."""
     grid = np.linspace(0.0, phase.crush_m, _REPLAY_STEPS + 1)
     n_times = int(np.ceil(phase.end_s / DT_S)) + 1
     speed = float(phase.velocity_mps[0])
@@ -102,7 +95,6 @@ class _Sum:
         self.steps = np.array([[step] for _, step in tables])
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        """Value of each draw, from the places in the first tables, shape (n_tables, n_draws)."""
         n = len(x)
         place = x / self.steps[:n]
         np.maximum(place, 0.0, out=place)

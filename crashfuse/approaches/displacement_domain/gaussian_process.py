@@ -27,12 +27,8 @@ _GAIN_A_POINT = 0.25  # nats: reducing the error by less than a fifth, exp(-0.25
 class GaussianProcess:
     """Regression with a zero-mean sum of parts, following scikit-learn's conventions.
 
-    Parameters
-    ----------
-    noise : LogNormal
-        Prior of the noise's standard deviation, relative to the root mean square of the training output.
-    restarts, seed : int
-        How often a fit that explains nothing is retried from another start, and the seed of those starts.
+    ``noise`` is the prior of its standard deviation, relative to the root mean square of the training output. A fit
+    that explains nothing is retried ``restarts`` times from other starts.
 
     Attributes
     ----------
@@ -88,7 +84,7 @@ class GaussianProcess:
         self._spread = np.array([prior.spread for prior in priors])
 
     def _by_part(self, theta: FloatArray) -> dict[str, FloatArray]:
-        """Split the logarithms of the hyperparameters by the names of the parts; the noise last, without a name."""
+        """The logarithms of the hyperparameters by part; the noise last, without a name."""
         ends = np.cumsum([len(part.priors) for part in self.parts])
         return dict(zip([*(part.name for part in self.parts), ""], np.split(theta, ends), strict=True))
 
@@ -106,15 +102,12 @@ class GaussianProcess:
         self._alpha = cho_solve((self._lower, True), self._y)
 
     def without(self, *tests: int) -> Self:
-        """The same process with the same hyperparameters, as if these tests had not been run."""
+        """The same, hyperparameters kept, as if these tests had not been run."""
         others = ~np.isin(self.x_[:, -1], tests)
         return self._given(self.x_[others], self._y[others])
 
     def also_at(self, x: FloatArray) -> Self:
-        """The same process with the same hyperparameters, as if these rows had been measured with the expected output.
-
-        The mean is unchanged; the variance depends on where was measured alone, not on the values.
-        """
+        """The same, hyperparameters kept, as if these rows had been measured with the expected output."""
         return self._given(np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_))
 
     def _given(self, x: FloatArray, y: FloatArray) -> Self:
@@ -126,8 +119,8 @@ class GaussianProcess:
     def std_given(self, x: FloatArray, further: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Standard deviation of the function now, and after measuring each set of further rows with noise.
 
-        Equals :meth:`also_at` for each set, by the Schur complement of the posterior covariance: many sets
-        cost little more than one. Shapes (m,) and (len(further), m).
+        Equals :meth:`also_at` for each set, by the Schur complement of the posterior covariance: many sets cost little
+        more than one. Shapes (m,) and (len(further), m).
         """
         theta = self.theta_[:-1]
 
@@ -164,7 +157,7 @@ class GaussianProcess:
         return np.array(densities)
 
     def spread(self) -> FloatArray:
-        """Standard deviations of the logarithms of the hyperparameters: Laplace's approximation at their optimum."""
+        """Standard deviations of the hyperparameters' logarithms: Laplace's approximation."""
         step = 1e-4
         _, here = self._loss(self.theta_)
         curvature = [(self._loss(self.theta_ + step * unit)[1] - here) / step for unit in np.eye(here.size)]
@@ -183,7 +176,7 @@ class GaussianProcess:
         return 0.5 * float(away @ away) - value, away / self._spread - gradient
 
     def _is_dead(self, theta: FloatArray) -> bool:
-        """Whether the likelihood is within a nat per hyperparameter of noise alone; less if there are few points."""
+        """Within a nat per hyperparameter of noise alone; less if there are few points."""
         power = float(np.mean(self._y**2))
         noise_alone = -0.5 * self._y.size * (np.log(2 * np.pi * power) + 1) if power else np.inf
         gain = min(theta.size, _GAIN_A_POINT * self._y.size)
@@ -214,7 +207,7 @@ class GaussianProcess:
         return float(value), np.array(gradient)
 
     def predict(self, x: FloatArray) -> FloatArray:
-        """Posterior mean of the function, shape (m,), at m rows; a test number of no training row means a new test."""
+        """Posterior mean, shape (m,), at m rows; a number of no training test means a new test."""
         if not hasattr(self, "theta_"):
             raise NotFittedError("The Gaussian process has not been fitted; call fit(x, y) first.")
         return self._mean(Covariance(self.parts, x, self.x_)(self.theta_[:-1]))
@@ -230,13 +223,13 @@ class GaussianProcess:
         return self._mean(cross), self.output_scale_**2 * (prior - gain.T @ gain)
 
     def prior_of(self, names: Collection[str], x: FloatArray) -> FloatArray:
-        """Prior covariance, shape (m, m), of the sum of the parts with these names, at the fitted hyperparameters."""
+        """Prior covariance, shape (m, m), of the sum of the parts with these names."""
         terms = Covariance(self.parts, x, x).terms(self.theta_[:-1])
         chosen = [term for part, term in zip(self.parts, terms, strict=True) if part.name in names]
         return np.asarray(self.output_scale_**2 * sum(chosen))
 
     def predict_parts(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Posterior mean and standard deviation, shapes (m,), of each part alone; only the means add up."""
+        """Posterior mean and standard deviation, shapes (m,), of each part; only the means add up."""
         cross = Covariance(self.parts, x, self.x_).terms(self.theta_[:-1])
         prior = Covariance(self.parts, x, x).terms(self.theta_[:-1])
         moments = []

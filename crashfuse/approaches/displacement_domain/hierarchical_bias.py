@@ -91,16 +91,8 @@ class HierarchicalBias:
     prediction shrinks to the CAE model. A new test has specific parts too, so its band includes them.
 
     A factor of the tests table (powertrain, say) adds a function of displacement for each of its values, if including
-    it makes the tests more probable when each is predicted from the others.
-
-    Attributes
-    ----------
-    factors_ : tuple of str
-        The factors in use.
-    densities_ : dict of str to float
-        Log density of the tests, each given all others, for every set of factors compared.
-    tests_ : int
-        Number of tests fitted.
+    it makes the tests more probable when each is predicted from the others: ``densities_`` are their log densities for
+    every set of factors compared.
     """
 
     end_share: ClassVar[float] = 0.25
@@ -127,7 +119,7 @@ class HierarchicalBias:
         return self
 
     def learned(self) -> FittedState:
-        """Fitted state: hyperparameters, factors, and the log densities that decided on them."""
+        """Hyperparameters, factors, and the log densities that decided on them."""
         values = {"factors": list(self.factors_), "densities": self.densities_}
         return FittedState.of(values, {}, process=self.process_.learned())
 
@@ -150,7 +142,7 @@ class HierarchicalBias:
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
     def without(self, *numbers: int) -> Self:
-        """The same model, hyperparameters and factors kept, as if the tests with these numbers had not been run."""
+        """The same, hyperparameters and factors kept, as if the tests with these numbers had not been run."""
         other = copy.copy(self)
         other.process_ = self.process_.without(*numbers)
         other.tests_ = self.tests_ - len(numbers)
@@ -169,8 +161,7 @@ class HierarchicalBias:
     ) -> tuple[FloatArray, FloatArray]:
         """Half the width of the 95 % band of new tests' bias in m/s², now and after running each of the further tests.
 
-        At the concatenated n points of the targets: shapes (n,) and (len(further), n). Biases of targets and further
-        tests are ignored.
+        At the concatenated n points of the targets: shapes (n,) and (len(further), n).
         """
         at = np.concatenate([self._rows(target) for target in targets])
         tests = [self._rows(test, self._next_number) for test in further]
@@ -187,7 +178,7 @@ class HierarchicalBias:
         return int(self.process_.x_[:, TEST].max()) + 1
 
     def _rows(self, points: BiasPoints, test: int = -1, *, crushing: bool = True) -> FloatArray:
-        """Rows with columns as numbered at the top of this module: factor values as numbers, the test number last."""
+        """Columns are numbered at the top of this module: factor values as numbers, the test number last."""
         condition, cae, share = points.condition, points.cae, points.speed_share
         n, mass, values = share.size, self.mass_kg_ / condition.mass_kg, dict(condition.factors)
         stopping = mass * np.maximum(1 - share / self.end_share, 0.0)
@@ -207,9 +198,7 @@ class HierarchicalBias:
     ) -> BiasDraws:
         """Mean and draws of a new test's bias, including its specific deviation and stop, without noise.
 
-        The draws follow Student's t, as hyperparameters are estimated from a handful of tests. The CAE model's force is
-        given over displacement, and what it adds while the vehicle stops over velocity: the tests take the same share
-        out of the humps of both.
+        The draws follow Student's t, as hyperparameters are estimated from a handful of tests.
         """
         moving = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)
@@ -234,7 +223,7 @@ class HierarchicalBias:
 
     @property
     def state(self) -> dict[str, object]:
-        """Hyperparameters (standard deviations relative to the bias, lengths in SI) and diagnostics of the fit."""
+        """Hyperparameters (standard deviations relative to the bias, lengths in SI) and diagnostics."""
         process, names = self.process_, []
         for part in process.parts:
             columns = [column for group in part.groups for column, _ in group]

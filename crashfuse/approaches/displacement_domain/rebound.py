@@ -43,14 +43,9 @@ def follow_unloading(
 ) -> FloatArray:
     """Replace the rebound by the CAE pulse's unloading, shifted to the time of zero velocity and scaled to join.
 
-    Parameters
-    ----------
-    accel_mps2 : ndarray, shape (n_draws, n)
-        Pulses on the study grid; one that does not stop the vehicle within it is unchanged.
-    cae : ndarray, shape (n,)
-        The CAE pulse at this condition; beyond its end it keeps its last value.
-    cae_loading : LoadingPhase
-        Of that pulse. If it never stops the vehicle there is no unloading: the acceleration just fades.
+    ``accel_mps2``, shape (n_draws, n), is on the study grid; a pulse that does not stop the vehicle is unchanged.
+    ``cae_loading`` is of the CAE pulse, which keeps its last value beyond its end; if it never stops the vehicle, the
+    acceleration just fades.
     """
     pulses = kinematics(accel_mps2, speed_mps, DT_S)
     return _unloaded(pulses, _SinceStop.of(pulses), cae, cae_loading)
@@ -72,7 +67,7 @@ class _SinceStop(NamedTuple):
 
 
 def _unloaded(pulses: Kinematics, since: _SinceStop, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
-    """As :func:`follow_unloading`, for pulses at any time step."""
+    """As :func:`follow_unloading`, at any time step."""
     whole, at_t0 = pulses.accel_mps2.copy(), _at(pulses.accel_mps2, since.place)
     if np.isnan(cae_loading.t0_s):
         branch, end = np.zeros_like(since.after_s), 0.0
@@ -108,7 +103,7 @@ class Rebound:
         return self
 
     def learned(self) -> FittedState:
-        """Fitted state: the hyperparameters."""
+        """The hyperparameters."""
         return FittedState({}, {}) if self.process_ is None else self.process_.learned()
 
     def restore(self, tests: Sequence[Unloading], learned: FittedState) -> Self:
@@ -133,7 +128,7 @@ class Rebound:
         return np.concatenate(x), np.concatenate(y)
 
     def without(self, *numbers: int) -> Self:
-        """The same model, hyperparameters kept, as if the tests with these numbers had not been run."""
+        """The same, hyperparameters kept, as if the tests with these numbers had not been run."""
         other = copy.copy(self)
         if self.process_ is not None:
             nothing_left = np.isin(self.process_.x_[:, -1], numbers).all()
@@ -149,10 +144,7 @@ class Rebound:
         rng: np.random.Generator,
         widening: float = 1.0,
     ) -> FloatArray:
-        """Apply :func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others.
-
-        The pulses, of 100 ms each, are at any time step.
-        """
+        """Apply :func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others."""
         since = _SinceStop.of(pulses)
         whole = _unloaded(pulses, since, cae_mps2, cae_loading)
         if self.process_ is None:
@@ -174,7 +166,7 @@ class Rebound:
 
 
 def _with(extra: FloatArray, pulses_mps2: FloatArray, since: _SinceStop) -> FloatArray:
-    """Add corrections at the times after zero velocity, one row for each pulse, from zero velocity on."""
+    """Add corrections at the times after zero velocity, one row for each pulse."""
     added = _at(extra, since.after_s / _STEP_S)
     added *= _unit(_at(pulses_mps2, since.place))
     samples = pulses_mps2[:, since.samples]

@@ -34,7 +34,7 @@ _BEYOND = 1.5  # times the test's crush; nothing is known of scatter farther on
 
 
 class _ScatterBias(HierarchicalBias):
-    """The hierarchical bias up to the stop, where a test's deviation may grow with crush, fold after fold."""
+    """Up to the stop, where a test's deviation may grow with crush, fold after fold."""
 
     def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
         rows, y = super()._take(tests)
@@ -65,9 +65,8 @@ class Scatter:
     """The scatter of tests, learned from all tests of a campaign; it draws pulses of repeats of a measured test.
 
     A repeat differs from a test by the difference of their deviations: twice the variance of one. It is drawn over
-    displacement, added to the test's pulse, and integrated (Eq. 29), so the timing of all that follows changes too;
-    stop and rebound are the test's. It also learns from the test that is judged, so it is never part of a prediction.
-    Parameters as :class:`DisplacementDomain`.
+    displacement, added to the test's pulse, and integrated (Eq. 29); stop and rebound are the test's. It also learns
+    from the test that is judged, so it is never part of a prediction.
     """
 
     def __init__(self, config: DisplacementConfig | None = None, *, cache: Cache | None = None) -> None:

@@ -32,11 +32,7 @@ class Table4Bias:
     The bias is in m/s², unscaled as by scikit-learn's default: alpha and the bounds of Table 4 apply to (m/s²)². The
     paper does not state this unit, the Matérn's order or the scaling of the inputs. From most starts the fit ends in an
     optimum that explains no more than noise; the result of the settings is kept, and a note says so (``dead_``).
-
-    Parameters
-    ----------
-    restarts : int
-        Table 4's training repeats: further starts after the one at 2.
+    ``restarts`` are Table 4's training repeats: further starts after the one at 2.
     """
 
     end_share: ClassVar[float] = 0.0  # the paper follows a CAE pulse over displacement to its end
@@ -76,7 +72,7 @@ class Table4Bias:
         return self
 
     def learned(self) -> FittedState:
-        """Fitted state: the kernel's variance and length scales."""
+        """The kernel's variance and length scales."""
         kernel = self.process_.kernel_
         return FittedState({"variance": float(kernel.k1.constant_value)}, {"lengths": np.array(kernel.k2.length_scale)})
 

@@ -31,14 +31,8 @@ _KERNEL_STEP = "Derivatives of the LF networks"
 class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
     """The multi-fidelity (MF) TCN: the LF networks with increments learned from the tests (Eq. 6).
 
-    Attributes
-    ----------
-    network_ : Tcn
-        The LF networks, or the fine-tuned ones if Adam did the fine-tuning.
-    increments_ : Increments
-        Posterior over θ_HF; only, like the band, with fine-tuning in closed form.
-    losses_ : ndarray, shape (n_members, n_steps)
-        Loss on the tests before each step; only after fine-tuning by Adam.
+    ``increments_``, the posterior over θ_HF, and the band are only there with fine-tuning in closed form, ``losses_``
+    on the tests before each step, shape (n_members, n_steps), only after fine-tuning by Adam.
     """
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:
@@ -71,7 +65,6 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         return campaign if self.config.tuning == "gradient" else self._thinned(campaign)
 
     def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
-        """Start from the LF networks; returns the tests' pulses."""
         self.lf_, self._library, self.scaling_, self.network_ = lf, campaign.cae, lf.scaling_, lf.network_
         self._kernel = self._blocks(lf, campaign)
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
@@ -82,7 +75,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         return accel
 
     def learned(self) -> FittedState:
-        """Fitted state: the LF networks and the increments."""
+        """The LF networks and the increments."""
         self._require("network_")
         lf = self.lf_.learned()
         if self.config.tuning == "gradient":
@@ -135,7 +128,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
         return KernelBlocks(lf.network_, self.config, lf.scaling_.inputs, campaign.cae.fingerprint, self.cache)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
-        """How alike increments at the tests' speeds and at others are, shape (n_tests, n)."""
+        """Correlation of increments at the tests' speeds and at others, shape (n_tests, n)."""
         apart = self._vectors[:, None, 0] - vectors[:, 0]
         return np.asarray(np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2))
 

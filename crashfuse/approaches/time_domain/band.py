@@ -88,7 +88,7 @@ class Band:
 
     @classmethod
     def of(cls, tests: Sequence[CrashTest], outputs: FloatArray, scaling: Scaling, seed: int) -> Self:
-        """Create it for networks with this scaling, and tests with their pulses in units of the networks' output."""
+        """Create it from tests with their pulses in units of the networks' output."""
         pairs = zip(tests, outputs, strict=True)
         shares = [Stopping.of(test.condition, scaling).end_share(pulse) for test, pulse in pairs]
         return cls(scaling, seed, np.array(shares))
@@ -116,7 +116,7 @@ class Band:
         return self.drawn(condition, posterior)(further * calibration.widening, further * late)
 
     def drawn(self, condition: Condition, posterior: Posterior) -> Callable[[float, float], FloatArray]:
-        """The pulses as a function of their widenings, before the stop and after it, in which they are linear."""
+        """The pulses as a function of their widenings, before the stop and after it."""
         n_draws, n_times = self.scaling.config.n_draws, posterior.mean.size
         dof = max(len(self.end_shares), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
@@ -132,7 +132,7 @@ class Band:
     def check(
         self, tests: Sequence[CrashTest], left_out: Mapping[int, Posterior], watch: Watch
     ) -> tuple[Calibration, dict[int, FloatArray]]:
-        """Widen the band until it holds on tests, each predicted without it; with the resulting pulses by number."""
+        """Widen the band until it holds on tests, each predicted without it; also the resulting pulses by number."""
         drawn = {number: self.drawn(tests[number].condition, posterior) for number, posterior in left_out.items()}
         pulses: dict[int, FloatArray] = {}
 

@@ -48,24 +48,10 @@ class TcnConfig:
     def paper(cls) -> Self:
         """Table 2 as published, 1000 epochs; one residual block, so one dilation, 1. For a GPU."""
         return cls(
-            channels=600,
-            kernel=20,
-            dilations=(1,),
-            dropout=0.05,
-            stride=1,
-            time_waves=0,
-            travel_waves=0,
-            velocity_waves=0,
-            scale_floor=1.0,
-            batch=32,
-            epochs=1000,
-            min_steps=0,
-            max_runs=0,
-            learning_rate=3e-4,
-            annealing_epochs=100,
-            members=1,
-            tuning="gradient",
-        )
+            channels=600, kernel=20, dilations=(1,), dropout=0.05, stride=1, time_waves=0, travel_waves=0,
+            velocity_waves=0, scale_floor=1.0, batch=32, epochs=1000, min_steps=0, max_runs=0, learning_rate=3e-4,
+            annealing_epochs=100, members=1, tuning="gradient",
+        )  # fmt: skip
 
     @property
     def lf_settings(self) -> dict[str, object]:
@@ -101,7 +87,7 @@ class AboutLfTcn(Approach):
 
 
 class AboutTimeDomain(Approach):
-    """All that is shown of the time domain."""
+    """What is shown of the time domain."""
 
     name = "time_domain"
     label = "Time domain"

@@ -25,7 +25,7 @@ _MOST_POINTS = 200  # most points of a learning curve shown
 
 
 class TcnApproach(Approach):
-    """Common base of the LF TCN and the time domain: hyperparameters, and prediction by a network."""
+    """Common base of the LF TCN and the time domain."""
 
     network_: Tcn
     scaling_: Scaling
@@ -63,17 +63,8 @@ class TcnApproach(Approach):
 class LfTcn(AboutLfTcn, TcnApproach):
     """The LF networks as an approach; the cache keeps them, and checkpoints of an unfinished training.
 
-    Attributes
-    ----------
-    network_ : Tcn
-        All members of the ensemble.
-    losses_ : ndarray, shape (n_members, n_epochs, 2)
-        Training and validation loss after each epoch.
+    ``losses_``, shape (n_members, n_epochs, 2), are those of training and validation after each epoch.
     """
-
-    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
-        """Train the networks."""
-        self.fit(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Train on the CAE runs of the campaign, or load networks from the cache."""
@@ -101,19 +92,14 @@ class LfTcn(AboutLfTcn, TcnApproach):
         return self
 
     def _begin(self, cae: CaeLibrary) -> tuple[FloatArray, FloatArray]:
-        """Set up from the library; returns conditions and pulses of the runs to learn from."""
         most = self.config.max_runs or len(cae)
         rows = slice(None) if len(cae) <= most else np.linspace(0, len(cae) - 1, most).astype(int)
         vectors, accel = cae.vectors[rows], cae.accel_mps2[rows]
         self._library, self.scaling_ = cae, Scaling.of(vectors, accel, self.config)
         return vectors, accel
 
-    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
-        """The prediction at every test, since no test is learned from."""
-        return {test.id: self.predict(test.condition) for test in campaign.tests}
-
     def learned(self) -> FittedState:
-        """Fitted state: weights and learning curves."""
+        """Weights and learning curves."""
         self._require("network_")
         return FittedState({}, {**weights_of(self.network_), "losses": self.losses_})
 
@@ -143,7 +129,7 @@ class LfTcn(AboutLfTcn, TcnApproach):
 
 
 def thinned(curve: FloatArray, columns: Sequence[str]) -> dict[str, list[float]]:
-    """Thin a learning curve, shape (n_epochs, n_columns), to at most 200 epochs, as plain JSON values by column."""
+    """A learning curve, shape (n_epochs, n_columns), of at most 200 epochs, as plain JSON values by column."""
     chosen = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_POINTS)).astype(int))
     values = {name: [float(f"{value:.4g}") for value in curve[chosen, i]] for i, name in enumerate(columns)}
     return {"epoch": (chosen + 1).tolist(), **values}

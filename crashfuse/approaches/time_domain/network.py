@@ -27,10 +27,7 @@ _MOST_RUNS = 2000  # more would not change the typical motion
 
 
 class Tcn(nn.Module):
-    """Ensemble of networks side by side: residual blocks of two causal convolutions each, and a linear output.
-
-    The generator gives the initial weights and the dropout.
-    """
+    """Ensemble of networks: residual blocks of two causal convolutions each, and a linear output."""
 
     def __init__(self, config: TcnConfig, generator: torch.Generator, members: int | None = None) -> None:
         super().__init__()
@@ -49,7 +46,7 @@ class Tcn(nn.Module):
 
     @classmethod
     def joined(cls, networks: "Sequence[Tcn]", config: TcnConfig) -> "Tcn":
-        """Join the members of several networks in one."""
+        """The members of several networks in one."""
         states, whole = [network.state_dict() for network in networks], cls(config, torch.Generator(), 1)
         for name, weight in whole.named_parameters():
             weight.data = torch.cat([state[name] for state in states])
@@ -142,7 +139,7 @@ class CausalConv(nn.Module):
 
 
 class _TapByTap(torch.autograd.Function):
-    """A causal convolution and its derivatives as one product per tap with views, not copies: a quarter quicker."""
+    """One product per tap with views, not copies: a quarter quicker."""
 
     @staticmethod
     def forward(  # torch declares no type for what it keeps in between
@@ -268,5 +265,4 @@ class Scaling:
 
 
 def _waves(x: FloatArray, n: int) -> list[FloatArray]:
-    """Sines and cosines of 1 to n half waves over 0 to 1."""
     return [wave(np.pi * k * x) for k in range(1, n + 1) for wave in (np.sin, np.cos)]

@@ -56,7 +56,7 @@ class Tangent:
             return cls(_by_first_block(network, inputs), _by_last_block(network, inputs))
 
     def part(self, outputs: slice = slice(None), members: slice = slice(None)) -> "Tangent":
-        """Derivatives of some of the outputs, or members."""
+        """Derivatives of a part of the outputs, or members."""
         last = (tuple(Product(*(t[members, outputs] for t in product)) for product in sums) for sums in self.last)
         return Tangent(self.first[members, outputs], tuple(last))
 
@@ -139,7 +139,7 @@ def _by_first_block(network: Tcn, inputs: Tensor) -> Tensor:
 
 
 def _products_of_first_block(network: Tcn, inputs: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """What the first block's derivatives at one condition are sums over lags of: (member, lag, output, ·) each."""
+    """What the derivatives at one condition are sums over lags of: (member, lag, output, ·) each."""
     blocks = cast(list[ResidualBlock], list(network.blocks))
     passed = [_Passed.of(blocks[0], inputs)]
     for block in blocks[1:]:
@@ -157,14 +157,14 @@ def _products_of_first_block(network: Tcn, inputs: Tensor) -> list[tuple[Tensor,
 
 
 def _backwards(block: ResidualBlock, passed: _Passed, back: _Back) -> tuple[_Back, _Back, _Back]:
-    """Derivatives by the sum before a block's last ReLU, and by the outputs of its second and first convolution."""
+    """Derivatives by the sum before the last ReLU, and by the outputs of the second and first convolution."""
     by_sum = back.where(passed.outputs > 0)
     by_second = by_sum.where(passed.second)
     return by_sum, by_second, by_second.through(block.second).where(passed.between > 0)
 
 
 def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], ...]:
-    """Derivatives by the weights of the head, and of the last block unless that is the first."""
+    """By the weights of the head, and of the last block unless that is the first."""
     *before, last = cast(list[ResidualBlock], list(network.blocks))
     hidden = inputs
     for block in before:
@@ -199,33 +199,20 @@ def _seen(convolution: CausalConv, inputs: Tensor) -> Tensor:
 
 
 def _lagged(sequence: Tensor, steps: int) -> Tensor:
-    """The sequence delayed by this many steps; zero before its start."""
+    """Zero before its start."""
     return functional.pad(sequence, (0, 0, 0, 0, steps, 0))[:, : sequence.shape[1]]
 
 
 class KernelBlocks:
     """J(x) J(x')ᵀ of the mean of an ensemble's members, all weights together, times the number of members.
 
-    A block depends on the LF networks and its two conditions alone, and not on what was measured there, so all folds of
-    a study, all subsets of a learning curve and all predictions share it.
-
-    Parameters
-    ----------
-    inputs : callable
-        Input sequences of the networks for conditions of shape (n, 3).
-    library : str
-        Fingerprint of the CAE runs, which determine the inputs.
-    cache : Cache, optional
-        Storage for the blocks between the conditions of :meth:`among`.
+    A block depends on the LF networks and its two conditions alone, and not on what was measured there, so all folds,
+    subsets and predictions share it. ``library`` is the fingerprint of the CAE runs, which determine the inputs; the
+    cache keeps the blocks between the conditions of :meth:`among`.
     """
 
     def __init__(
-        self,
-        network: Tcn,
-        config: TcnConfig,
-        inputs: Callable[[FloatArray], Tensor],
-        library: str,
-        cache: Cache | None = None,
+        self, network: Tcn, config: TcnConfig, inputs: Callable[[FloatArray], Tensor], library: str, cache: Cache | None
     ) -> None:
         self._network, self._inputs, self._cache = network, inputs, cache
         weights = hashlib.sha256(b"".join(weight.tobytes() for weight in weights_of(network).values())).hexdigest()
@@ -301,13 +288,12 @@ class KernelBlocks:
         return self._blocks[one, two] if one <= two else self._blocks[two, one].T
 
     def _missing(self, pairs: set[Pair]) -> set[Pair]:
-        """Pairs that are neither at hand nor in the cache, which is read once."""
         if self._cache and not self._blocks:
             self._blocks = self._cache.find(_KIND, self._key, _unpacked) or {}
         return pairs - self._blocks.keys()
 
     def _keep(self, latest: Sequence[Vector]) -> None:
-        """Store the blocks at hand; if they are too many, those between the latest conditions."""
+        """If there are too many, those between the latest conditions."""
         if not self._cache:
             return
         conditions = sorted({vector for pair in self._blocks for vector in pair})

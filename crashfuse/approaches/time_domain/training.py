@@ -87,7 +87,7 @@ class Checkpoint:
     key: Mapping[str, object]
 
     def save(self, state: Entry) -> None:
-        """Save a state, replacing the previous one."""
+        """Replace the saved state."""
         if self.cache:
             self.cache.put(_KIND, self.key, state)
 
@@ -97,13 +97,9 @@ def minimise(
 ) -> FloatArray:
     """Train networks in place, side by side, from their checkpoint if there is one.
 
-    The objectives, one for each network, have equal numbers of steps; ``name`` labels the progress reports. Returns the
-    learning curves of all members of all networks, shape (n_members, n_epochs, n_columns).
-
-    Raises
-    ------
-    Cancelled
-        If the watch was told to stop; the state is in the checkpoint.
+    The objectives have equal numbers of steps; ``name`` labels the progress reports. Returns the learning curves of all
+    members of all networks, shape (n_members, n_epochs, n_columns). Raises Cancelled if the watch was told to stop; the
+    state is then in the checkpoint.
     """
     n_steps, columns = objectives[0].n_steps, objectives[0].columns
     runs = [_Run(network, objective) for network, objective in zip(networks, objectives, strict=True)]
@@ -170,7 +166,7 @@ def _state(runs: Sequence[_Run], done: int) -> Entry:
 
 
 def _resume(runs: Sequence[_Run], checkpoint: Checkpoint, n_steps: int) -> int:
-    """Restore a checkpoint; returns the number of steps done. One that cannot be of this training is dropped."""
+    """Restore a checkpoint, if it is of this training; returns the number of steps done."""
     if not checkpoint.cache or (state := checkpoint.cache.get(_KIND, checkpoint.key)) is None:
         return 0
     begun = [(deepcopy(weights_of(run.network)), run.curve.clone()) for run in runs]
@@ -189,7 +185,6 @@ def _resume(runs: Sequence[_Run], checkpoint: Checkpoint, n_steps: int) -> int:
 
 
 def _restore(runs: Sequence[_Run], state: Entry) -> int:
-    """Restore the state of each run; raises if it is not one."""
     for number, run in enumerate(runs):
         arrays = {key.removeprefix(f"{number} "): value for key, value in state.items() if key.startswith(f"{number} ")}
         run.curve.copy_(torch.from_numpy(arrays["curve"]))
@@ -206,7 +201,7 @@ def weights_of(network: Tcn) -> Entry:
 
 
 def load_weights(network: Tcn, weights: Entry) -> None:
-    """Load weights that :func:`weights_of` took from a network of the same shape."""
+    """Load weights that :func:`weights_of` took."""
     network.load_state_dict({name: torch.from_numpy(weight) for name, weight in weights.items()})
 
 
@@ -225,14 +220,9 @@ def mean_outputs(network: Tcn, inputs: Tensor) -> FloatArray:
 
 
 def train(
-    vectors: FloatArray,
-    accel_mps2: FloatArray,
-    scaling: Scaling,
-    seed: int,
-    device: torch.device,
-    checkpoint: Checkpoint,
-    watch: Watch,
-) -> tuple[Tcn, FloatArray]:
+    vectors: FloatArray, accel_mps2: FloatArray, scaling: Scaling, seed: int, device: torch.device,
+    checkpoint: Checkpoint, watch: Watch,
+) -> tuple[Tcn, FloatArray]:  # fmt: skip
     """Train the LF networks on CAE runs, conditions of shape (n_runs, 3) and pulses of shape (n_runs, 1250).
 
     Also returns the mean square error (Eq. 5) of training and validation, shape (n_members, n_epochs, 2). The seed
@@ -313,9 +303,8 @@ def fine_tune(
 ) -> tuple[Tcn, FloatArray]:
     """Fine-tune a copy of the LF networks on tests (Eq. 6): θ_MF = θ_LF + θ_HF with the penalty λ‖θ_HF‖².
 
-    The increments θ_HF start at zero, so θ_LF is both frozen and the initial value, as in the paper. Conditions and
-    pulses are of shape (n_tests, 3) and (n_tests, 1250). Also returns the mean square error on the tests before each
-    step, penalty not included, shape (n_members, n_steps).
+    The increments θ_HF start at zero, so θ_LF is both frozen and the initial value, as in the paper. Also returns the
+    mean square error on the tests before each step, penalty not included, shape (n_members, n_steps).
     """
     inputs = scaling.inputs(vectors).to(network.device)
     targets = scaling.targets(vectors, accel_mps2).to(network.device)
@@ -351,7 +340,7 @@ class FineTuning:
 
 
 def _mixed(*numbers: int) -> int:
-    """Combine several numbers into one seed of 32 bits, as torch uses no more."""
+    """Several numbers as one seed of 32 bits, as torch uses no more."""
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 
