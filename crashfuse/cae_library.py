@@ -56,14 +56,7 @@ class RunQuality:
 class QualityLimits:
     """Limits on the quality of CAE runs, as shares; None where there is no limit.
 
-    Parameters
-    ----------
-    name : str
-        As in sentences.
-    energy_change : float, optional
-        The change of energy, in size, may reach it.
-    hourglass_share, added_mass_share : float, optional
-        The share must lie below it.
+    The change of energy, in size, may reach its limit; the other shares must lie below theirs.
     """
 
     name: str
@@ -171,8 +164,7 @@ class CaeLibrary:
         """One sentence for every input of a condition outside :attr:`range`; empty if it is in range.
 
         This alone decides what is in range, for pages, reports, figures and verdicts alike. A condition with a paired
-        run always is; how near the other runs are is another question
-        (:func:`crashfuse.approaches.nearness.nearest_run`).
+        run always is.
         """
         notes = []
         for (name, quantity, step), x, lo, hi in zip(

@@ -109,7 +109,7 @@ class Condition:
         return np.array([self.speed_mps, self.front_weight_kg, self.rear_weight_kg])
 
     def may_be(self, other: "Condition") -> bool:
-        """Whether no factor tells this condition from another: each has the same value in both, or none in one."""
+        """Whether no factor tells this condition from another: each is equal in both, or lacking in one."""
         known = dict(other.factors)
         return all(not value or known.get(name, value) in ("", value) for name, value in self.factors)
 
@@ -151,7 +151,7 @@ class Condition:
 
     @property
     def text(self) -> str:
-        """The condition on one short line that :meth:`parse` reads, for links and records: ``35mph 900kg 800kg``.
+        """The condition on one short line that :meth:`parse` reads: ``35mph 900kg 800kg``.
 
         Each quantity is in the unit that takes fewest characters; factors follow as ``name=value``.
         """
@@ -160,13 +160,7 @@ class Condition:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read a condition from its :attr:`text`, to nine digits.
-
-        Raises
-        ------
-        UsageError
-            If it is none.
-        """
+        """Read a condition from its :attr:`text`, to nine digits; a UsageError if it is none."""
         parts = text.split()
         (speed_mps, v0), (front_kg, front), (rear_kg, rear) = (
             _read(part, units) for part, units in zip([*parts, "", "", ""], (SPEED, MASS, MASS), strict=False)

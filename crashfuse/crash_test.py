@@ -20,14 +20,8 @@ SPEED_STEP_MPS = 2 * MPH
 class CrashTest:
     """A physical test.
 
-    Parameters
-    ----------
-    pulse : Pulse
-        On the study grid.
-    recorded_s : float
-        End of the record in s; beyond it the pulse is padded with zeros, not measured.
-    faults : tuple of SensorFault
-        What its sensor did wrong.
+    ``pulse`` is on the study grid, padded with zeros beyond ``recorded_s``, the end of the record; ``faults`` are what
+    its sensor did wrong.
     """
 
     id: str
@@ -41,7 +35,7 @@ class CrashTest:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of its condition and pulse, to the digits that survive other units: the same record by any id."""
+        """SHA-256 of its condition and pulse, to the digits that survive other units: the same by any id."""
         where = [*self.condition.vector.round(6).tolist(), *sorted(pair for pair in self.condition.factors if pair[1])]
         return hashlib.sha256(repr(where).encode() + self.pulse.accel_mps2.astype("<f4").tobytes()).hexdigest()
 
@@ -59,10 +53,7 @@ def at_the_speed_of(test: CrashTest, tests: Sequence[CrashTest]) -> tuple[CrashT
 
 
 def evenly_over_speed(tests: tuple[CrashTest, ...], most: int) -> tuple[CrashTest, ...]:
-    """At most ``most`` of the tests, evenly spaced in the order of speed, slowest and fastest included; in their order.
-
-    No more tests than that are returned unchanged.
-    """
+    """At most ``most`` of the tests, evenly spaced in the order of speed, the ends included; in their order."""
     if len(tests) <= most:
         return tests
     ordered = sorted(tests, key=lambda test: test.condition.speed_mps)

@@ -29,7 +29,7 @@ class CrashfuseError(Exception):
     """Base of every error that crashfuse raises on purpose; its text is a sentence for the user."""
 
     def _render_traceback_(self) -> list[str]:
-        """What a notebook shows: the sentence, for the frames above it say nothing to the user."""
+        """What a notebook shows."""
         return [f"{type(self).__name__}: {self}"]
 
 
@@ -130,7 +130,7 @@ def require_number(what: str, given: object) -> None:
 
 
 def several(given: str | Iterable[T]) -> tuple[str | T, ...]:
-    """What is given one by one; a single name, or whatever else is no series, alone: who uses it says what is wrong."""
+    """What is given one by one; a single name, or whatever else is no series, alone."""
     return tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
 
 

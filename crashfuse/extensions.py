@@ -15,28 +15,17 @@ NO_FAULTS = (KeyboardInterrupt, GeneratorExit)
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """An entry point that cannot be used, and why: the fault of its package, told to whoever asks for it."""
+    """An entry point that cannot be used, and why."""
 
     name: str
     sentence: str
 
 
 def load(group: str, kind: str, check: Callable[[str, object], T]) -> Iterator[tuple[str, T, str] | Broken]:
-    """Load the entry points of a group, sorted by name.
+    """Load the entry points of a group (``crashfuse.approaches``, ``crashfuse.readers``), sorted by name.
 
-    Parameters
-    ----------
-    group : str
-        ``crashfuse.approaches`` or ``crashfuse.readers``.
-    kind : str
-        What they are, for messages: approach, reader.
-    check : callable
-        Takes the name and the loaded object; returns it, or raises a ValueError that says what is wrong with it.
-
-    Yields
-    ------
-    tuple of (str, object, str), or Broken
-        Name, checked object and the name of its package.
+    ``kind`` is what they are, for messages. ``check`` takes the name and the loaded object; it returns it, or raises a
+    ValueError that says what is wrong with it. Yields name, checked object and the name of its package, or a Broken.
     """
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         package = _package(entry)

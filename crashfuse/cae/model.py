@@ -66,15 +66,7 @@ class Emulator:
         self.config = config
 
     def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
-        """Train on all runs of the library.
-
-        Raises
-        ------
-        DataError
-            If there is no run.
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Train on all runs of the library; raises a DataError without a run, or Cancelled."""
         if not len(cae):
             raise DataError(Problem("CAE runs", "at least one run", "none", "add CAE runs to the campaign"))
         watch.report("CAE emulator", 0, 1)
@@ -120,8 +112,8 @@ class Emulator:
     def predict(self, condition: Condition) -> FloatArray:
         """Predict the CAE pulse at a condition, in m/s², shape (1250,).
 
-        Outside the library the pulse at its boundary is used, as a Gaussian process falls back to its mean there.
-        Outside its speeds that pulse is scaled with the speed, like the change of velocity.
+        Outside the library the pulse at its boundary is used, scaled with the speed, as a Gaussian process falls back
+        to its mean there.
         """
         x = (condition.vector[None] - self.centre_) / self.spread_
         x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
@@ -130,10 +122,7 @@ class Emulator:
         return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
-        """Draw errors of :meth:`predict` at a condition: leave-one-out residuals of similar runs, with either sign.
-
-        Whole curves in m/s², shape (n, 1250).
-        """
+        """Draw errors of :meth:`predict`, shape (n, 1250): leave-one-out residuals of similar runs, of either sign."""
         x = (condition.vector - self.centre_) / self.spread_
         away = np.sum(((self.inputs_ - x) / self.length_scales_) ** 2, axis=1)
         chosen = rng.choice(np.argsort(away, kind="stable")[:_LIKE], size=n)
@@ -226,9 +215,8 @@ class LoadingCurve:
     def stopping_accel(self, speed_share: FloatArray, end_share: float) -> FloatArray:
         """Additional acceleration of the CAE vehicle while it stops, in m/s², over shares v/v0 of its impact speed.
 
-        Force changes there with the crush rate, over hardly any displacement: a vehicle that crushes further or less
-        stops at another displacement. Added to ``accel_at(s, end_share)`` this gives the CAE pulse. It is zero above
-        the share of the impact speed at which stopping begins.
+        A vehicle that crushes further or less stops at another displacement. Added to ``accel_at(s, end_share)`` this
+        gives the CAE pulse. It is zero above the share of the impact speed at which stopping begins.
         """
         phase = self.phase
         extra = phase.accel_mps2 - self.accel_at(phase.displacement_m, end_share)
@@ -265,7 +253,7 @@ class CaeModel:
         return CaePulse(self.cae_.accel_mps2[run].astype(np.float64), f"run {self.cae_.ids[run]}")
 
     def loading_curve(self, condition: Condition) -> LoadingCurve:
-        """The CAE model over displacement, continued by the emulator up to the speed of the library's fastest run."""
+        """The CAE model over displacement, continued by the emulator up to the library's fastest run."""
         phase = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
         top = self.emulator_.speed_range_[1]
         speed, faster = condition.speed_mps, []
@@ -281,7 +269,7 @@ class CaeModel:
         return self.emulator_.errors(condition, n, rng)
 
     def notes(self, condition: Condition) -> tuple[str, ...]:
-        """Notes on the source of the pulse at a condition, and on inputs outside the library's range."""
+        """The source of the pulse at a condition, and inputs outside the library's range."""
         source = self.pulse(condition).source
         origin = "CAE pulse: from the emulator." if source == "emulator" else f"CAE pulse: paired {source}."
         return (origin, *self.cae_.extrapolation(condition))

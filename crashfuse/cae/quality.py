@@ -18,14 +18,11 @@ class QualityVerdict:
     ----------
     limits : QualityLimits, optional
         None if the campaign sets none; then no run passes or fails.
-    runs : int
-        Number of runs judged.
-    passed : int
-        Runs for which every limited quantity is recorded and within its limit.
+    runs, passed, unknown : int
+        Numbers of runs judged, of those with every limited quantity recorded and within its limit, and of those with
+        nothing beyond a limit but something not recorded.
     failing : tuple of str
         Ids of the runs with a quantity beyond its limit.
-    unknown : int
-        The other runs: nothing is beyond a limit, but something is not recorded.
     left_out : bool
         Whether the failing runs are left out of the campaign.
     table : DataFrame
@@ -54,12 +51,9 @@ class QualityVerdict:
 
     @property
     def summary(self) -> str:
-        """By which limits the runs were judged, and how many pass, fail and cannot be judged."""
+        """How many runs pass, fail and cannot be judged."""
         if not len(self.table):
-            return (
-                f"Energy balance, hourglass energy and added mass are not recorded for any of the {self.runs:,} CAE "
-                "runs, so nothing here says whether the model can be believed."
-            )
+            return "Energy balance, hourglass energy and added mass are not recorded for any CAE run."
         if self.limits is None:
             return "No CAE run is judged by its quality: [cae_quality] in campaign.toml sets no limits."
         return (
@@ -69,7 +63,7 @@ class QualityVerdict:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The runs that fail, by name, and what becomes of them; empty if none does."""
+        """The runs that fail, by name, and what becomes of them."""
         if not self.failing:
             return ()
         shown = [f"{row['id']} ({row['fails']})" for row in self.failing_runs.head(_NAMED).to_dict("records")]
@@ -90,10 +84,7 @@ class QualityVerdict:
 
 
 def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityVerdict:
-    """Judge the CAE runs of a campaign, those left out included, by limits.
-
-    >>> judge_quality(campaign.cae, campaign.quality_limits).sentences           # doctest: +SKIP
-    """
+    """Judge the CAE runs of a campaign, those left out included, by limits."""
     in_use = library.quality or (RunQuality(),) * len(library)
     judged = [*zip(library.ids, in_use, strict=True), *library.left_out]
     by = limits or QualityLimits("")

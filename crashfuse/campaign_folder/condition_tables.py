@@ -1,12 +1,11 @@
 """Condition tables, ``tests.csv`` and ``cae.csv``: their columns, one row per test or run, and its id."""
 
-import math
 import re
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress, islice
+from itertools import compress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,8 +25,7 @@ from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem
 Role = Literal["tests", "cae"]
 """Either of the two condition tables of a campaign, with its pulses."""
 TABLES = ("tests.csv", "cae.csv")
-MOST_PROBLEMS = 20
-"""Problems listed per kind and column; the rest are only counted."""
+_MOST_PROBLEMS = 20  # of cells of one column of pulses; the rest are only counted
 RowNumbers = npt.NDArray[np.integer[Any]]
 
 _QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
@@ -112,7 +110,8 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     for name, (column, factor) in columns.items():
         numbers = numbers_in(frame[column], column, where, rows_of, problems, _LARGEST[name] / factor)
         smallest = 0.0 if role == "cae" and name == "speed" else _SMALLEST[name] / factor
-        _check_low(numbers, smallest, frame[column], where, problems)
+        expected, low = f"a number of at least {smallest:.3g}", frame[column][numbers < smallest]
+        problems += [Problem(where, expected, text, "correct the cell", column, row) for row, text in low.items()]
         values[name] = factor * numbers
     quality = _read_quality(frame, where, problems)
     found_columns = [column for column, _ in columns.values()]
@@ -168,7 +167,7 @@ def numbers_in(
     wrong, rows_of = cells.iloc[bad], rows[bad]
     empty = _are_empty(wrong)
     starts = np.flatnonzero(np.r_[True, (np.diff(rows_of) > 1) | ~empty[1:] | ~empty[:-1]][: bad.size])
-    stops = np.r_[starts[1:], bad.size][:MOST_PROBLEMS]
+    stops = np.r_[starts[1:], bad.size][:_MOST_PROBLEMS]
     for start, stop in zip(starts, stops, strict=False):
         row, last = int(rows_of[start]), int(rows_of[stop - 1])
         expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[bad[start]]) else "a number"
@@ -177,7 +176,8 @@ def numbers_in(
             found = f"rows {row}–{last}, empty" if last > row else "an empty cell"
             advice = "fill it in"
         problems.append(Problem(where, expected, found, advice, column, row))
-    _count_more(bad.size - int(stops[-1]), "cells that are no number", where, column, problems)
+    if bad.size and (more := bad.size - int(stops[-1])):
+        problems.append(Problem(where, "numbers", f"{more} more cells that are none", "correct the cell", column))
     numbers[bad] = np.nan
     return numbers
 
@@ -243,82 +243,40 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]
     """The places of the rows with a valid id that no row before has."""
     seen: dict[str, str] = {}
     sound: list[int] = []
-    bad: list[tuple[int, tuple[str, str, str]]] = []
     for place, (row, run_id) in enumerate(ids.items()):
         trouble, name = id_trouble(run_id), folded(run_id)
-        if trouble is None and seen.get(name) == run_id:
-            trouble = "each id once", f"{printable(run_id, 60)!r} a second time", "rename or remove the row"
-        elif trouble is None and name in seen:
-            expected = "ids that differ by more than capitals or the form of their accents"
-            trouble = expected, f"{printable(run_id, 60)!r} beside {printable(seen[name], 60)!r}", "rename one of them"
+        if trouble is None and name in seen:
+            found = f"{printable(run_id, 60)!r} beside {printable(seen[name], 60)!r}"
+            trouble = "ids that differ by more than capitals or accents", found, "rename or remove one of them"
         if trouble is None:
             sound.append(place)
         else:
-            bad.append((row, trouble))
+            problems.append(Problem(where, *trouble, "id", row))
         seen.setdefault(name, run_id)
-    found = (Problem(where, *trouble, "id", row) for row, trouble in bad)
-    _append_first(found, len(bad), "ids that are not fit", where, "id", problems)
     return sound
 
 
 def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> None:
-    expected = f"plain text of at most {_LONGEST_FACTOR} characters"
+    expected = f"text of at most {_LONGEST_FACTOR} characters without control characters"
     for column in cells.columns:
-        texts = {column, *cells[column].unique()}
-        odd = {text for text in texts if len(text) > _LONGEST_FACTOR or printable(text) != text}
+        odd = {text for text in {column, *cells[column]} if len(text) > _LONGEST_FACTOR or printable(text) != text}
         bad = [(row, text) for row, text in [(1, column), *cells[column].items()] if text in odd] if odd else []
-        name, advice = printable(column, 60), "correct the cell"
-        found = (Problem(where, expected, repr(printable(text, 60)), advice, name, row) for row, text in bad)
-        _append_first(found, len(bad), "cells that are no such text", where, name, problems)
-
-
-def _check_low(numbers: FloatArray, smallest: float, cells: pd.Series, where: str, problems: list[Problem]) -> None:
-    low, name = cells[numbers < smallest], str(cells.name)
-    expected, advice = f"a number of at least {smallest:.3g}", "correct the cell"
-    found = (Problem(where, expected, text, advice, name, int(row)) for row, text in low.items())
-    _append_first(found, low.size, "numbers that are too low", where, name, problems)
+        name = printable(column, 60)
+        problems += [Problem(where, expected, repr(printable(t, 60)), "correct the cell", name, row) for row, t in bad]
 
 
 def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[RunQuality, ...]:
     columns = [name for name in QUALITIES if name in frame]
     if not columns or not (frame[columns] != "").to_numpy().any():
         return ()
-    values = {name: _shares(frame[name], where, problems) for name in columns}
+    values: dict[str, list[float | None]] = {}
+    for name in columns:
+        least, shares = -1 if name == "energy_change" else 0, _as_numbers(frame[name])
+        expected, is_given = f"a share from {least} to 1 (5 % is 0.05), or an empty cell", frame[name].str.strip() != ""
+        for row, text in frame[name][is_given & ~((shares >= least) & (shares <= 1))].items():
+            problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", name, row))
+        values[name] = [float(v) if given else None for v, given in zip(shares, is_given, strict=True)]
     return tuple(RunQuality(**dict(zip(columns, row, strict=True))) for row in zip(*values.values(), strict=True))
-
-
-def _shares(cells: pd.Series, where: str, problems: list[Problem]) -> list[float | None]:
-    name, least = str(cells.name), -1 if cells.name == "energy_change" else 0
-    expected = f"a share from {least} to 1, or an empty cell where it is not recorded"
-    shares = [_number(text) if text.strip() else None for text in cells]
-    bad = [place for place, value in enumerate(shares) if value is not None and not least <= value <= 1]
-
-    def problem(place: int) -> Problem:
-        value, found = shares[place] or 0.0, repr(printable(cells.iloc[place], 60))
-        advice = "give a share: 5 % is 0.05" if math.isfinite(value) and abs(value) > 1 else "correct the cell"
-        return Problem(where, expected, found, advice, name, int(cells.index[place]))
-
-    _append_first(map(problem, bad), len(bad), "cells that are no share", where, name, problems)
-    return shares
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def _append_first(
-    found: Iterable[Problem], count: int, what: str, where: str, column: str, problems: list[Problem]
-) -> None:
-    problems.extend(islice(found, MOST_PROBLEMS))
-    _count_more(count - MOST_PROBLEMS, what, where, column, problems)
-
-
-def _count_more(more: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
-    if more > 0:
-        problems.append(Problem(where, "none", f"{more} more {what}", "correct them too", column))
 
 
 def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:

@@ -34,7 +34,7 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings, reason
 from crashfuse.campaign_folder.writer import append_to_table, check_ids, pulse_csv, quality_columns, table_row
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, shortened
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_text
 from crashfuse.files.toml_text import toml_text
@@ -321,7 +321,7 @@ def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
         raise DataError(problems)
     table = read_lenient(folder / "tests.csv", "tests", problems)
     if table is None:
-        raise DataError(problems)
+        raise DataError(shortened(problems))
     return table.ids, settings.unused
 
 

@@ -45,17 +45,9 @@ def default_folder() -> Path:
 class Cache:
     """A folder of named arrays, one file per entry: a SHA-256 line, then an ``.npz`` that is never unpickled.
 
-    Beyond ``$CRASHFUSE_CACHE_GIB`` (10), the entries that were not used for longest go, but none of the last hour.
-
-    Parameters
-    ----------
-    folder : Path, optional
-        Default: :func:`default_folder`. It is created at the first write.
-
-    Attributes
-    ----------
-    used : set of str
-        Names of the entries found or stored through this object.
+    Beyond ``$CRASHFUSE_CACHE_GIB`` (10), the entries that were not used for longest go, but none of the last hour. The
+    folder, by default :func:`default_folder`, is created at the first write. ``used`` has the names of the entries
+    found or stored through this object.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -73,7 +65,7 @@ class Cache:
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
 
     def is_cached(self, kind: str, key: Mapping[str, object]) -> bool:
-        """Whether there is an entry under this key; it is not read."""
+        """Whether there is an entry under this key."""
         return self.path(kind, key).is_file()
 
     def get_or_compute(
@@ -87,8 +79,7 @@ class Cache:
         """Restore a result from the cache, or compute and store it; of several concurrent callers, only one computes.
 
         ``compute`` returns the result, which must not be None, and the arrays to store; ``restore`` rebuilds the same
-        result from these arrays. An entry for which it fails is discarded with a warning, and computed again. Raises
-        Cancelled if the watch is to stop.
+        result from these arrays. Raises Cancelled if the watch is to stop.
         """
         result = self.find(kind, key, restore)
         if result is None:
@@ -120,7 +111,7 @@ class Cache:
         self.drop(kind, key)
 
     def get(self, kind: str, key: Mapping[str, object]) -> Entry | None:
-        """The arrays stored under this key, or None if there are none or the file is damaged (it is then removed)."""
+        """The arrays stored under this key, or None if there are none or the file is damaged."""
         path = self.path(kind, key)
         try:
             checksum, _, payload = path.read_bytes().partition(b"\n")
@@ -174,7 +165,7 @@ class Cache:
             yield
 
     def pack(self, names: Iterable[str]) -> dict[str, bytes]:
-        """The raw files of these entries, to be transferred to another cache."""
+        """The raw files of these entries, for another cache."""
         files = {}
         for name in sorted(names):
             with suppress(OSError):
@@ -191,7 +182,7 @@ class Cache:
         return path.relative_to(self.folder).as_posix()
 
     def _checksum(self, path: Path, payload: bytes) -> bytes:
-        """Of the content under its name: an entry that was moved to the place of another is damaged."""
+        """Of content and name: an entry that was moved to the place of another is damaged."""
         return hashlib.sha256(self._name(path).encode() + b"\n" + payload).hexdigest().encode()
 
     def _write(self, path: Path, content: bytes) -> None:
@@ -206,7 +197,6 @@ class Cache:
             self.used.add(self._name(path))
 
     def _make_room(self, size: int) -> None:
-        """Delete the entries that were not used for longest until the rest fits, but none that may be in use."""
         written = _written.get(self.folder, self.most_bytes) + size
         _written[self.folder] = written if written < self.most_bytes * _SWEEP_SHARE else 0
         if _written[self.folder]:
@@ -235,7 +225,7 @@ def _most_bytes() -> float:
 
 
 def numbers(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
-    """The real numbers of an entry under a name; raises if they are not of this shape (None: of any length)."""
+    """The real numbers of an entry under a name; raises if they are not of this shape (None: any length)."""
     array = entry[name]
     is_of_shape = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
     if array.dtype.kind != "f" or not is_of_shape:

@@ -22,8 +22,7 @@ def code_digest(module: str, package: Path = _PACKAGE) -> str:
     """Digest of a module, given by its full name, and of every module of this package that it imports, even indirectly.
 
     Comments, docstrings and layout are ignored, and so is code that only runs or stores computations. For a module of
-    another package, an approach that it adds, every file of that package counts, byte for byte; what is imported from
-    elsewhere is represented by its name only.
+    another package every file of that package counts, byte for byte; other imports are represented by their names.
     """
     if module.partition(".")[0] != package.name:
         return hashlib.sha256(_foreign_sources(module) + _sources_digest(package).encode()).hexdigest()

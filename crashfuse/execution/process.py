@@ -24,8 +24,7 @@ def _glibc() -> ctypes.CDLL | None:
 def share_one_heap() -> None:
     """Let all further threads allocate from the first one's heap.
 
-    What was freed would otherwise stay with glibc, a third of a process that trains networks: it has a heap for each
-    thread that allocates, and hands back late or never what is free in them. Other C libraries keep less.
+    What was freed would otherwise stay with glibc, a third of a process that trains networks.
     """
     if (library := _glibc()) is not None:
         library.mallopt(_ARENA_MAX, 1)

@@ -63,7 +63,7 @@ class Watch:
         return self._on_part is not None
 
     def show_part(self, part: object) -> None:
-        """Show what is known of the result, of the result's own type, while the rest is computed."""
+        """Show what is known of the result, of the result's own type."""
         if self._on_part is not None:
             self._on_part(part)
 
@@ -90,21 +90,14 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
             bar.close()
 
     def show(self, progress: Progress) -> None:
-        """Show the progress of a step."""
-        if self._draw:
-            self._move_bar(progress)
-        else:
-            self._write_line(progress)
+        """Show the progress of a step; one that starts again (for the next test) reuses its line."""
+        (self._move_bar if self._draw else self._write_line)(progress)
 
     def _move_bar(self, progress: Progress) -> None:
-        """Move the bar of this step; a step that starts again (for the next test) reuses its line."""
         bar = self._bars.get(progress.step)
         if bar is None:
-            place = len(self._bars)
-            bar = self._new_bar(
-                total=progress.total, desc=progress.step, file=sys.stderr, position=place, dynamic_ncols=True
-            )
-            self._bars[progress.step] = bar
+            line = {"desc": progress.step, "position": len(self._bars), "file": sys.stderr, "dynamic_ncols": True}
+            self._bars[progress.step] = bar = self._new_bar(total=progress.total, **line)
         elif progress.done < bar.n:
             bar.reset(progress.total)
         if progress.values:
@@ -112,7 +105,6 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         bar.update(progress.done - bar.n)
 
     def _write_line(self, progress: Progress) -> None:
-        """Write a line if a step has progressed enough; one that starts again (for the next test) is not repeated."""
         part = int(_LINES * progress.fraction)
         if part > self._written.get(progress.step, -1):
             self._written[progress.step] = part

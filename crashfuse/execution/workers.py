@@ -64,7 +64,7 @@ class Workers(ABC):
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> AbstractContextManager[dict[int, Any]]:
-        """Submit tasks; returns joblib's or Dask's futures. Unfinished ones are cancelled when the context ends.
+        """Submit tasks; returns joblib's or Dask's futures, which are cancelled when the context ends.
 
         A future's result is what the work returned, and files for the caller's cache.
         """
@@ -81,8 +81,7 @@ class Workers(ABC):
     ) -> Generator[list[R]]:
         """Yield the results of each task once it is done, in any order; occasionally an empty list.
 
-        Entries :attr:`~crashfuse.execution.cache.Cache.used` so far are what all tasks share. The watch is told about
-        tasks computed in this process only. Raises if workers die repeatedly.
+        The watch is told about tasks computed in this process only. Raises if workers die repeatedly.
         """
         if not self.are_elsewhere(tasks):
             yield from (work(campaign, task, cache, watch) for task in tasks)
@@ -119,14 +118,14 @@ class Local(Workers):
     deaths = (BrokenProcessPool,)
 
     def are_elsewhere(self, tasks: Sequence[object]) -> bool:
-        """See :class:`Workers`; a single task is computed here, as starting other processes takes seconds."""
+        """A single task is computed here, as starting other processes takes seconds."""
         return min(self.processes or joblib.cpu_count(), len(tasks)) > 1
 
     @contextmanager
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> Iterator[dict[int, Any]]:
-        """See :class:`Workers`; the processes share the campaign's memory, and are reused by the next study."""
+        """The processes share the campaign's memory, and are reused by the next study."""
         n = min(self.processes or joblib.cpu_count(), len(tasks))
         executor = get_reusable_executor(n, timeout=60, initializer=_begin, initargs=(os.getpid(),), env=_ONE_THREAD)
         with tempfile.TemporaryDirectory(prefix="crashfuse-", ignore_cleanup_errors=True) as folder:
@@ -156,7 +155,7 @@ _campaign = lru_cache(maxsize=1)(partial(joblib.load, mmap_mode="r"))
 
 
 def _begin(parent: int) -> None:
-    """Make a worker ignore Ctrl-C, which its parent handles, and end when its parent does; it has one heap."""
+    """A worker ignores Ctrl-C, which its parent handles, and ends when its parent does."""
     share_one_heap()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
@@ -222,7 +221,7 @@ class Cluster(Workers):
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> Iterator[dict[int, Any]]:
-        """See :class:`Workers`; a task that has started is not interrupted, and its worker stores the result."""
+        """A task that has started is not interrupted, and its worker stores the result."""
         from distributed import KilledWorker
 
         self.check()
@@ -251,18 +250,15 @@ class Cluster(Workers):
 
 
 def versions_here() -> dict[str, str]:
-    """:func:`crashfuse.version.versions`, and what tells this code from that of another commit."""
+    """The versions, and what tells this code from that of another commit."""
     return {**versions(), "crashfuse's code": " ".join(code_digest(module)[:12] for module in _TASKS)}
 
 
 def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -> None:
-    differing = [
-        f"{name} {found.get(name)} instead of {ours}" for name, ours in wanted.items() if found.get(name) != ours
-    ]
-    if differing:
-        raise CrashfuseError(
-            f"The Dask worker at {worker} has {', '.join(differing)}: install the same there, and start it again."
-        )
+    other = [f"{name} {found.get(name)} instead of {ours}" for name, ours in wanted.items() if found.get(name) != ours]
+    if other:
+        advice = "install the same there, and start it again"
+        raise CrashfuseError(f"The Dask worker at {worker} has {', '.join(other)}: {advice}.")
 
 
 def _at_worker(

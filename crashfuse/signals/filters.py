@@ -45,10 +45,9 @@ def cfc_filter(accel: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
 
     Notes
     -----
-    ISO 6487 writes 2.0833 instead of 2.0775, a corner 0.3 % higher: on a full-frontal barrier test the outputs differ
-    by up to 0.05 g at CFC 60 (peak 45 g) and 0.3 g at CFC 1000 (peak 127 g). Before filtering, 10 ms are reflected
-    through each end point, and each pass starts settled; other choices change only the record's ends, by more than
-    1e-6 g for 25 ms at CFC 60 and for less at higher classes.
+    ISO 6487 writes 2.0833 instead of 2.0775: on a full-frontal barrier test the outputs differ by up to 0.05 g at
+    CFC 60 (peak 45 g). Before filtering, 10 ms are reflected through each end point, and each pass starts settled;
+    other choices change only the record's ends, by more than 1e-6 g for 25 ms at CFC 60.
     """
     accel = np.asarray(accel, dtype=np.float64)
     padding = math.ceil(_PADDING_S / dt_s)
@@ -72,9 +71,9 @@ def cfc_gain(hertz: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
 def noise_share(accel: FloatArray, *, dt_s: float) -> float:
     """What a pulse holds above 400 Hz in the crash, as RMS over the peak: below :data:`CFC60_NOISE` after CFC 60.
 
-    Measured: at most 0.03 % after CFC 60, of a barrier test with 127 g in its raw record too, and 0.07 % if that is
-    rounded to 0.1 g; 0.1 g of noise on a pulse of 45 g are 0.2 %. It is the median over parts of 40 ms, from 50 ms
-    before the peak to 100 ms after it, so that the jump at which a record was cut counts as no noise.
+    Measured: at most 0.03 % after CFC 60, and 0.07 % if that is rounded to 0.1 g; 0.1 g of noise on a pulse of 45 g are
+    0.2 %. It is the median over parts of 40 ms, from 50 ms before the peak to 100 ms after it, so that the jump at
+    which a record was cut counts as no noise.
     """
     from scipy.signal import welch
 
@@ -144,7 +143,7 @@ def smoothed(time_s: FloatArray, accel: FloatArray) -> FloatArray:
 def free_travel_s(time_s: FloatArray, accel: FloatArray) -> float:
     """For how long a vehicle moves before it decelerates by 0.1 g, from the first sample; infinite if it never does.
 
-    A filter lets it begin too early: of 200 mm, 200 to 202 are found in CAE pulses as they are, 182 to 194 with CFC 60.
+    A filter lets it begin too early: of 200 mm, 182 to 194 are found with CFC 60.
     """
     begins = onset(time_s, accel)
     if begins is None:

@@ -13,8 +13,7 @@ class LoadingPhase:
     """A pulse up to the time of zero velocity, as functions of time; shape (n,).
 
     Displacement is strictly increasing, so acceleration is a function of it, too. The last sample is the time of zero
-    velocity ``t0_s`` (t0 in the paper, TTZV in crash laboratories), or the end of the record if the vehicle does not
-    stop within it, where that is NaN.
+    velocity ``t0_s``, or the end of the record if the vehicle does not stop within it, where that is NaN.
     """
 
     time_s: FloatArray
@@ -25,7 +24,7 @@ class LoadingPhase:
 
     @property
     def crush_m(self) -> float:
-        """Displacement at the end of the phase: the maximum dynamic crush, if the vehicle stops."""
+        """Displacement at the end: the maximum dynamic crush, if the vehicle stops."""
         return float(self.displacement_m[-1])
 
     @property
@@ -35,7 +34,7 @@ class LoadingPhase:
 
     @property
     def end_s(self) -> float:
-        """Time at the end of the phase: the time of zero velocity, if the vehicle stops."""
+        """Time at the end: the time of zero velocity, if the vehicle stops."""
         return float(self.time_s[-1])
 
     def accel_at(self, displacement_m: FloatArray) -> FloatArray:
@@ -105,7 +104,7 @@ def energy_crush(accel_mps2: FloatArray, speed_mps: float, *, draws_mps2: FloatA
 
 
 def checked_energy(accel_mps2: FloatArray, speed_mps: float, draws_mps2: FloatArray | None = None) -> EnergyCurve:
-    """:func:`energy_crush` of a pulse whose units were checked as it was read."""
+    """:func:`energy_crush` of a pulse whose units were checked."""
     phase = loading_phase(accel_mps2, speed_mps)
     crush = np.linspace(0.0, phase.crush_m, _POINTS)
     total = speed_mps**2 / 2

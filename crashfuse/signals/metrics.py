@@ -70,35 +70,8 @@ class Metric:
         return f"{value} [{known or f'{lower}, {upper}'}]{unit}"
 
 
-def _peak(motion: Kinematics) -> FloatArray:
-    return np.asarray(-motion.accel_mps2.min(axis=-1))
-
-
-def _peak_time(motion: Kinematics) -> FloatArray:
-    return np.asarray(motion.accel_mps2.argmin(axis=-1) * motion.dt_s)
-
-
-def _delta_v(motion: Kinematics) -> FloatArray:
-    return np.asarray((motion.velocity_mps[..., :1] - motion.velocity_mps).max(axis=-1))
-
-
-def _t0(motion: Kinematics) -> FloatArray:
-    """Infinite, meaning beyond the record, if there is none."""
-    return np.nan_to_num(motion.t0_s, nan=np.inf)
-
-
-def _max_crush(motion: Kinematics) -> FloatArray:
-    """Infinite if the vehicle does not stop."""
-    return np.nan_to_num(motion.crush_m, nan=np.inf)
-
-
-def _mean(motion: Kinematics) -> FloatArray:
-    """v0/t0: the later the stop, the smaller."""
-    return np.nan_to_num(motion.velocity_mps[..., 0] / motion.t0_s, nan=-np.inf)
-
-
 def _sm25(motion: Kinematics) -> FloatArray:
-    """Sliding mean over 25 ms: the largest loss of velocity within 25 ms of the record, over 25 ms."""
+    """The largest loss of velocity within 25 ms of the record, over 25 ms."""
     steps = round(_WINDOW_S / motion.dt_s, 6)
     whole, share = int(steps), steps % 1
     velocity = motion.velocity_mps
@@ -115,11 +88,6 @@ def _olc(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
     free = pulse_shape.moves_freely(motion)
     olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant, free)
     return np.where(np.isnan(olc), -np.inf, olc)
-
-
-def _vpi(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
-    """NaN, neither smaller nor larger, if its peak is yet to come."""
-    return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant)
 
 
 class _Reading(NamedTuple):
@@ -145,19 +113,28 @@ class _Reading(NamedTuple):
 
 _STOP, _LEFT = "zero velocity", "the vehicle has left the barrier"
 _READINGS: Mapping[str, _Reading] = {
-    "peak": _Reading("Peak deceleration", _peak, "g", G),
-    "peak_time": _Reading("Time of peak", _peak_time, "ms", MS),
-    "delta_v": _Reading("ΔV, rebound included", _delta_v, "km/h", KPH),
-    "t0": _Reading("Time of zero velocity (TTZV)", _t0, "ms", MS, _STOP),
-    "max_crush": _Reading("Maximum dynamic crush", _max_crush, "mm", 1e-3, _STOP),
-    "mean": _Reading("Mean deceleration until TTZV", _mean, "g", G, _STOP),
+    "peak": _Reading("Peak deceleration", lambda m: -m.accel_mps2.min(axis=-1), "g", G),
+    "peak_time": _Reading("Time of peak", lambda m: m.accel_mps2.argmin(axis=-1) * m.dt_s, "ms", MS),
+    "delta_v": _Reading(
+        "ΔV, rebound included", lambda m: (m.velocity_mps[..., :1] - m.velocity_mps).max(axis=-1), "km/h", KPH
+    ),
+    # infinite beyond the record; the later the stop, the smaller the mean
+    "t0": _Reading("Time of zero velocity (TTZV)", lambda m: np.nan_to_num(m.t0_s, nan=np.inf), "ms", MS, _STOP),
+    "max_crush": _Reading(
+        "Maximum dynamic crush", lambda m: np.nan_to_num(m.crush_m, nan=np.inf), "mm", 1e-3, _STOP
+    ),
+    "mean": _Reading(
+        "Mean deceleration until TTZV", lambda m: np.nan_to_num(m.velocity_mps[..., 0] / m.t0_s, nan=-np.inf), "g", G,
+        _STOP,
+    ),
     "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
     "olc": _Reading(
         "OLC, occupant load criterion", _olc, "g", G,
         "the OLC's restraint is over, or the vehicle moves freely", occupant="olc_words",
     ),
     "vpi": _Reading(
-        "VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked", occupant="vpi_words"
+        "VPI, vehicle pulse index", lambda m, o: vehicle_pulse_index(m.velocity_mps, m.displacement_m, m.dt_s, o),
+        "g", G, "the occupant's deceleration has peaked", occupant="vpi_words",
     ),
     "esw": _Reading("Equivalent square wave", pulse_shape.equivalent_square_wave, "g", G, _STOP, minor=True),
     "g1": _Reading("Two-step pulse, G1", lambda m: pulse_shape.two_step(m).g1_mps2, "g", G, _STOP, minor=True),
@@ -190,7 +167,7 @@ MAIN_METRICS = tuple(name for name, reading in _READINGS.items() if not reading.
 
 
 def metric_headings(filter_class: str = "", occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, str]:
-    """Labels of the metrics with their units, as table rows and axes; those of the occupant with their bases."""
+    """Labels of the metrics with their units; those of the occupant with their bases."""
     bases = metric_bases(filter_class, occupant)
     return {
         name: reading.label
@@ -201,7 +178,7 @@ def metric_headings(filter_class: str = "", occupant: OccupantModel = USUAL_OCCU
 
 
 def metric_bases(filter_class: str, occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, str]:
-    """What each metric rests on: the filter class, and settings of the occupant model that are not the usual ones."""
+    """What each metric rests on: the filter class, and unusual settings of the occupant model."""
     settings = {name: getattr(occupant, read.occupant) if read.occupant else "" for name, read in _READINGS.items()}
     return {name: ", ".join(filter(None, (setting, filter_class))) for name, setting in settings.items()}
 
@@ -216,9 +193,9 @@ def metric_values(
 ) -> dict[str, FloatArray]:
     """All metrics of pulses, shape (..., n), in the units of :func:`pulse_metrics`; each of shape (...).
 
-    The impact speed may be one for all, or one for each pulse. Of draws that are ``predicted``, not measured, more is
-    known beyond the record: one that is nearly at rest stops as in :func:`crashfuse.signals.pulse.with_late_stops`.
-    If the record ends too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
+    Draws that are ``predicted``, not measured, stop beyond the record as in
+    :func:`crashfuse.signals.pulse.with_late_stops`. If the record ends too early: infinite (t0, max_crush), minus
+    infinity (mean, olc), or NaN, which is either (vpi).
     """
     motion = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
     if predicted:
@@ -293,7 +270,7 @@ def checked_metrics(
     draws_mps2: FloatArray | None = None,
     occupant: OccupantModel = USUAL_OCCUPANT,
 ) -> tuple[Metric, ...]:
-    """:func:`pulse_metrics` of a pulse whose units were checked as it was read."""
+    """:func:`pulse_metrics` of a pulse whose units were checked."""
     values = metric_values(accel_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
     intervals: dict[str, tuple[float | None, float | None]] = dict.fromkeys(values, (None, None))
     if draws_mps2 is not None:
@@ -318,7 +295,7 @@ def _finite(value: npt.ArrayLike) -> float | None:
 
 
 def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
-    """Sentences on which metrics and interval ends of a pulse are missing, one per reason; empty if none is."""
+    """Sentences on which metrics and interval ends of a pulse are missing, one per reason."""
     values, ends = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
     for metric in metrics:
         needs, label = METRIC_NEEDS[metric.name], METRIC_LABELS[metric.name]
@@ -337,7 +314,7 @@ def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
 
 
 def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[str]:
-    """Sentences of :func:`missing_metrics` for named pulses, each once with the names that it applies to."""
+    """Sentences of :func:`missing_metrics` for named pulses, each once with its names."""
     names: dict[str, list[str]] = {}
     for name, of_pulse in metrics:
         for sentence in missing_metrics(of_pulse):

@@ -1,7 +1,7 @@
 """Occupant criteria of a crash pulse: two models with one degree of freedom that need no restraint data.
 
-Both see the vehicle from contact on. The occupant keeps the impact speed v0 until the restraint takes hold; its
-motion relative to the vehicle is the difference of the two displacements.
+The occupant keeps the impact speed v0 until the restraint takes hold; its motion relative to the vehicle is the
+difference of the two displacements.
 """
 
 from dataclasses import dataclass
@@ -102,14 +102,13 @@ def occupant_load_criterion(
     velocity_mps, displacement_m : ndarray, shape (..., n)
         Motion of the vehicle, the first sample at contact.
     free : ndarray of bool, shape (...)
-        Whether the vehicle moves freely when the record ends: it then goes on at its last velocity, which tells a later
-        t2, too.
+        Whether the vehicle moves freely when the record ends: it then goes on at its last velocity.
 
     Returns
     -------
     ndarray, shape (...)
         In m/s², positive; NaN where the record ends before t2, unless the vehicle is free, or before t1, and where a
-        free vehicle, as some draw of a slow crash, leaves no slower than it came.
+        free vehicle leaves no slower than it came.
 
     References
     ----------
@@ -134,9 +133,9 @@ def vehicle_pulse_index(
 ) -> FloatArray:
     """Peak deceleration of 1 kg behind 30 mm of slack on a spring of 2500 N/m in the vehicle (VPI, ISO/TR 12353-3).
 
-    The mass follows m·y'' = −k·max(0, y − s − slack), with y(0) = 0 and y'(0) = v0; the spring only pulls, undamped.
-    It is integrated by y(t + Δt) − y(t) = y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
-    constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))). An occupant model may have another slack and spring.
+    The mass follows m·y'' = −k·max(0, y − s − slack), with y(0) = 0 and y'(0) = v0; the spring only pulls, undamped. It
+    is integrated by y(t + Δt) − y(t) = y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
+    constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))).
 
     Parameters as for :func:`occupant_load_criterion`. Returns m/s², positive; NaN where the spring is longest at the
     end of the record or never taut, as the peak is yet to come.
@@ -154,7 +153,7 @@ def vehicle_pulse_index(
 
 
 def _stretched(taut: FloatArray, step: FloatArray, pull: float) -> FloatArray:
-    """How far the spring is stretched, shape (n, n_pulses), where it is taut from ``taut`` on; all pulses at once."""
+    """How far the spring is stretched, shape (n, n_pulses), where it is taut from ``taut`` on."""
     stretch = np.zeros_like(taut)
     now, pulled = step.copy(), np.empty_like(step)
     for at, row in zip(taut[1:], stretch[1:], strict=True):

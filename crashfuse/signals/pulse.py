@@ -82,7 +82,7 @@ class Pulse:
 
 
 def numbers(name: str, values: object) -> FloatArray:
-    """Values as float64; a DataError if they are a path, text or another object."""
+    """Values as float64; a DataError if they are another object."""
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -91,7 +91,7 @@ def numbers(name: str, values: object) -> FloatArray:
 
 
 def require_step(dt_s: float, n: int) -> None:
-    """Raise a DataError if a time step in s of a record of n samples is none, or is in ms rather."""
+    """Raise a DataError if a time step of a record of n samples is none, or can only be in ms."""
     require_number("dt_s", dt_s)
     if not 0 < dt_s < np.inf:
         raise DataError(Problem("dt_s", "a time step above 0, in s", f"{dt_s:g}", "state the step of the record"))
@@ -156,7 +156,7 @@ def motion(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: float) -
 
 
 def _integral(values: FloatArray, dt_s: float) -> FloatArray:
-    """Integrate along the last axis by the trapezoidal rule, from 0 (importing SciPy's costs most of a second)."""
+    """The trapezoidal rule along the last axis, from 0 (importing SciPy's costs most of a second)."""
     integral = np.empty(values.shape)
     integral[..., 0] = 0.0
     steps = integral[..., 1:]
@@ -169,8 +169,8 @@ def _integral(values: FloatArray, dt_s: float) -> FloatArray:
 def with_late_stops(motion: Kinematics) -> Kinematics:
     """The same motions, with the stops of vehicles that are nearly at rest when the record ends.
 
-    One that has lost three quarters of its impact speed, more than nine tenths of its energy, goes on with half of its
-    mean deceleration so far. What it crushes then is an upper bound, as crushed structure resists more, not less.
+    One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far. What it
+    crushes then is an upper bound, as crushed structure resists more, not less.
     """
     first, last = motion.velocity_mps[..., 0], motion.velocity_mps[..., -1]
     slow = np.isnan(motion.t0_s) & (last < _NEARLY_STOPPED * first)
@@ -193,11 +193,7 @@ def zero_velocity_time(velocity: FloatArray, dt_s: float) -> FloatArray:
 def checked_pulse(
     accel_mps2: FloatArray, speed_mps: float, dt_s: float, draws_mps2: FloatArray | None
 ) -> tuple[FloatArray, FloatArray | None]:
-    """A pulse from contact on and its draws as float64.
-
-    Raises a DataError if they are no such arrays, or what they do to the impact speed tells that a unit or the sign is
-    another.
-    """
+    """A pulse from contact on and its draws as float64; a DataError if a unit or the sign must be another."""
     expected, accel_mps2 = "the impact speed in m/s", numbers("accel_mps2", accel_mps2)
     require_step(dt_s, accel_mps2.size)
     accel_mps2 = Pulse(np.arange(accel_mps2.size) * dt_s, accel_mps2).accel_mps2

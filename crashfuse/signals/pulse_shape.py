@@ -36,7 +36,7 @@ class TwoStep(NamedTuple):
 
 
 def _once(of_motion: Callable[[Kinematics], T]) -> Callable[[Kinematics], T]:
-    """A function that is computed once for each motion, as several metrics are parts of its result."""
+    """Computed once for each motion, as several metrics are parts of the result."""
     known: WeakKeyDictionary[Kinematics, T] = WeakKeyDictionary()
 
     @wraps(of_motion)
@@ -64,10 +64,9 @@ def centroid_time(motion: Kinematics) -> FloatArray:
 def two_step(motion: Kinematics) -> TwoStep:
     """The two constant decelerations, one after the other, that come nearest to the pulse up to T by least squares.
 
-    Each is then the mean of the pulse over its part, G1 = (v0 − v(t1))/t1 and G2 = v(t1)/(T − t1), so the equivalent
-    pulse has the vehicle's velocity at contact, at the step and at T. Of all samples t1, the step is at the one with
-    the largest t1·G1² + (T − t1)·G2², as that leaves the least squares. Steps of one size before and after T/2, as of
-    a symmetric pulse, tell the same; the earlier is taken.
+    Each is then the mean of the pulse over its part, G1 = (v0 − v(t1))/t1 and G2 = v(t1)/(T − t1). Of all samples t1,
+    the step is at the one with the largest t1·G1² + (T − t1)·G2², as that leaves the least squares; of equals, at the
+    earlier.
 
     References
     ----------
@@ -105,9 +104,8 @@ def loading_ratio(motion: Kinematics) -> FloatArray:
 def rebound_velocity(motion: Kinematics) -> FloatArray:
     """Velocity away from the barrier when the vehicle leaves it; infinite if the record ends before.
 
-    It leaves when nothing throws it back any more: after T, when the deceleration stays below 0.5 g for 2 ms. Later
-    oscillations of the cell may take its velocity a little further, which is no rebound of the structure. A pulse that
-    falls from more than 1 g to exact zeros was cut there and padded; the zeros are no record.
+    It leaves when nothing throws it back any more: after T, when the deceleration stays below 0.5 g for 2 ms. A pulse
+    that falls from more than 1 g to exact zeros was cut there and padded; the zeros are no record.
     """
     left, at = _separation(motion)
     rebound = -np.take_along_axis(motion.velocity_mps, at[..., None], axis=-1)[..., 0]
@@ -133,8 +131,6 @@ def moves_freely(motion: Kinematics) -> npt.NDArray[np.bool_]:
     """Whether the vehicle hardly changes its velocity any more when the record ends, though it may still ring.
 
     It stopped 10 ms before or earlier, and lost less than 5 % of all the speed that it has lost in the last 10 ms.
-    Ringing takes no speed in the mean; what throws the vehicle off the barrier does. Zeros in place of a cut record do
-    not count, as for the rebound.
     """
     velocity = motion.velocity_mps
     then = _last_sample(motion.accel_mps2) - round(_FREE_S / motion.dt_s)
@@ -159,7 +155,7 @@ def _separation(motion: Kinematics) -> tuple[FloatArray, npt.NDArray[np.int_]]:
 
 
 def _last_sample(accel: FloatArray) -> npt.NDArray[np.int_]:
-    """The last sample of each record, before the zeros with which a cut one was padded."""
+    """Before the zeros with which a cut record was padded."""
     size = accel.shape[-1]
     last = size - 1 - (accel[..., ::-1] != 0).argmax(axis=-1)
     broken_off = np.abs(np.take_along_axis(accel, last[..., None], axis=-1)[..., 0]) > _BROKEN_OFF_MPS2

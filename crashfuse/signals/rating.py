@@ -4,8 +4,7 @@ Four scores from 0 to 1 on two curves at 10 kHz, the reference T (the test) and 
 C lies in a tube around T. Phase: how little C has to be shifted in time to correlate best with T. Magnitude: how close
 C is to T once both are shifted and warped in time. Slope: how close their derivatives are once shifted.
 
-The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. No intermediate result is rounded. What a
-rating lost where is told by :mod:`crashfuse.signals.rating_explanation`.
+The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. No intermediate result is rounded.
 """
 
 import math
@@ -65,7 +64,7 @@ def filter_class_text(cfc: float | None) -> str:
 
 
 def rating_basis(filter_class: str) -> str:
-    """What a rating rests on beside its window: the standard with its edition, the rate, the channel filter class."""
+    """What a rating rests on beside its window: standard, rate, channel filter class."""
     return f"{STANDARD}, {1e-3 / RATING_DT_S:g} kHz, {filter_class}"
 
 
@@ -137,7 +136,7 @@ def curves_at_10_khz(
 
 
 def rate_many(reference: FloatArray, comparisons: FloatArray, *, dt_s: float) -> list[Rating]:
-    """Rate many comparison curves, shape (n_curves, n), as :func:`rate_iso18571` does each, but a few times as fast."""
+    """Rate many comparison curves, shape (n_curves, n), a few times as fast as :func:`rate_iso18571`."""
     reference, comparisons = np.asarray(reference, dtype=np.float64), np.asarray(comparisons, dtype=np.float64)
     _check(reference, comparisons, dt_s)
     reference, comparisons = _at_10_khz(reference, dt_s), _at_10_khz(comparisons, dt_s)
@@ -148,7 +147,7 @@ def rate_many(reference: FloatArray, comparisons: FloatArray, *, dt_s: float) ->
 
 
 class Ratings(dict[float, Rating]):
-    """Ratings of two pulses by the end of their window in ms, in the order in which they were asked for."""
+    """Ratings of two pulses by the end of their window in ms."""
 
     def __missing__(self, window_ms: object) -> Rating:
         """Raise a UsageError that says which windows were rated, in ms."""
@@ -162,7 +161,7 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
 
 
 def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple[FloatArray, FloatArray]:
-    """The two curves that are rated over [0, window_ms), in m/s² at 10 kHz; raises as :func:`rate_windows`."""
+    """The two curves that are rated over [0, window_ms), at 10 kHz; raises as :func:`rate_windows`."""
     require_number("window_ms", window_ms)
     curves = []
     for name, pulse in (("reference", reference), ("comparison", comparison)):
@@ -241,10 +240,10 @@ def overlap(reference: FloatArray, comparisons: FloatArray, shift: int) -> tuple
 
 
 def best_shifts(reference: FloatArray, comparisons: FloatArray) -> npt.NDArray[np.int_]:
-    """Find each curve's shift of best correlation, the first of equals in the order 0, 1, −1, 2, −2 and so on.
+    """Each curve's shift of best correlation, shape (n_curves,): the first of equals, 0 first, then 1, −1, 2, −2, ….
 
     All correlations come from one Fourier transform, with a bound of their rounding errors; the few shifts that these
-    errors leave undecided are recomputed one by one by the formula of the standard. Shape (n_curves,).
+    errors leave undecided are recomputed by the formula of the standard.
     """
     largest = math.floor(MAX_SHIFT * reference.size)
     shifts = np.array([0, *(side * m for m in range(1, largest + 1) for side in (1, -1))])
@@ -334,9 +333,9 @@ def warping_paths(comparisons: FloatArray, reference: FloatArray, *, band: float
 def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> FloatArray:
     """Least sum of squared differences from (0, 0) to each cell (i, j) of the band |i − j| ≤ r, i counting C, j T.
 
-    The cells of one anti-diagonal depend only on the two before it, so each is one step for all cells and curves.
-    Row i + j + 1 holds a diagonal, column k of it the cell i − j = 2 (k − h), one less where i + j is odd; what lies
-    outside the band or the curves is infinite, and so is row 0. Shape (2 L, 2 h + 2, n_curves).
+    The cells of one anti-diagonal depend only on the two before it, so each is one step for all cells and curves. Row i
+    + j + 1 holds a diagonal, column k of it the cell i − j = 2 (k − h), one less where i + j is odd; what lies outside
+    the band or the curves is infinite, and so is row 0. Shape (2 L, 2 h + 2, n_curves).
     """
     length, n_curves = reference.size, len(comparisons)
     r = math.ceil(band * length) - 1
@@ -372,7 +371,7 @@ def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> Float
 
 
 def _path(cost: FloatArray, curve: int) -> WarpingPath:
-    """Trace the cheapest path back from the last cell; ties go to (i−1, j), then (i, j−1), then (i−1, j−1)."""
+    """The cheapest path back from the last cell; ties go to (i−1, j), then (i, j−1), then (i−1, j−1)."""
     n_rows, width, n_curves = cost.shape
     row = width * n_curves
     flat: Any = memoryview(cost.reshape(-1))  # type: ignore[arg-type]

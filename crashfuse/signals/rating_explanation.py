@@ -42,7 +42,7 @@ class Compared:
 
     @property
     def error(self) -> float:
-        """Sum of the differences over the sum of the reference, both without their signs."""
+        """Sum of |differences| over the sum of |reference|."""
         return float(np.abs(self.comparison - self.reference).sum() / np.abs(self.reference).sum())
 
 
@@ -50,8 +50,7 @@ class Compared:
 class Excursion:
     """A stretch of time outside the inner corridor, and what it costs of the overall rating.
 
-    ``difference_mps2`` is comparison minus reference where they are farthest apart, ``beyond_outer`` whether the outer
-    corridor is left as well.
+    ``difference_mps2`` is comparison minus reference where they are farthest apart.
     """
 
     begin_s: float
@@ -66,9 +65,9 @@ class RatedHump:
     """A hump of the reference, and what happens to each score while it lasts.
 
     ``counterpart_s`` is the peak of the same hump in the comparison, as it stands, None if there is none;
-    ``shift_gain`` what the shift gains here of the correlation over the whole window. ``magnitude_share`` and
-    ``slope_share`` are the shares of the errors of these scores that arise here, ``difference_mps2`` the mean of
-    comparison minus reference here, shifted and warped, negative where it is nearer to zero.
+    ``shift_gain`` what the shift gains here of the correlation. ``magnitude_share`` and ``slope_share`` are the shares
+    of the errors of these scores that arise here, ``difference_mps2`` the mean of comparison minus reference here,
+    shifted and warped, negative where it is nearer to zero.
     """
 
     begin_s: float
@@ -82,7 +81,7 @@ class RatedHump:
 
     @property
     def late_s(self) -> float | None:
-        """How much later its peak comes in the comparison; negative if earlier, None if there is none."""
+        """How much later its peak comes in the comparison; None if there is none."""
         return None if self.counterpart_s is None else self.counterpart_s - self.peak_s
 
 
@@ -204,7 +203,7 @@ def _rated_humps(t: FloatArray, c: FloatArray, shift: int, warped: Compared, slo
 
 
 def _correlation_terms(t: FloatArray, c: FloatArray, shift: int) -> FloatArray:
-    """What each sample of the reference adds to the correlation of the overlap, shape (n,); 0 outside the overlap."""
+    """What each sample of the reference adds to the correlation of the overlap, shape (n,)."""
     terms, curves, begin = np.zeros_like(t), overlap(t, c, shift), max(-shift, 0)
     if all(np.ptp(curve) > 0 for curve in curves):
         centred = [curve - curve.mean() for curve in curves]
@@ -229,8 +228,7 @@ class Hump(NamedTuple):
 def humps(curve: FloatArray) -> tuple[Hump, ...]:
     """The humps of a curve, shape (n,), on the side of zero where most of it lies, in order of time.
 
-    A hump rises by at least a tenth of the largest value above the valleys beside it. Together they fill the curve; it
-    may have none.
+    A hump rises by at least a tenth of the largest value above the valleys beside it. Together they fill the curve.
     """
     from scipy.signal import find_peaks  # half a second
 
@@ -244,8 +242,8 @@ def humps(curve: FloatArray) -> tuple[Hump, ...]:
 def counterparts(reference: FloatArray, comparison: FloatArray) -> dict[int, Hump]:
     """The hump of the comparison that is each of the reference's, by number in :func:`humps`, where there is one.
 
-    Both curves, shape (n,), are warped onto each other as they stand. Two humps are the same if the peak of each is
-    aligned with a moment of the other.
+    Both curves are warped onto each other. Two humps are the same if the peak of each is aligned with a moment of the
+    other.
     """
     (i, j), *_ = warping_paths(comparison[None], reference, band=_FARTHEST)
 

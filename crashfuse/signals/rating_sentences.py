@@ -9,7 +9,6 @@ from crashfuse.wording import Sentence, acceleration
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _SEVERAL = 2  # humps: of one alone nothing is worst
 _NOTHING = 1e-9  # of a rating
-_BALANCED_MPS2 = 0.5  # a hump that differs less on average is neither too strong nor too weak
 _IN_PLACE_S = 0.0005  # a hump that comes this near to its time is not out of place
 
 
@@ -68,15 +67,7 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
         return Sentence(text)
     decisive = max(humps, key=lambda hump: hump.shift_gain)
     text += f"; that gains most at the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms)"
-    if decisive.counterpart_s is None:
-        text += f", to which no hump of the {comparison} corresponds"
-    if named := decisive in displaced and (decisive.late_s or 0.0) * shift_s > 0:  # else it says the opposite
-        text += f", which comes {_lateness(decisive)} in the {comparison}"
-    if farthest is not None and (farthest.late_s or 0.0) * shift_s < 0:
-        text += f"; {_against(explanation, farthest)}"
-    elif farthest is not None and not (named and farthest is decisive):
-        text += f"; {_displaced(explanation, farthest, comparison)}"
-    return Sentence(text)
+    return Sentence(text if farthest is None else f"{text}; {_displaced(explanation, farthest, comparison)}")
 
 
 def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
@@ -86,8 +77,6 @@ def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
         return Sentence(text)
     worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
     text += f"; {100 * worst.magnitude_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
-    if abs(worst.difference_mps2) < _BALANCED_MPS2:
-        return Sentence(f"{text}, on average neither too strong nor too weak")
     size, side = acceleration(abs(worst.difference_mps2)), _side(worst.difference_mps2)
     return Sentence(f"{text}, on average {{}} {side}", size)
 
@@ -107,14 +96,6 @@ _REASONS = {"corridor": _corridor, "phase": _phase, "magnitude": _magnitude, "sl
 
 def _displaced(explanation: RatingExplanation, hump: RatedHump, comparison: str) -> str:
     return f"farthest out of place is the {_nth(explanation, hump)} hump, {_lateness(hump)} in the {comparison}"
-
-
-def _against(explanation: RatingExplanation, hump: RatedHump) -> str:
-    """A hump that the shift moves farther away: where it is by itself, and where the shift puts it."""
-    text = f"by itself the {_nth(explanation, hump)} hump comes {_lateness(hump)}"
-    moved_to_s = (hump.counterpart_s or 0.0) - explanation.shift_s
-    met = next((other for other in explanation.humps if other.begin_s <= moved_to_s < other.end_s), hump)
-    return text if met is hump else f"{text}, and is laid over the test's {_nth(explanation, met)}"
 
 
 def _lateness(hump: RatedHump) -> str:

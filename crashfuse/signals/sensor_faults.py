@@ -1,8 +1,8 @@
 """Sensors that fail within a crash: saturated, held at a value, lost for milliseconds, a spike, noise from then on.
 
 A record is looked at twice. Sample by sample, equal samples tell: sound sensors repeat a value for 0.6 ms at most. And
-in a band of some 200 Hz, in which CFC 60 is undone where a record went through it: a dropout has its edges again, and
-a flat top its corners. Each limit stands beside what sound records reach: simulated and measured ones, raw and CFC 60.
+in a band of some 200 Hz, in which CFC 60 is undone where a record went through it: a dropout has its edges again, and a
+flat top its corners. Each limit stands beside what sound records reach, raw and CFC 60.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -96,7 +96,7 @@ class _Signal(NamedTuple):
 def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFault, ...]:
     """What looks like a fault of the sensor in a record at its own rate, raw or filtered, in the order of time.
 
-    Both arrays have shape (n,), evenly sampled and finite, with either sign; the record may begin before contact.
+    Both arrays have shape (n,), evenly sampled and finite; the record may begin before contact.
     """
     step_s = float((time_s[-1] - time_s[0]) / (time_s.size - 1))
     if time_s.size * step_s < _PADDING_S or 1 / step_s < 10 * _CFC:
@@ -120,7 +120,7 @@ def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFau
 def confirmed(
     faults: Sequence[SensorFault], time_s: FloatArray, accel_mps2: FloatArray, expected_mps2: FloatArray
 ) -> tuple[SensorFault, ...]:
-    """The faults that a record shows alone, and of the others those that what is expected there does not show.
+    """The faults that a record shows alone, and those of the others that what is expected there does not show.
 
     There the record is further from what is expected than elsewhere, and a saturated sensor hides more than it shows.
     """
@@ -231,7 +231,6 @@ def _equal_samples(raw: _Signal) -> Iterator[SensorFault]:
 
 
 def _saturated(signal: _Signal, level: float, strength: float) -> SensorFault:
-    """From the first to the last sample that is about at the level."""
     flat = np.flatnonzero(np.abs(signal.accel - level) < 0.02 * abs(level))
     return signal.fault("saturated", flat[0], flat[-1], level, strength)
 

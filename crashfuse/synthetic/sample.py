@@ -131,12 +131,7 @@ def sample_campaign(seed: int = 0) -> Campaign:
 def write_sample(folder: Path) -> None:
     """Write the sample campaign as a campaign folder, which appears only once complete.
 
-    Raises
-    ------
-    UsageError
-        If the folder exists and is not empty.
-    OSError
-        If it cannot be written; no partial folder remains.
+    Raises a UsageError if the folder is not empty, an OSError if it cannot be written.
     """
     folder = Path(folder).resolve()
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):

@@ -38,7 +38,6 @@ class CrushZone:
     rate_mps : float
         Crush velocity at which the force doubles, Cowper and Symonds' D times the folds' length scale: with the mean
         strain rate 0.33 v/C of a square tube of width C (Abramowicz and Jones, Int. J. Impact Eng. 2, 1984), D·C/0.33.
-        Infinity for a material without rate dependence.
     """
 
     crush_m: tuple[float, ...]
@@ -58,14 +57,9 @@ class CrushZone:
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """A joint between two masses that acts both ways: elastic, perfectly plastic beyond its strength, and damped.
+    """A joint between two masses that acts both ways: elastic, plastic beyond its strength, and damped.
 
-    Parameters
-    ----------
-    stiffness_npm, damping_nspm : float
-        In N/m and N·s/m.
-    strength_n : float
-        Force at which the joint yields; infinity if it never does.
+    In N/m, N·s/m and N; the strength is infinite if it never yields.
     """
 
     stiffness_npm: float
@@ -77,18 +71,10 @@ class Coupling:
 class Vehicle:
     """The physical constants of one vehicle; its weights come with the condition.
 
-    Parameters
-    ----------
-    powertrain_kg : float
-        Engine and gearbox, part of the front weight.
-    rear_share : float
-        Share of the rear weight that hangs elastically on the body: axle, fuel, cargo.
-    rails, shell : CrushZone
-        Longitudinal rails with their crash boxes; upper rails, wheels and cabin behind a first free travel.
-    engine, firewall : CrushZone
-        Powertrain against the barrier, and firewall against the powertrain.
-    mounts, rear : Coupling
-        Powertrain mounts, and the coupling of the rear mass.
+    ``powertrain_kg`` (engine and gearbox) is part of the front weight; ``rear_share`` of the rear weight hangs
+    elastically on the body: axle, fuel, cargo. ``rails`` have their crash boxes, ``shell`` is upper rails, wheels and
+    cabin; ``engine`` is the powertrain against the barrier, ``firewall`` against the powertrain, which hangs in
+    ``mounts``.
     """
 
     powertrain_kg: float
@@ -105,16 +91,9 @@ class Vehicle:
 class Crash:
     """Results of n simulated crashes, unfiltered.
 
-    Attributes
-    ----------
-    accel_mps2 : ndarray, shape (n, n_samples)
-        X acceleration of the body at 12.5 kHz from first contact on, signed.
-    barrier_n : ndarray, shape (n, n_samples)
-        Force on the barrier.
-    mass_kg, final_speed_mps : ndarray, shape (n, 3)
-        Body, powertrain and rear mass, and their speeds at the end.
-    work_j : ndarray, shape (n, 6)
-        Work taken up by rails, shell, engine contact, firewall, mounts and rear coupling until then.
+    Acceleration of the body and force on the barrier have shape (n, n_samples), at 12.5 kHz from first contact on;
+    masses and final speeds of body, powertrain and rear mass (n, 3). ``work_j``, shape (n, 6), is taken up by rails,
+    shell, engine contact, firewall, mounts and rear coupling.
     """
 
     accel_mps2: FloatArray
@@ -132,14 +111,7 @@ def simulate(
 ) -> Crash:
     """Simulate crashes into the barrier, all at once, by the leapfrog scheme.
 
-    Parameters
-    ----------
-    vehicles : Vehicle or sequence of Vehicle
-        One for all conditions, or one for each.
-    conditions : sequence of Condition
-        n impact speeds and weights; a speed of 0 is allowed.
-    n_samples, steps_per_sample : int
-        Length of the record at 12.5 kHz, and time steps per sample.
+    One vehicle is for all conditions, several are one for each; a speed of 0 is allowed.
     """
     fleet = (vehicles,) if isinstance(vehicles, Vehicle) else tuple(vehicles)
     n = len(conditions)

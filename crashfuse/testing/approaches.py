@@ -201,12 +201,11 @@ def _fitted(approach: type[Approach]) -> Approach:
 
 
 def _same(one: Prediction, other: Prediction) -> bool:
-    """Equal to the bit: pulse, draws and notes."""
+    """To the bit: pulse, draws and notes."""
     draws = [b"" if each.draws_mps2 is None else each.draws_mps2.tobytes() for each in (one, other)]
     return one.accel_mps2.tobytes() == other.accel_mps2.tobytes() and draws[0] == draws[1] and one.notes == other.notes
 
 
 def _runs(campaign: Campaign, n: int) -> Campaign:
-    """The campaign with the first n CAE runs alone."""
     cae = campaign.cae
     return replace(campaign, cae=CaeLibrary(cae.ids[:n], cae.conditions[:n], cae.accel_mps2[:n]))

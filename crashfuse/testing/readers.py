@@ -152,7 +152,6 @@ def written(folder: Path, files: Mapping[str, bytes]) -> Path:
 
 
 def _check_record(record: Record) -> None:
-    """Channels with names of their own, each over its own even time, in a known unit or none, and what was done."""
     names = [channel.name for channel in record.channels]
     assert record.id
     assert "/" not in record.source
