@@ -48,7 +48,7 @@ _SETTINGS = "campaign.toml"
 _MARKS = (*TABLES, _SETTINGS)  # any of these marks a campaign folder
 _ENDINGS = ("parquet", "csv")
 _START = re.compile(r"unused[ \t]*=")
-_MOST_STARTS, _MOST_LINES = 5, 1000  # lines that look like the start of the list, and lines of the list
+_MOST_TRIES = 5  # lines that look like the start of the list, and like its end
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -377,9 +377,10 @@ def _without_list(text: str) -> Iterator[str]:
     """The text, then without each of what looks like the list: the lines may stand in a text, too."""
     yield text
     lines = text.splitlines(keepends=True)
-    for start in islice((at for at, line in enumerate(lines) if _START.match(line)), _MOST_STARTS):
-        ends = range(start + 1, min(len(lines), start + _MOST_LINES) + 1)
-        end = next((end for end in ends if _values("".join(lines[start:end])) is not None), start)
+    for start in islice((at for at, line in enumerate(lines) if _START.match(line)), _MOST_TRIES):
+        closing = (at + 1 for at in range(start, len(lines)) if "]" in lines[at] or "}" in lines[at])
+        ends = (end for end in islice(closing, _MOST_TRIES) if _values("".join(lines[start:end])) is not None)
+        end = next(ends, start)
         yield "".join(lines[:start] + lines[end:])
 
 

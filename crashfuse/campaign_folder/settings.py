@@ -1,7 +1,8 @@
 """Settings of a campaign: ``campaign.toml``, with the limits on its CAE runs and its occupant model."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -15,6 +16,7 @@ _FILE = "campaign.toml"
 _MOST_MIB = 4  # some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
 _LARGEST_GAP_MM = 10_000
+_CORRECT = "correct or remove it"
 LONGEST_REASON = 200
 """Characters of why a test is left out of use."""
 
@@ -71,23 +73,36 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     except DataError as error:
         problems.extend(error.problems)
         return unnamed
-    cfc, already = (_filter_class(values, key, problems) for key in ("channel_filter_class", "filtered_with"))
+
+    def text(key: str, default: str, most: int) -> str:
+        expected = f"text of at most {most} characters"
+        value = _pop(values, key, default, lambda v: isinstance(v, str) and len(v) <= most, expected, problems)
+        return printable(" ".join(value.split("\n")), most)
+
+    def filter_class(key: str) -> float | None:
+        expected = 'a channel filter class such as 60 or 180, or "none"'
+        cfc = _pop(values, key, "none", lambda v: v == "none" or _is_number(v, 1, 1000), expected, problems)
+        return None if cfc == "none" else float(cfc)
+
+    cfc, already = filter_class("channel_filter_class"), filter_class("filtered_with")
     if cfc is not None and already is not None:
         expected, advice = "one of the two", "leave out channel_filter_class, or pulses are filtered twice"
         problems.append(Problem(_FILE, expected, "channel_filter_class and filtered_with", advice))
-    imported = _imported_with(values.pop("imported", None))
-    quality, occupant = _quality(values, problems), occupant_settings(values, problems)
-    unused = _unused(values.pop("unused", []), problems)
-    gap_mm = values.pop("cae_gap_mm", 0.0)
-    if not _is_number(gap_mm) or not 0 <= gap_mm <= _LARGEST_GAP_MM:
-        _refuse(f"a distance in mm, at most {_LARGEST_GAP_MM:,}", gap_mm, "cae_gap_mm", problems)
-        gap_mm = 0.0
-    name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
-    notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
+    imported = values.pop("imported", None)
+    tables = [entry for entry in (imported if isinstance(imported, list) else []) if isinstance(entry, dict)]
+    pairs = [(table.get("id"), table.get("channel_filter_class")) for table in tables if table.get("as") == "tests"]
+    expected = f"a distance in mm, at most {_LARGEST_GAP_MM:,}"
+    settings = Settings(
+        text("name", unnamed.name, _LONGEST_NAME), text("notice", "", _LONGEST_NOTICE), cfc, already,
+        _quality(values, problems), occupant_settings(values, problems),
+        {run_id: float(of) for run_id, of in pairs if isinstance(run_id, str) and isinstance(of, int | float)},
+        _unused(values, problems),
+        _pop(values, "cae_gap_mm", 0.0, lambda v: _is_number(v, 0, _LARGEST_GAP_MM), expected, problems) * MS,
+    )  # fmt: skip
     if values:
         unknown = printable(", ".join(values), 200)
         warnings.append(f"{_FILE}: {unknown} is not a setting that crashfuse knows; it is left alone.")
-    return Settings(name, notice, cfc, already, quality, occupant, imported, unused, gap_mm * MS)
+    return settings
 
 
 def own_filter_class(folder: Path) -> float | None:
@@ -106,23 +121,19 @@ def reason(text: str) -> str:
 
 def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> OccupantModel:
     """Pop ``[occupant]`` from the settings of a campaign; append its problems to ``problems``."""
-    table = values.pop("occupant", {})
     expected = f"a table [occupant] with {', '.join(OCCUPANT_RANGES)}"
-    if not isinstance(table, dict):
-        _refuse(expected, table, "occupant", problems)
-        return USUAL_OCCUPANT
+    table = _pop(values, "occupant", {}, lambda v: isinstance(v, dict), expected, problems)
     sound: dict[str, float] = {}
     for name, value in table.items():
         if name not in OCCUPANT_RANGES:
-            _refuse(expected, name, name, problems, "correct or remove it")
+            _refuse(expected, name, name, problems)
             continue
         low, high = OCCUPANT_RANGES[name]
         advice = likely_m(name, value) if _is_number(value) else ""
-        if _is_number(value) and low <= value <= high and not advice:
+        if _is_number(value, low, high) and not advice:
             sound[name] = float(value)
         else:
-            advice = advice or "correct the value"
-            _refuse(f"a number from {low} to {high}", value, f"occupant.{name}", problems, advice)
+            _refuse(f"a number from {low} to {high}", value, f"occupant.{name}", problems, advice or _CORRECT)
     return OccupantModel(**sound)
 
 
@@ -133,82 +144,64 @@ def occupant_lines(occupant: OccupantModel) -> list[str]:
 
 
 def _quality(values: dict[str, Any], problems: list[Problem]) -> QualitySettings:
-    table, before = values.pop("cae_quality", {}), len(problems)
+    before = len(problems)
     keys = f"limits, {', '.join(QUALITIES)} or leave_out_failing"
-    if not isinstance(table, dict):
-        _refuse(f"a table [cae_quality] with {keys}", table, "cae_quality", problems)
-        return QualitySettings()
+    expected = f"a table [cae_quality] with {keys}"
+    table = _pop(values, "cae_quality", {}, lambda v: isinstance(v, dict), expected, problems)
     single: dict[str, float] = {}
-    for name in QUALITIES:
-        limit = table.get(name)
-        if _is_number(limit) and 0 < limit < 1:
+    for name in [name for name in QUALITIES if name in table]:
+        if _is_number(limit := table[name]) and 0 < limit < 1:
             single[name] = float(limit)
-        elif name in table:
+        else:
             _refuse("a share between 0 and 1 (0.05 for 5 %)", limit, f"cae_quality.{name}", problems)
     limits = QualityLimits("limits of this campaign", **single) if single else None
     if "limits" in table:
-        name = table["limits"]
-        if limits is not None:
-            expected, advice = "a named set or limits of its own", "keep one of the two"
-            problems.append(Problem(_FILE, expected, "both", advice, "cae_quality.limits"))
+        name, is_both = table["limits"], limits is not None
         limits = NAMED_LIMITS.get(name) if isinstance(name, str) else None
-        if limits is None:
-            _refuse(f"one of {', '.join(NAMED_LIMITS)}", name, "cae_quality.limits", problems)
+        if limits is None or is_both:
+            expected = f"one of {', '.join(NAMED_LIMITS)}, without limits of its own"
+            _refuse(expected, "both" if is_both else name, "cae_quality.limits", problems)
     leave_out = table.get("leave_out_failing", False)
     if not isinstance(leave_out, bool):
         _refuse("true or false", leave_out, "cae_quality.leave_out_failing", problems)
     elif leave_out and limits is None and len(problems) == before:
-        advice = "say by which limits runs fail"
-        problems.append(Problem(_FILE, "limits in [cae_quality]", "none", advice, "cae_quality"))
+        _refuse("limits in [cae_quality]", "none", "cae_quality", problems, "say by which limits runs fail")
     if unknown := [key for key in table if key not in (*QUALITIES, "limits", "leave_out_failing")]:
-        found = printable(", ".join(unknown), 100)
-        problems.append(Problem(_FILE, keys, found, "correct or remove it", "cae_quality"))
+        _refuse(keys, ", ".join(unknown), "cae_quality", problems)
     return QualitySettings() if len(problems) > before else QualitySettings(limits, leave_out)
 
 
-def _imported_with(entries: object) -> dict[str, float]:
-    """The CFCs that ``crashfuse import`` filtered tests with, by id, from the provenance that it wrote."""
-    tables = [entry for entry in (entries if isinstance(entries, list) else []) if isinstance(entry, dict)]
-    pairs = [(table.get("id"), table.get("channel_filter_class")) for table in tables if table.get("as") == "tests"]
-    return {run_id: float(cfc) for run_id, cfc in pairs if isinstance(run_id, str) and isinstance(cfc, int | float)}
+def _unused(values: dict[str, Any], problems: list[Problem]) -> dict[str, str]:
+    expected = 'a list of ids such as ["T09"], or reasons by id such as {T09 = "sensor came loose"}'
+
+    def is_sound(listed: object) -> bool:
+        texts = [*listed.values()] if isinstance(listed, dict) else listed
+        return isinstance(texts, list) and all(isinstance(text, str) for text in texts)
+
+    listed = _pop(values, "unused", [], is_sound, expected, problems)
+    reasons = listed if isinstance(listed, dict) else dict.fromkeys(listed, "")
+    return {test_id: reason(why) for test_id, why in reasons.items()}
 
 
-def _unused(listed: object, problems: list[Problem]) -> dict[str, str]:
-    """Why tests are left out of use: they are listed by ids alone, or with a reason each."""
-    reasons = dict.fromkeys(listed, "") if _is_texts(listed) else listed
-    if not isinstance(reasons, dict) or not _is_texts([*reasons.values()]):
-        expected = 'a list of ids such as ["T09"], or reasons by id such as {T09 = "sensor came loose"}'
-        _refuse(expected, listed, "unused", problems)
-        return {}
-    return {test_id: reason(text) for test_id, text in reasons.items()}
+def _pop(
+    values: dict[str, Any],
+    key: str,
+    default: Any,  # noqa: ANN401 - of whatever type the setting is
+    is_sound: Callable[[Any], bool],
+    expected: str,
+    problems: list[Problem],
+) -> Any:  # noqa: ANN401
+    """A setting, or its default if it is not sound, which is a problem."""
+    value = values.pop(key, default)
+    if is_sound(value):
+        return value
+    _refuse(expected, value, key, problems)
+    return default
 
 
-def _text(values: dict[str, Any], key: str, default: str, most: int, problems: list[Problem]) -> str:
-    text = values.pop(key, default)
-    if not isinstance(text, str) or len(text) > most:
-        found = "a longer one" if isinstance(text, str) else shown(text)
-        problems.append(Problem(_FILE, f"text of at most {most} characters", found, "correct the value", key))
-        return default
-    return printable(" ".join(text.split("\n")), most)
-
-
-def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> float | None:
-    cfc = values.pop(key, "none")
-    if cfc == "none":
-        return None
-    if not _is_number(cfc) or not 1 <= cfc <= 1000:
-        _refuse('a channel filter class such as 60 or 180, or "none"', cfc, key, problems)
-        return None
-    return float(cfc)
-
-
-def _refuse(expected: str, found: object, key: str, problems: list[Problem], advice: str = "correct the value") -> None:
+def _refuse(expected: str, found: object, key: str, problems: list[Problem], advice: str = _CORRECT) -> None:
     problems.append(Problem(_FILE, expected, shown(found), advice, key))
 
 
-def _is_number(value: object) -> TypeGuard[int | float]:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _is_texts(values: object) -> TypeGuard[list[str]]:
-    return isinstance(values, list) and all(isinstance(value, str) for value in values)
+def _is_number(value: object, least: float = -inf, most: float = inf) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= most
