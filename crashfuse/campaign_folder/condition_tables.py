@@ -247,7 +247,7 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]
         trouble, name = id_trouble(run_id), folded(run_id)
         if trouble is None and name in seen:
             found = f"{printable(run_id, 60)!r} beside {printable(seen[name], 60)!r}"
-            trouble = "ids that differ by more than capitals or accents", found, "rename or remove one of them"
+            trouble = "an id of its own, apart from capitals and accents", found, "rename or remove one of them"
         if trouble is None:
             sound.append(place)
         else:

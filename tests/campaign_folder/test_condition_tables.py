@@ -28,14 +28,6 @@ from tests.importing.crashes import clock, half_sine_g
 COMPOSED, APART = (unicodedata.normalize(form, "Prüfung é") for form in ("NFC", "NFD"))
 
 
-@pytest.mark.parametrize("char", '*?|<>"')
-def test_a_character_that_windows_keeps_for_itself_is_refused(char: str) -> None:
-    """It could not be written there."""
-    trouble = id_trouble(f"T{char}1")
-    assert trouble is not None
-    assert trouble[1].endswith(f"the character {char}")
-
-
 @given(name=st.text())
 def test_any_name_becomes_an_id(name: str) -> None:
     """Whatever a laboratory calls its files."""
@@ -70,7 +62,7 @@ def test_ids_that_a_file_system_takes_for_one_are_refused(campaign_folder: Path,
     lines = table.read_text(encoding="utf-8").splitlines()
     lines[1:3] = [f"{run_id},{line.partition(',')[2]}" for run_id, line in zip((one, other), lines[1:3], strict=True)]
     table.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(DataError, match=r"row 3: expected ids that differ by more than capitals or the form of their"):
+    with pytest.raises(DataError, match=r"row 3: expected an id of its own, apart from capitals"):
         load_campaign(campaign_folder)
 
 
@@ -131,29 +123,6 @@ def test_columns_without_a_number_say_nothing(campaign_folder: Path) -> None:
     assert load_campaign(campaign_folder).cae.quality == ()
 
 
-@pytest.mark.parametrize(
-    ("column", "cell", "expected", "advice"),
-    [
-        ("hourglass_share", "3.2", "0 to 1", "give a share: 5 % is 0.05"),
-        ("hourglass_share", "-0.01", "0 to 1", "correct the cell"),
-        ("added_mass_share", "n/a", "0 to 1", "correct the cell"),
-        ("added_mass_share", "nan", "0 to 1", "correct the cell"),
-        ("energy_change", "-1.5", "-1 to 1", "give a share: 5 % is 0.05"),
-        ("energy_change", "inf", "-1 to 1", "correct the cell"),
-        ("energy_change", "2 %", "-1 to 1", "correct the cell"),
-    ],
-)
-def test_what_is_no_share_is_refused(campaign_folder: Path, column: str, cell: str, expected: str, advice: str) -> None:
-    """Text, a negative share and what looks like per cent are named with their row."""
-    with_columns(campaign_folder, **{column: {"C03": cell}})
-    with pytest.raises(DataError) as caught:
-        load_campaign(campaign_folder)
-    assert str(caught.value) == (
-        f"cae.csv, column {column}, row 5: expected a share from {expected}, or an empty cell where it is not "
-        f"recorded, found '{cell}'; {advice}."
-    )
-
-
 def test_quality_and_limits_survive_the_round_trip(campaign_on_disk: Path, tmp_path: Path) -> None:
     """To the last digit, with what is not recorded left open."""
     campaign = load_campaign(campaign_on_disk)
@@ -194,28 +163,6 @@ def test_too_few_runs_that_pass_are_told_as_such(campaign_folder: Path) -> None:
     (campaign_folder / "campaign.toml").write_text('[cae_quality]\nlimits = "nchrp-179"\nleave_out_failing = true\n')
     with pytest.raises(DataError, match="at least 10 CAE runs, found 9, and 15 left out for their quality"):
         load_campaign(campaign_folder)
-
-
-@pytest.mark.parametrize(
-    ("settings", "told"),
-    [
-        ('[cae_quality]\nlimits = "din"', "expected one of euro-ncap-vt-2025, nchrp-179, found 'din'"),
-        ('[cae_quality]\nlimits = "nchrp-179"\nenergy_change = 0.1', "a named set or limits of its own, found both"),
-        ("[cae_quality]\nhourglass_share = 10", "a share between 0 and 1 (0.05 for 5 %), found 10"),
-        ("[cae_quality]\nhourglass_share = true", "a share between 0 and 1 (0.05 for 5 %), found True"),
-        ("[cae_quality]\nleave_out_failing = true", "limits in [cae_quality], found none"),
-        ('[cae_quality]\nlimits = "nchrp-179"\nleave_out_failing = 1', "expected true or false, found 1"),
-        ("[cae_quality]\nhourglass = 0.1", "leave_out_failing, found hourglass"),
-        ("cae_quality = 3", "a table [cae_quality] with limits, energy_change"),
-    ],
-)
-def test_limits_that_make_no_sense_are_refused(campaign_folder: Path, settings: str, told: str) -> None:
-    """Each in one sentence."""
-    (campaign_folder / "campaign.toml").write_text(settings + "\n")
-    with pytest.raises(DataError) as caught:
-        load_campaign(campaign_folder)
-    assert "\n" not in str(caught.value)
-    assert told in str(caught.value)
 
 
 def test_columns_are_added_to_a_table_that_lacks_them(campaign_folder: Path, campaign: Campaign) -> None:

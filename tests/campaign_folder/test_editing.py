@@ -107,11 +107,11 @@ def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Pat
         (["New", "T1"], "an id that is not there yet, found 'T1'"),
         (["t1"], "an id that is not there yet, found 't1'"),  # on Windows and macOS their files would be one
         (["New", "New"], "each id once"),
-        (["New", "../x"], "an id that can name a file, found '../x', a slash"),
+        (["New", "../x"], "an id that can name a file, found '../x', with /"),
         (["New", "=1+1"], "an id that no spreadsheet takes for a formula, found '=1\\+1'"),
         (["-20C Versuch"], "an id that no spreadsheet takes for a formula"),
         (["New", " x"], "ends in a dot or a space"),
-        (["New", "x:y"], "a drive letter or a colon"),
+        (["New", "x:y"], "found 'x:y', with :"),
     ):
         with pytest.raises(DataError, match=message):
             add_to_campaign(campaign_folder, {"tests": [addition(i) for i in ids]})
@@ -121,7 +121,7 @@ def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Pat
 @pytest.mark.parametrize(
     ("condition", "message"),
     [
-        (replace(CONDITION, factors=(("drive", "a\x1bb"),)), "drive, row 6: expected plain text"),
+        (replace(CONDITION, factors=(("drive", "a\x1bb"),)), "drive, row 6: expected text of at most"),
         (replace(CONDITION, speed_mps=0.01), "speed_mph, row 6: expected a number of at least"),
         (replace(CONDITION, rear_weight_kg=1e6), "rear_weight_lb, row 6: expected a number up to"),
     ],
@@ -132,23 +132,6 @@ def test_what_could_not_be_read_back_is_not_written(campaign_folder: Path, condi
     with pytest.raises(DataError, match=message):
         add_to_campaign(campaign_folder, {"tests": [replace(addition(), condition=condition)]})
     assert content_of(campaign_folder) == before
-
-
-def test_a_folder_of_other_things_does_not_become_a_campaign(tmp_path: Path) -> None:
-    """Who names the wrong folder is told so, and it stays as it was."""
-    (tmp_path / "thesis.docx").write_bytes(b"years of work")
-    with pytest.raises(DataError, match="expected a campaign folder, or an empty one"):
-        add_to_campaign(tmp_path, {"tests": [addition()]})
-    assert content_of(tmp_path) == {"thesis.docx": b"years of work"}
-
-
-def test_a_table_that_is_not_in_order_is_refused(campaign_folder: Path) -> None:
-    """What is wrong with the campaign is said before anything is added to it."""
-    before = content_of(campaign_folder)
-    (campaign_folder / "tests.csv").write_text("id,speed_mph\nT1,x\n")
-    with pytest.raises(DataError, match="front_weight_lb"):
-        add_to_campaign(campaign_folder, {"tests": [addition()]})
-    assert set(before) == set(content_of(campaign_folder))
 
 
 def test_an_addition_cut_short_leaves_the_campaign_as_it_was(
@@ -368,24 +351,6 @@ def test_a_damaged_test_can_be_left_out(folder: Path) -> None:
     assert load_campaign(folder).test_ids == ("T1", "T4")
 
 
-@pytest.mark.parametrize(
-    ("line", "sentence"),
-    [
-        ('unused = ["T9"]', "campaign.toml, column unused: expected ids of tests.csv, found 'T9'"),
-        ('unused = "T1"', "campaign.toml, column unused: expected a list of ids"),
-        ("unused = [1]", "campaign.toml, column unused: expected a list of ids"),
-        ("unused = {T1 = 1}", "campaign.toml, column unused: expected a list of ids"),
-        ('unused = ["T1", "T2", "T3", "T4"]', "expected a test that is in use, found all of them left out"),
-    ],
-)
-def test_a_wrong_list_is_refused(folder: Path, line: str, sentence: str) -> None:
-    """A slip of the pen would silently use the test that it meant."""
-    (folder / "campaign.toml").write_text(line)
-    with pytest.raises(DataError) as raised:
-        load_campaign(folder)
-    assert sentence in str(raised.value)
-
-
 @pytest.mark.parametrize("form", ["files", "parquet", "csv"])
 def test_a_test_is_taken_out_and_back(folder: Path, form: str) -> None:
     """Row and pulse go, the rest of the table stays to the byte; undone, the folder is what it was."""
@@ -477,7 +442,7 @@ def test_what_is_there_already_is_passed_over(folder: Path) -> None:
     """With the same condition and pulse; another pulse of that id is refused, and so is adding nothing at all."""
     add_to_campaign(folder, {"tests": [addition("A"), addition("B", 35.0)]})
     [added] = add_to_campaign(folder, {"tests": [addition("B", 35.0), addition("C", 22.0), addition("A")]})
-    assert str(added) == "Added: 1 test (C); 2 were there already"
+    assert str(added) == "Added: 1 test (C); there already: 2"
     assert load_campaign(folder).test_ids == ("T1", "T2", "T3", "T4", "A", "B", "C")
     before = content_of(folder)
     with pytest.raises(DataError, match="an id that is not there yet, found 'A'"):
@@ -533,9 +498,9 @@ def test_what_cannot_be_edited_is_said(folder: Path, edit: object, ids: list[str
 def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
     """The copy is the same campaign."""
     for edit in (lambda: leave_out(sample_folder(), ["T01"]), lambda: undo(sample_folder())):
-        with pytest.raises(DataError, match="save a copy of it first"):
+        with pytest.raises(DataError, match="edit a copy of it"):
             edit()
-    with pytest.raises(DataError, match="save a copy of it first"):
+    with pytest.raises(DataError, match="edit a copy of it"):
         add_to_campaign(sample_folder(), {"tests": [addition()]})
     copy_campaign(sample_folder(), tmp_path / "copy")
     assert load_campaign(tmp_path / "copy").fingerprint == load_campaign(sample_folder()).fingerprint

@@ -370,7 +370,7 @@ def test_an_interrupted_change_waits_where_nothing_can_be_written(
         raise OSError(30, "Read-only file system")
 
     monkeypatch.setattr("crashfuse.files.locks.FileLock.acquire", read_only)
-    with pytest.raises(DataError, match="found one that was interrupted in the middle; open it where its folder can"):
+    with pytest.raises(DataError, match="found an interrupted change; open it where its folder can"):
         settle(folder)
 
 

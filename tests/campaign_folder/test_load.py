@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
@@ -15,6 +13,7 @@ from crashfuse.campaign_folder.load import load_campaign, unread_files
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH, LB, MPH, MS, G
+from tests.campaign_folder.test_refusals import BAD, edit, put
 
 
 def assert_same(one: Campaign, other: Campaign) -> None:
@@ -91,40 +90,25 @@ def _small_batches(folder: Path) -> None:
     ],
 )
 def test_every_form_of_the_folder_gives_the_same_campaign(
-    campaign_folder: Path, rewrite: Callable[[Path], None]
+    campaign_folder: Path, rewrite: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One file a pulse or one tidy table, CSV or Parquet: the numbers are the same."""
+    """One file a pulse or one tidy table, CSV or Parquet, wherever a batch ends: the numbers are the same."""
     before = load_campaign(campaign_folder)
     rewrite(campaign_folder)
-    assert_same(load_campaign(campaign_folder), before)
-
-
-@pytest.mark.slow
-def test_runs_cut_by_a_batch_are_joined(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A batch that ends within a run changes nothing."""
-    before = load_campaign(campaign_folder)
-    monkeypatch.setattr("crashfuse.files.parquet._BATCH_ROWS", 700)
-    assert_same(load_campaign(campaign_folder), before)
-    _cae_as_csv(campaign_folder)
-    monkeypatch.setattr("crashfuse.files.csv_text._BLOCK", 9999)
+    monkeypatch.setattr("crashfuse.files.parquet._BATCH_ROWS", 7000)
+    monkeypatch.setattr("crashfuse.files.csv_text._BLOCK", 99_999)
     assert_same(load_campaign(campaign_folder), before)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("kph", KPH), ("mps", 1.0)])
-def test_speed_is_converted_by_its_columns_ending(campaign_folder: Path, unit: str, factor: float) -> None:
-    """The same speed in another unit is the same campaign."""
+def test_units_are_converted_by_the_endings_of_columns(campaign_folder: Path, unit: str, factor: float) -> None:
+    """The same speed, weight, time and acceleration in other units are the same campaign."""
     before = load_campaign(campaign_folder)
     for name in ("tests.csv", "cae.csv"):
         table = pd.read_csv(campaign_folder / name)
         table[f"speed_{unit}"] = table.pop("speed_mph") * MPH / factor
         table["front_weight_kg"] = table.pop("front_weight_lb") * LB
         table.to_csv(campaign_folder / name, index=False)
-    assert_same(load_campaign(campaign_folder), before)
-
-
-def test_pulses_are_converted_by_their_columns_endings(campaign_folder: Path) -> None:
-    """Seconds and m/s² give the same campaign as milliseconds and g."""
-    before = load_campaign(campaign_folder)
     for path in (campaign_folder / "tests").iterdir():
         table = pd.read_csv(path)
         table["time_s"] = table.pop("time_ms") * MS
@@ -168,26 +152,20 @@ def test_a_record_that_ends_early_goes_on_without_acceleration_and_says_so(campa
     assert [test.recorded_s for test in loaded.tests] == pytest.approx([np.inf, 0.092, np.inf, np.inf])
 
 
-def test_unfiltered_pulses_are_warned_of(campaign_folder: Path) -> None:
-    """A ripple at 1 kHz is beyond what the networks resolve: the sentence says what to set."""
-    for path in (campaign_folder / "tests").iterdir():
-        table = pd.read_csv(path)
-        table["acceleration_g"] += 20 * np.sin(2 * np.pi * 1000 * table["time_ms"] * MS)
-        table.to_csv(path, index=False)
-    (warning,) = load_campaign(campaign_folder).warnings
-    assert "power lies above 250 Hz" in warning
-    assert "channel_filter_class = 60" in warning
-
-
-def test_a_little_noise_is_told_too(campaign_folder: Path) -> None:
-    """0.2 g are less than a 1000th of the power, and ten times what CFC 60 leaves; with the filter it is gone."""
+@pytest.mark.parametrize(
+    ("ripple_g", "noise_g", "finding"),
+    [(20, 0, "power lies above 250 Hz"), (0, 0.2, "above 400 Hz the pulses hold 0.")],
+)
+def test_unfiltered_pulses_are_warned_of(campaign_folder: Path, ripple_g: float, noise_g: float, finding: str) -> None:
+    """A ripple at 1 kHz, or 0.2 g of noise, ten times what CFC 60 leaves: the sentence says what to set."""
     rng = np.random.default_rng(0)
     for path in (campaign_folder / "tests").iterdir():
         table = pd.read_csv(path)
-        table["acceleration_g"] += rng.normal(0.0, 0.2, len(table))
+        table["acceleration_g"] += ripple_g * np.sin(2 * np.pi * 1000 * table["time_ms"] * MS)
+        table["acceleration_g"] += rng.normal(0.0, noise_g, len(table))
         table.to_csv(path, index=False)
     (warning,) = load_campaign(campaign_folder).warnings
-    assert "above 400 Hz the pulses hold 0." in warning
+    assert finding in warning
     assert "channel_filter_class = 60" in warning
 
 
@@ -202,9 +180,6 @@ def test_files_that_nothing_reads_are_named(campaign_folder: Path, tmp_path: Pat
     (campaign_folder / "study").mkdir()
     told = unread_files(campaign_folder)
     assert told.partition(": ")[2] == "study/, summary.csv, tests/T9.xlsx."
-    for number in range(8):
-        (campaign_folder / f"more{number}.csv").touch()
-    assert unread_files(campaign_folder).endswith(" and 6 more.")
     assert unread_files(tmp_path / "campaign.zip") == ""
 
 
@@ -217,7 +192,7 @@ def test_a_single_test_is_enough_to_predict_and_not_to_check(campaign_folder: Pa
     loaded = load_campaign(campaign_folder)
     assert loaded.test_ids == ("T1",)
     (warning,) = loaded.warnings
-    assert warning.startswith("Only one test: nothing can be left out")
+    assert warning.startswith("Only one test: ")
 
 
 def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
@@ -246,263 +221,6 @@ def test_pulses_without_a_row_are_left_out_with_a_warning(campaign_folder: Path)
     assert loaded.warnings == ("tests: pulses without a row in tests.csv are left out, namely T9.",)
 
 
-def _edit(name: str, change: Callable[[pd.DataFrame], pd.DataFrame | None]) -> Callable[[Path], None]:
-    """Change a CSV file of the folder in place."""
-
-    def edit(folder: Path) -> None:
-        table = pd.read_csv(folder / name).astype(object)
-        changed = change(table)
-        (table if changed is None else changed).to_csv(folder / name, index=False)
-
-    return edit
-
-
-def _set(name: str, row: int, column: str, value: object) -> Callable[[Path], None]:
-    """Put a value into a cell (0 is the first row of data)."""
-    return _edit(
-        name, lambda table: table.__setitem__(column, [*table[column][:row], value, *table[column][row + 1 :]])
-    )
-
-
-BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
-    "no tests table": (
-        lambda f: (f / "tests.csv").unlink(),
-        "tests.csv: expected this file, found no such file; add it.",
-    ),
-    "missing column": (
-        _edit("tests.csv", lambda t: t.drop(columns="rear_weight_lb")),
-        "tests.csv: expected one column rear_weight_lb or rear_weight_kg, found the columns id, speed_mph, "
-        "front_weight_lb, drive; add the column.",
-    ),
-    "unknown unit": (
-        _edit("cae.csv", lambda t: t.rename(columns={"speed_mph": "speed_knots"})),
-        "cae.csv: expected one column speed_mph or speed_kph or speed_mps, found speed_knots; let the column's name "
-        "end in its unit.",
-    ),
-    "two units": (_edit("cae.csv", lambda t: t.assign(speed_kph=1)), "found speed_mph, speed_kph; keep one of them."),
-    "pulse without unit": (
-        _edit("tests/T1.csv", lambda t: t.rename(columns={"acceleration_g": "acceleration"})),
-        "tests/T1.csv: expected one column acceleration_g or acceleration_mps2, found acceleration;",
-    ),
-    "missing pulse": (
-        lambda f: (f / "tests" / "T3.csv").unlink(),
-        "tests.csv, column id: expected a pulse for T3, found none in tests/ or tests_pulses;",
-    ),
-    "no pulses": (
-        lambda f: (f / "cae_pulses.parquet").unlink(),
-        "cae: expected the pulses either in cae_pulses.parquet (or .csv) or in cae/<id>.csv, found neither;",
-    ),
-    "a pulse twice": (
-        lambda f: pd.read_csv(f / "tests" / "T2.csv").to_parquet(f / "tests" / "T2.parquet"),
-        "tests/: expected one pulse for T2, found T2.csv and T2.parquet; keep one of them.",
-    ),
-    "pulses twice": (lambda f: (f / "cae").mkdir(), "found cae_pulses.parquet and cae/; keep one form."),
-    "duplicate id": (
-        _set("tests.csv", 2, "id", "T1"),
-        "tests.csv, column id, row 4: expected each id once, found 'T1' a second time;",
-    ),
-    "id that leaves the folder": (
-        _set("tests.csv", 0, "id", "../T1"),
-        "tests.csv, column id, row 2: expected an id that can name a file, found '../T1', a slash; rename it.",
-    ),
-    "id that Windows cannot keep": (
-        _set("tests.csv", 0, "id", "con"),
-        "tests.csv, column id, row 2: expected an id that can name a file, found 'con', a name that Windows keeps",
-    ),
-    "id that is a formula": (
-        _set("cae.csv", 3, "id", "=1+1"),
-        "cae.csv, column id, row 5: expected an id that no spreadsheet takes for a formula, found '=1+1';",
-    ),
-    "factor that a terminal obeys": (
-        _set("tests.csv", 0, "drive", "\x1b[2J"),
-        "tests.csv, column drive, row 2: expected plain text of at most 200 characters, found '\\\\x1b[2J'",
-    ),
-    "column twice": (
-        lambda f: (f / "tests.csv").write_text("id,speed_mph,id\nT1,20,T1\n"),
-        "tests.csv: expected each column once, found id twice; keep one of them.",
-    ),
-    "decimal commas": (
-        lambda f: (f / "tests" / "T1.csv").write_text("time_ms,acceleration_g\n0,0\n0,08,-1,5\n"),
-        "tests/T1.csv, row 3: expected 2 cells as in the header, found 4 in the line '0,08,-1,5'; write decimal points",
-    ),
-    "semicolons": (
-        lambda f: (f / "tests.csv").write_text("id;speed_mph\nT1;20\n"),
-        "tests.csv: expected commas between the columns, found semicolons; export it with commas, or bring it in with",
-    ),
-    "UTF-16": (
-        lambda f: (f / "tests" / "T1.csv").write_text("time_ms,acceleration_g\n0,0\n", encoding="utf-16"),
-        "tests/T1.csv: expected text in UTF-8, found bytes that are none (Latin-1, UTF-16, or no text at all);",
-    ),
-    "true and false": (
-        _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=True)),
-        "tests/T1.csv, column acceleration_g, row 2: expected a number, found 'True'; correct the cell.",
-    ),
-    "beyond any vehicle": (
-        _set("tests/T1.csv", 9, "acceleration_g", "-1e300"),
-        "tests/T1.csv, column acceleration_g, row 11: expected a number up to 1.02e+05, found '-1e+300'; correct the",
-    ),
-    "a weight in grams": (
-        _edit("tests.csv", lambda t: t.assign(front_weight_lb=t.front_weight_lb * 1000)),
-        "tests.csv, column front_weight_lb, row 3: expected a number up to 2.2e+05, found",
-    ),
-    "a nested column": (
-        lambda f: pq.write_table(
-            pa.table({"id": ["C00"], "time_ms": [[1.0]], "acceleration_g": [0.0]}), f / "cae_pulses.parquet"
-        ),
-        "cae_pulses.parquet, column time_ms: expected numbers, found values of type list<element: double>; export it",
-    ),
-    "half a Parquet file": (
-        lambda f: (f / "cae_pulses.parquet").write_bytes((f / "cae_pulses.parquet").read_bytes()[:-50]),
-        "cae_pulses.parquet: expected a sound Parquet file, found a damaged or another one (",
-    ),
-    "a folder instead of a table": (
-        lambda f: (f / "tests.csv").rename(f / "old.csv").with_name("tests.csv").mkdir(),
-        "tests.csv: expected a file, found a folder; put the file itself there.",
-    ),
-    "a folder instead of settings": (
-        lambda f: (f / "campaign.toml").mkdir(),
-        "campaign.toml: expected a file, found a folder; put the file itself there.",
-    ),
-    "a name that is none": (
-        lambda f: (f / "campaign.toml").write_text("name = [1]"),
-        "campaign.toml, column name: expected text of at most 200 characters, found a value of type list;",
-    ),
-    "a filter class that is none": (
-        lambda f: (f / "campaign.toml").write_text("channel_filter_class = 5000"),
-        'such as 60 or 180, or "none", found 5000; correct the value.',
-    ),
-    "an endless record": (
-        lambda f: (f / "tests" / "T1.csv").write_text("time_ms,acceleration_g\n" + "0,0\n" * 2_000_001),
-        "tests/T1.csv, column time_ms, row 2: expected at most 2000000 samples a record, found",
-    ),
-    "text in a number": (
-        _set("tests.csv", 1, "speed_mph", "fast"),
-        "tests.csv, column speed_mph, row 3: expected a number, found 'fast'; correct the cell.",
-    ),
-    "NaN in a table": (
-        _set("cae.csv", 5, "front_weight_lb", "nan"),
-        "cae.csv, column front_weight_lb, row 7: expected a number, found 'nan';",
-    ),
-    "empty cell in a pulse": (
-        _set("tests/T2.csv", 10, "acceleration_g", None),
-        "tests/T2.csv, column acceleration_g, row 12: expected a number, found an empty cell;",
-    ),
-    "text in a pulse": (
-        _set("tests/T2.csv", 10, "acceleration_g", "n/k"),
-        "tests/T2.csv, column acceleration_g, row 12: expected a number, found 'n/k';",
-    ),
-    "unsorted time": (
-        _edit("tests/T1.csv", lambda t: pd.concat([t[:5], t[5:7][::-1], t[7:]])),
-        "tests/T1.csv, column time_ms, row 8: expected time that increases from row to row, found 0.4 ms after 0.48 "
-        "ms; sort the rows by time",
-    ),
-    "time twice": (
-        _edit("tests/T1.csv", lambda t: pd.concat([t[:5], t[4:]])),
-        "row 7: expected time that increases from row to row, found 0.32 ms after 0.32 ms; delete the duplicates",
-    ),
-    "uneven time": (
-        _edit("tests/T1.csv", lambda t: t.drop(index=100)),
-        "tests/T1.csv, column time_ms, row 102: expected evenly sampled time, found a step of 0.16 ms among steps",
-    ),
-    "short record": (
-        _edit("tests/T1.csv", lambda t: t[t.time_ms < 50]),
-        "tests/T1.csv, column time_ms: expected a record from 0 to at least 60 ms (100 ms is best), found 0 to 49.92",
-    ),
-    "milliseconds called seconds": (
-        _edit("tests/T1.csv", lambda t: t.rename(columns={"time_ms": "time_s"})),
-        "tests/T1.csv, column time_s: expected the record of a crash, of about 100 ms, found one of 99.92 s; check the "
-        "unit of time: if it is ms, name it time_ms.",
-    ),
-    "seconds called milliseconds": (
-        _edit("tests/T1.csv", lambda t: t.assign(time_ms=t.time_ms / 1000)),
-        "found 0 to 0.09992 ms; check the unit of time: if it is s, name it time_s.",
-    ),
-    "a pulse under another id": (
-        lambda f: (f / "tests" / "T3.csv").rename(f / "tests" / "TT3.csv"),
-        "expected a pulse for T3, found none in tests/ or tests_pulses, but TT3 without a row; add its pulse or remove",
-    ),
-    "late start": (
-        _edit("tests/T1.csv", lambda t: t[t.time_ms > 5]),
-        "tests/T1.csv, column time_ms: expected a record from 0 to at least 60 ms (100 ms is best), found 5.04 to",
-    ),
-    "record that ends before the stop": (
-        _edit(
-            "tests/T4.csv",
-            lambda t: t.assign(time_ms=1.4 * t.time_ms, acceleration_g=t.acceleration_g / 1.4)[t.time_ms < 45],
-        ),
-        "tests.csv, column id T4, row 5: expected a record that lasts until the vehicle has stopped, or 100 ms, found",
-    ),
-    "slow sampling": (
-        _edit("tests/T1.csv", lambda t: t[::25]),
-        "expected at least 1000 samples a second, found 500 Hz;",
-    ),
-    "empty table": (
-        _edit("tests.csv", lambda t: t[:0]),
-        "tests.csv: expected a header and at least one row, found an empty table;",
-    ),
-    "empty pulse": (
-        _edit("tests/T1.csv", lambda t: t[:0]),
-        "tests/T1.csv: expected a header and rows, found an empty table;",
-    ),
-    "empty file": (
-        lambda f: (f / "tests" / "T1.csv").write_text(""),
-        "tests/T1.csv: expected a table with a header, found an empty one;",
-    ),
-    "no Parquet": (
-        lambda f: (f / "cae_pulses.parquet").write_text("id,time_ms\n"),
-        "cae_pulses.parquet: expected a sound Parquet file, found a damaged or another one (",
-    ),
-    "test at standstill": (
-        _set("tests.csv", 0, "speed_mph", 0),
-        "tests.csv, column speed_mph, row 2: expected a number of at least 0.224, found 0",
-    ),
-    "negative run speed": (
-        _set("cae.csv", 0, "speed_mph", -1),
-        "cae.csv, column speed_mph, row 2: expected a number of at least 0, found -1",
-    ),
-    "wrong sign": (
-        _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=-t.acceleration_g)),
-        "tests.csv, column id T1, row 2: expected a change of velocity near the impact speed of 15.0 mph (24.1 km/h)"
-        ", found a change of +16.5 mph (+26.6 km/h); flip the sign of the acceleration (deceleration is negative).",
-    ),
-    "m/s² called g": (
-        _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=t.acceleration_g * G)),
-        "check the unit of the acceleration (m/s² under a name that ends in _g?).",
-    ),
-    "km/h called mph": (
-        _edit("tests.csv", lambda t: t.assign(speed_mph=t.speed_mph / KPH * MPH)),
-        "check the unit of the speed (km/h under a name that ends in _mph?).",
-    ),
-    "km/h called mph in the library": (
-        _edit("cae.csv", lambda t: t.assign(speed_mph=t.speed_mph / KPH * MPH)),
-        "cae.csv: expected changes of velocity near the impact speed, for half of the runs at least, found 0.68 "
-        "times it; check the unit of the speed (km/h under a name that ends in _mph?).",
-    ),
-    "few runs": (_edit("cae.csv", lambda t: t[:9]), "cae.csv: expected at least 10 CAE runs, found 9;"),
-    "bad settings": (
-        lambda f: (f / "campaign.toml").write_text("channel_filter_class = sixty"),
-        "campaign.toml: expected a TOML file in UTF-8, found",
-    ),
-    "bad filter class": (
-        lambda f: (f / "campaign.toml").write_text('channel_filter_class = "60 Hz"'),
-        'campaign.toml, column channel_filter_class: expected a channel filter class such as 60 or 180, or "none"',
-    ),
-}
-
-
-@pytest.mark.parametrize(("spoil", "sentence"), BAD_FOLDERS.values(), ids=BAD_FOLDERS)
-def test_bad_input_gets_one_clear_sentence(
-    campaign_folder: Path, spoil: Callable[[Path], object], sentence: str
-) -> None:
-    """Each fault is named with file, column, row, what was expected, what was found, and what to do."""
-    spoil(campaign_folder)
-    with pytest.raises(DataError) as raised:
-        load_campaign(campaign_folder)
-    matching = [str(problem) for problem in raised.value.problems if sentence in str(problem)]
-    assert matching, str(raised.value)
-    assert matching[0].endswith(".")
-
-
 def test_a_fault_of_one_file_raises_no_false_alarm_elsewhere(campaign_folder: Path) -> None:
     """One unreadable pulse is one problem: its test is not reported as missing too."""
     (campaign_folder / "tests" / "T1.csv").write_text("")
@@ -514,7 +232,7 @@ def test_a_fault_of_one_file_raises_no_false_alarm_elsewhere(campaign_folder: Pa
 def test_all_problems_are_listed_at_once(campaign_folder: Path) -> None:
     """Three faults in three files come back together."""
     for name in ("missing column", "no Parquet", "bad settings"):
-        BAD_FOLDERS[name][0](campaign_folder)
+        BAD[name](campaign_folder)
     with pytest.raises(DataError) as raised:
         load_campaign(campaign_folder)
     assert {problem.where for problem in raised.value.problems} == {"tests.csv", "cae_pulses.parquet", "campaign.toml"}
@@ -522,9 +240,9 @@ def test_all_problems_are_listed_at_once(campaign_folder: Path) -> None:
 
 def test_what_is_wrong_with_pulses_is_said_beside_what_is_wrong_with_their_table(campaign_folder: Path) -> None:
     """An id twice, a word for a weight, a stretch without samples and a pulse that is missing: each is said."""
-    _set("tests.csv", 3, "id", "T1")(campaign_folder)
-    _set("tests.csv", 1, "rear_weight_lb", "heavy")(campaign_folder)
-    _edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(range(20, 41)))))(
+    put("tests.csv", 3, "id", "T1")(campaign_folder)
+    put("tests.csv", 1, "rear_weight_lb", "heavy")(campaign_folder)
+    edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(range(20, 41)))))(
         campaign_folder
     )
     (campaign_folder / "tests" / "T3.csv").unlink()
@@ -541,9 +259,7 @@ def test_what_is_wrong_with_pulses_is_said_beside_what_is_wrong_with_their_table
 def test_empty_cells_under_each_other_are_one_problem(campaign_folder: Path) -> None:
     """21 of them and one elsewhere are two, with the first and the last row."""
     gap = [*range(20, 41), 100]
-    _edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(gap))))(
-        campaign_folder
-    )
+    edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(gap))))(campaign_folder)
     with pytest.raises(DataError) as raised:
         load_campaign(campaign_folder)
     assert [(problem.row, problem.found) for problem in raised.value.problems] == [
@@ -552,49 +268,20 @@ def test_empty_cells_under_each_other_are_one_problem(campaign_folder: Path) -> 
     ]
 
 
-def test_one_bad_cell_that_is_not_listed_is_counted_as_one(campaign_folder: Path) -> None:
-    """21 words for numbers: twenty are listed."""
-    words = range(100, 121)
-    _edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(words), "x")))(
-        campaign_folder
-    )
-    with pytest.raises(DataError) as raised:
-        load_campaign(campaign_folder)
-    assert len(raised.value.problems) == 21
-    assert raised.value.problems[-1].found == "1 more of the cells that are no number"
-
-
 def test_a_thousand_bad_cells_are_counted_not_listed(campaign_folder: Path) -> None:
     """The list stays readable."""
-    _edit("tests/T1.csv", lambda t: t.assign(acceleration_g="x"))(campaign_folder)
+    edit("tests/T1.csv", lambda t: t.assign(acceleration_g="x"))(campaign_folder)
     with pytest.raises(DataError) as raised:
         load_campaign(campaign_folder)
     assert len(raised.value.problems) == 21
-    assert "1230 more cells that are no number" in str(raised.value.problems[-1])
+    assert "1230 more cells that are none" in str(raised.value.problems[-1])
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "found"), [("nowhere", "no such folder"), ("campaign/tests.csv", "a file")])
+def test_what_is_no_folder_is_named(campaign_folder: Path, name: str, found: str) -> None:
     """The path is the message."""
-    with pytest.raises(DataError, match=r"nowhere: expected a campaign folder, found no such folder; check the path\."):
-        load_campaign(tmp_path / "nowhere")
-
-
-def test_a_file_in_place_of_a_folder_is_said_to_be_one(campaign_folder: Path) -> None:
-    """It is there, so nobody is to look for another path."""
-    with pytest.raises(DataError, match="expected a campaign folder, found a file; name the folder that it lies in"):
-        load_campaign(campaign_folder / "tests.csv")
-
-
-def test_a_table_sorted_by_time_is_one_problem(campaign_folder: Path) -> None:
-    """Not one a row, nor one a run for its lone samples."""
-    path = campaign_folder / "cae_pulses.parquet"
-    pd.read_parquet(path).sort_values("time_ms", kind="stable").to_parquet(path, index=False)
-    with pytest.raises(DataError) as raised:
-        load_campaign(campaign_folder)
-    assert [str(problem) for problem in raised.value.problems] == [
-        "cae_pulses.parquet, column id, row 26: expected the rows of one id together, found rows of C00 in two places; "
-        "sort the file by id, then by time."
-    ]
+    with pytest.raises(DataError, match=rf"{name}: expected a campaign folder, or a zip of one, found {found};"):
+        load_campaign(campaign_folder.parent / name)
 
 
 @pytest.mark.parametrize(("name", "what"), [("tests.csv", "speed_mph"), ("cae.csv", "id")])
@@ -624,7 +311,7 @@ def test_a_speed_in_the_other_unit_is_warned_of_where_its_change_of_velocity_is_
     pulse["acceleration_g"] *= rebound / 1.1
     pulse.to_csv(path, index=False)
     assert not any("over its impact speed" in warning for warning in load_campaign(campaign_folder).warnings)
-    _edit("tests.csv", lambda t: t.assign(speed_mph=t.speed_mph.where(t.id != "T3", t.speed_mph * factor)))(
+    edit("tests.csv", lambda t: t.assign(speed_mph=t.speed_mph.where(t.id != "T3", t.speed_mph * factor)))(
         campaign_folder
     )
     (warning,) = load_campaign(campaign_folder).warnings
@@ -655,7 +342,7 @@ def test_weights_that_are_like_the_runs_only_in_the_other_unit_or_exchanged_are_
 ) -> None:
     """A vehicle that is heavier than all runs is an extrapolation, no mistake."""
     assert load_campaign(campaign_folder).warnings == ()
-    _edit("tests.csv", change)(campaign_folder)
+    edit("tests.csv", change)(campaign_folder)
     warnings = load_campaign(campaign_folder).warnings
     assert len(warnings) == (4 if advice else 0)
     assert all(

@@ -3,12 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import write_campaign
-from crashfuse.errors import DataError
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 
 
@@ -29,30 +26,6 @@ def test_what_the_table_sets_is_read_and_written_back(
     assert "occupant" not in (tmp_path / "again" / "tests.csv").read_text()
     write_campaign(replace(campaign, occupant=USUAL_OCCUPANT), tmp_path / "usual")
     assert "[occupant]" not in (tmp_path / "usual" / "campaign.toml").read_text()
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("[occupant]\nolc_restraint_mm = 0", "expected a number from 1 to 1000, found 0"),
-        ("[occupant]\nvpi_slack_mm = -1", "expected a number from 0 to 1000, found -1"),
-        ("[occupant]\nvpi_slack_mm = nan", "expected a number from 0 to 1000, found nan"),
-        ('[occupant]\nolc_free_flight_mm = "65 mm"', "found '65 mm'"),
-        (
-            "[occupant]\nrestraint = 200",
-            "olc_restraint_mm, vpi_slack_mm, vpi_stiffness_npm in [occupant], found restraint",
-        ),
-        ("occupant = 3", "expected a table [occupant] with olc_free_flight_mm"),
-    ],
-)
-def test_what_is_no_occupant_is_refused(campaign_folder: Path, text: str, sentence: str) -> None:
-    """With the key, what was expected and what was found."""
-    (campaign_folder / "campaign.toml").write_text(text + "\n")
-    with pytest.raises(DataError) as caught:
-        load_campaign(campaign_folder)
-    (problem,) = map(str, caught.value.problems)
-    assert problem.startswith("campaign.toml")
-    assert sentence in problem
 
 
 def test_filter_class_of_the_import_is_that_of_all_tests(campaign_folder: Path) -> None:
