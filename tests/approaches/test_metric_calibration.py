@@ -77,14 +77,6 @@ def test_one_odd_test_does_not_set_the_scale_alone() -> None:
     assert spread(errors=np.r_[ordinary, 5.0]).scale > spread(errors=np.r_[ordinary, 4.0]).scale
 
 
-def test_the_time_of_the_peak_starts_from_more_doubt_than_the_olc() -> None:
-    """It jumps from one peak to another; with many left-out tests what metrics usually show no longer matters."""
-    assert spread(metric="peak_time").scale == pytest.approx(1.4 / 1.05 * spread(metric="olc").scale)
-    many = np.array([1.5, -1.5] * 500)
-    scales = [spread(errors=many, metric=metric).scale for metric in ("peak_time", "olc")]
-    assert scales[0] == pytest.approx(scales[1], rel=0.01)
-
-
 def test_crush_is_known_no_better_than_tests_repeat() -> None:
     """Draws that agree leave 1.5 % of the crush, in the unit of errors, too; a spread of 5 % hides nearly all of it."""
     sure = np.full(400, 300.0)
@@ -134,19 +126,6 @@ def test_too_many_draws_beyond_the_record_leave_nothing_to_tell(end: float) -> N
     assert Distribution.of(draws, NONE) is None
     assert np.isnan(standardised_error(draws, 100.0))
     assert np.isnan(standardised_error(DRAWS, end))
-
-
-def test_between_two_limits_lies_what_lies_below_one_and_above_the_other() -> None:
-    """P(at_least ≤ x ≤ at_most) from the cumulative distribution; the median is met by half."""
-    found = spread()
-    assert found.probability(None, found.centre) == pytest.approx(0.5)
-    assert found.probability(95.0, 104.0) == pytest.approx(found.cdf(104.0) - found.cdf(95.0))
-    assert found.probability(104.0, 104.0) == 0.0
-
-
-def test_a_lower_end_is_never_negative() -> None:
-    """Metrics are positive numbers."""
-    assert spread(DRAWS - 99.0).interval()[0] == 0.0
 
 
 def test_a_time_within_the_pulse_is_no_later_than_its_end() -> None:

@@ -52,14 +52,6 @@ def _scores(rng: np.random.Generator, *offsets: float) -> Scores:
 EQUAL = np.ones(2)
 
 
-def test_who_predicts_left_out_tests_better_is_trusted_more() -> None:
-    """Ten tests in a row: nearly all of the weight."""
-    rng = np.random.default_rng(2)
-    weights = Pool(EVEN, spread=1.0, strength=10.0).fit([_scores(rng, 0.0, 1.0)] * 10).weights(EQUAL)
-    assert weights.sum() == pytest.approx(1)
-    assert weights[0] > 0.9
-
-
 def test_the_narrower_band_counts_for_more_where_that_proved_right() -> None:
     """In each test the one with the narrower band was right; next time the band tells whom to trust."""
     rng, measured = np.random.default_rng(3), np.zeros(5)
@@ -69,15 +61,6 @@ def test_the_narrower_band_counts_for_more_where_that_proved_right() -> None:
     assert fitted.weights(np.array([0.1, 0.4]))[0] > 0.8
     assert fitted.weights(np.array([0.4, 0.1]))[1] > 0.8
     assert fitted.weights(EQUAL)[0] == pytest.approx(0.5, abs=0.05)
-
-
-def test_the_raw_cae_counts_the_less_the_wider_it_is_beside_the_others() -> None:
-    """By the slope of its prior, whatever the unit."""
-    prior = np.array([[0.0] * 4, [0.0] * 4, [-1.0, 0.0, 0.0, -1.0]])
-    alone = Pool(prior, spread=1.0, strength=10.0).fit([])
-    shares = [alone.weights(unit * np.array([1.0, 4.0, wide]))[2] for unit in (1.0, 9.81) for wide in (2.0, 8.0)]
-    expected = 1 / (1 + np.array([2.0, 8.0]) * np.exp(1.0))
-    np.testing.assert_allclose(np.array(shares), np.tile(expected, 2))
 
 
 def test_the_weights_are_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> None:

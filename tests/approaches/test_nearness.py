@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from crashfuse.approaches.nearness import doubtful_tests, nearest_run, nearest_sentences, nearest_tests
+from crashfuse.approaches.nearness import doubtful_tests, nearest_tests
 from crashfuse.campaign import Campaign
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.units import LB, MPH, G
@@ -24,14 +24,6 @@ def test_a_test_of_this_speed_is_nearer_than_one_of_another_speed_and_the_very_w
     slower = replace(second, condition=replace(condition, speed_mps=25 * MPH))
     both = replace(campaign, tests=(slower, fast))
     assert [own.id for own in nearest_tests(both, condition)] == [first.id, second.id]
-
-
-def test_a_paired_run_is_the_nearest_run(campaign: Campaign) -> None:
-    """Nothing lies nearer than the very condition."""
-    condition = campaign.test("T2").condition
-    run = nearest_run(campaign, condition)
-    assert campaign.cae.ids.index(run.id) == campaign.cae.paired_run(condition)
-    assert nearest_sentences(campaign, condition)[1] == f"Nearest CAE run: {run.id} (0.0 mph, front 0 lb, rear 0 lb)."
 
 
 def test_a_test_whose_sensor_failed_is_named_where_it_is_near(campaign: Campaign) -> None:

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 
 from crashfuse.cae_library import NAMED_LIMITS, RunQuality
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.condition_tables import folded, id_trouble, safe_id
+from crashfuse.campaign_folder.condition_tables import id_trouble, safe_id
 from crashfuse.campaign_folder.editing import Addition, add_to_campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import write_campaign
-from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 from crashfuse.files.archive import name_trouble
 from crashfuse.importing import Reading, read_records
@@ -66,18 +65,6 @@ def test_ids_that_a_file_system_takes_for_one_are_refused(campaign_folder: Path,
         load_campaign(campaign_folder)
 
 
-def test_an_addition_is_refused_that_a_file_system_takes_for_one_that_is_there(campaign_folder: Path) -> None:
-    """And two of one name are."""
-    test = load_campaign(campaign_folder).tests[0]
-    condition = Condition.of_vector(
-        [test.condition.speed_mps, test.condition.front_weight_kg, test.condition.rear_weight_kg]
-    )
-    for ids in (["t1"], [COMPOSED, APART]):
-        with pytest.raises(DataError, match=r"not there yet|each id once"):
-            add_to_campaign(campaign_folder, {"tests": [Addition(run_id, condition, test.pulse) for run_id in ids]})
-    assert folded(COMPOSED) == folded(APART)
-
-
 def test_a_pulse_is_found_whose_name_has_its_accents_apart(campaign_folder: Path) -> None:
     """As a Mac writes it."""
     (campaign_folder / "tests" / "T1.csv").rename(campaign_folder / "tests" / f"{APART}.csv")
@@ -115,12 +102,6 @@ def test_shares_are_read_and_empty_cells_are_not_recorded(campaign_folder: Path)
     assert cae.quality[:3] == (RunQuality(-0.012), RunQuality(0.0, None, 1e-17), RunQuality())
     assert cae.conditions[0].factors == before.cae.conditions[0].factors
     assert cae.fingerprint == before.cae.fingerprint
-
-
-def test_columns_without_a_number_say_nothing(campaign_folder: Path) -> None:
-    """An empty column is the same as none."""
-    with_columns(campaign_folder, hourglass_share={})
-    assert load_campaign(campaign_folder).cae.quality == ()
 
 
 def test_quality_and_limits_survive_the_round_trip(campaign_on_disk: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -147,23 +147,6 @@ def undo_all(folder: Path) -> None:
     """Undo every change that is kept."""
     while changes(folder):
         undo(folder)
-
-
-@pytest.mark.slow
-def test_a_campaign_that_was_begun_by_an_import_that_was_killed_can_be_begun_again(tmp_path: Path) -> None:
-    """At any operation: the folder counts as empty, or the import is done."""
-    at, begun = 0, 0
-    while True:
-        at, folder = at + 1, tmp_path / str(at) / "car"
-        with suppress(Killed), FAULTS.at_operation(at, kills=True):
-            _add(folder)
-        if FAULTS.done < at:
-            break
-        with suppress(DataError):  # it was done
-            _add(folder)
-            begun += 1
-        assert sorted(path.name for path in folder.glob("*/*.csv")) == ["E.csv", "R2.csv", "R3.csv"]
-    assert begun > 8
 
 
 class Editing(RuleBasedStateMachine):
@@ -357,21 +340,6 @@ def test_what_somebody_changed_since_an_interruption_is_not_written_over(
     assert content_of(folder) == before
     shutil.rmtree(folder / ".undo" / "000002")
     settle(folder)
-
-
-def test_an_interrupted_change_waits_where_nothing_can_be_written(
-    small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It is said, and where the folder is opened matters."""
-    folder = shutil.copytree(small, tmp_path / "car")
-    interrupted(folder)
-
-    def read_only(*_: object, **__: object) -> None:
-        raise OSError(30, "Read-only file system")
-
-    monkeypatch.setattr("crashfuse.files.locks.FileLock.acquire", read_only)
-    with pytest.raises(DataError, match="found an interrupted change; open it where its folder can"):
-        settle(folder)
 
 
 @pytest.mark.parametrize("damage", [b"", b"{", b"\xff", None])

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from crashfuse import cli
-from crashfuse.campaign_folder.load import lay_out, load_campaign
+from crashfuse.campaign_folder.load import lay_out
 from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, change_notes, read_notes, write_notes
 from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.figure_files import figures_of
@@ -37,13 +37,6 @@ def test_notes_come_back_as_they_were_written(tmp_path: Path) -> None:
 def folder(campaign_on_disk: Path, tmp_path: Path) -> Path:
     """A campaign folder of one's own."""
     return Path(shutil.copytree(campaign_on_disk, tmp_path / "campaign"))
-
-
-def test_notes_are_no_part_of_a_campaigns_data(folder: Path) -> None:
-    """The fingerprint, and with it every result, stays the same."""
-    before = load_campaign(folder).fingerprint
-    write_notes(folder, NOTES)
-    assert load_campaign(folder).fingerprint == before
 
 
 def test_notes_travel_with_a_campaign_that_is_uploaded(folder: Path, tmp_path: Path) -> None:
@@ -103,16 +96,6 @@ def test_notes_that_cannot_be_read_are_never_written_over(tmp_path: Path, conten
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {FILE: content}
 
 
-def test_columns_of_somebody_else_are_not_lost(tmp_path: Path) -> None:
-    """They are read past, but no note is added to such a file."""
-    content = "test,start_ms,end_ms,text,who\nT1,,,Cold,Anna\n"
-    (tmp_path / FILE).write_text(content)
-    assert read_notes(tmp_path) == (Note("T1", "Cold"),)
-    with pytest.raises(DataError, match="found who, which would be lost"):
-        change_notes(tmp_path, lambda notes: [*notes, Note("T2", "Warm")])
-    assert (tmp_path / FILE).read_text() == content
-
-
 def test_no_more_notes_are_written_than_can_be_read(tmp_path: Path) -> None:
     """The last one that fits is kept, the next one refused, and all before it stay."""
     many = [Note("T1", f"note {number}") for number in range(MOST - 1)]
@@ -122,14 +105,6 @@ def test_no_more_notes_are_written_than_can_be_read(tmp_path: Path) -> None:
         change_notes(tmp_path, lambda notes: [*notes, NOTES[1]])
     assert read_notes(tmp_path) == (*many, NOTES[0])
     assert [path.name for path in tmp_path.iterdir()] == [FILE]
-
-
-def test_notes_that_are_added_at_one_time_are_all_kept(tmp_path: Path) -> None:
-    """Of four readers, six each: whoever comes second starts from what the first has written."""
-    notes = [Note("T1", f"note {number}") for number in range(24)]
-    with ThreadPoolExecutor(4) as readers:
-        list(readers.map(lambda note: change_notes(tmp_path, lambda there: [*there, note]), notes))
-    assert sorted(note.text for note in read_notes(tmp_path)) == sorted(note.text for note in notes)
 
 
 def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(folder: Path, tmp_path: Path) -> None:
@@ -154,3 +129,21 @@ def test_damaged_notes_stop_the_command_before_anything_is_computed(
     assert cli.main(["study", str(folder), "--out", str(tmp_path / "out")]) == cli.WRONG_DATA
     assert "notes.csv: expected the columns test, start_ms, end_ms, text" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_columns_of_somebody_else_are_not_lost(tmp_path: Path) -> None:
+    """They are read past, but no note is added to such a file."""
+    content = "test,start_ms,end_ms,text,who\nT1,,,Cold,Anna\n"
+    (tmp_path / FILE).write_text(content)
+    assert read_notes(tmp_path) == (Note("T1", "Cold"),)
+    with pytest.raises(DataError, match="found who, which would be lost"):
+        change_notes(tmp_path, lambda notes: [*notes, Note("T2", "Warm")])
+    assert (tmp_path / FILE).read_text() == content
+
+
+def test_notes_that_are_added_at_one_time_are_all_kept(tmp_path: Path) -> None:
+    """Of four readers, six each: whoever comes second starts from what the first has written."""
+    notes = [Note("T1", f"note {number}") for number in range(24)]
+    with ThreadPoolExecutor(4) as readers:
+        list(readers.map(lambda note: change_notes(tmp_path, lambda there: [*there, note]), notes))
+    assert sorted(note.text for note in read_notes(tmp_path)) == sorted(note.text for note in notes)

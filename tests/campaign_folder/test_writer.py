@@ -12,11 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder import writer
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import append_to_table, write_campaign
 from crashfuse.errors import DataError
-from crashfuse.files.archive import zipped
 from crashfuse.signals.pulse import Pulse
 from tests.conftest import content_of
 
@@ -68,20 +66,6 @@ def test_a_folder_that_holds_something_is_left_alone(campaign: Campaign, tmp_pat
     with pytest.raises(DataError, match="a folder that holds nothing yet"):
         write_campaign(campaign, tmp_path / "c")
     assert content_of(tmp_path) == before
-
-
-def test_an_interrupted_writer_leaves_nothing(
-    campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Neither the folder nor a trace beside it."""
-
-    def fails(*_: object) -> None:
-        raise OSError("disk full")
-
-    monkeypatch.setattr(writer, "_write_runs", fails)
-    with pytest.raises(OSError, match="disk full"):
-        write_campaign(campaign, tmp_path / "c")
-    assert not list(tmp_path.iterdir())
 
 
 NEW = Pulse(np.array([0.0, 0.001, 0.002]), np.array([0.0, -98.0665, -196.133]))
@@ -218,33 +202,6 @@ def test_tables_give_the_campaign_that_they_came_from(read: Campaign, frames: Fr
         assert one.condition.factors == other.condition.factors
 
 
-def test_a_folder_taken_through_memory_is_the_same_folder(read: Campaign, tmp_path: Path) -> None:
-    """Its pulses to single precision."""
-    write_campaign(read, tmp_path / "one")
-    tables = read.tests_frame, read.test_pulses_frame, read.cae_frame, read.cae_pulses_frame
-    write_campaign(Campaign.from_frames(*tables, name=read.name), tmp_path / "other")
-    for path in ["cae_pulses.parquet", *(f"tests/{test}.csv" for test in read.test_ids)]:
-        one, other = (
-            pd.read_parquet(folder / path) if path.endswith("parquet") else pd.read_csv(folder / path)
-            for folder in (tmp_path / "one", tmp_path / "other")
-        )
-        pd.testing.assert_frame_equal(one, other, rtol=1e-6, atol=1e-9)
-
-
-def test_tables_may_come_in_any_of_the_units(read: Campaign, frames: Frames) -> None:
-    """SI, km/h and kg: stated by the names of the columns."""
-    tests = frames["tests"].rename(columns={"speed_mph": "speed_kph"})
-    tests["speed_kph"] *= 1.609344
-    pulses = frames["test_pulses"]
-    in_si = pd.DataFrame(
-        {"id": pulses["id"], "time_s": pulses["time_ms"] / 1e3, "acceleration_mps2": pulses["acceleration_g"] * 9.80665}
-    )
-    again = Campaign.from_frames(**{**frames, "tests": tests, "test_pulses": in_si}, name="Tiny")
-    for one, other in zip(again.tests, read.tests, strict=True):
-        np.testing.assert_allclose(one.pulse.accel_mps2, other.pulse.accel_mps2, atol=1e-4)
-        np.testing.assert_allclose(one.condition.vector, other.condition.vector, rtol=1e-11)
-
-
 def test_tables_state_the_filter_class_of_their_pulses(frames: Frames) -> None:
     """Pulses that were filtered before stay as they are; those to be filtered are; both is one too many."""
     before = Campaign.from_frames(**frames, name="Tiny")
@@ -282,13 +239,6 @@ def test_what_is_wrong_is_told_with_table_column_and_row(frames: Frames) -> None
     assert refusal(frames, cae=[1]) == "cae: expected a DataFrame, found list; give a pandas DataFrame."
 
 
-def test_a_zip_is_read_as_its_folder(campaign_on_disk: Path, tmp_path: Path) -> None:
-    """The campaign is the same."""
-    path = tmp_path / "read.zip"
-    path.write_bytes(zipped(content_of(campaign_on_disk)))
-    assert load_campaign(path).fingerprint == load_campaign(campaign_on_disk).fingerprint
-
-
 def test_a_campaign_says_in_a_line_what_it_holds(read: Campaign) -> None:
     """No wall of numbers, in a notebook a table in which everything is text."""
     assert repr(read) == "<Campaign 'campaign': 4 tests, 24 CAE runs>"
@@ -320,11 +270,3 @@ def test_what_tables_lack_or_have_twice_is_one_sentence(frames: Frames) -> None:
     assert said.endswith("; give each column one type.")
     with pytest.raises(DataError, match="campaign, column name: expected text of at most 200 characters"):
         Campaign.from_frames(**frames, name=3)  # type: ignore[arg-type]
-
-
-def test_pulses_without_a_row_are_left_out_and_told_of(frames: Frames) -> None:
-    """As in a folder: whoever takes a row out of the table need not take its pulse out, but reads of it."""
-    found = Campaign.from_frames(**{**frames, "tests": frames["tests"].iloc[1:]}, name="Tiny")
-    assert found.test_ids == ("T2", "T3", "T4")
-    assert found.warnings == ("test_pulses: pulses without a row in tests are left out, namely T1.",)
-    assert found.warnings[0] in found._repr_html_()

@@ -36,12 +36,3 @@ def test_who_leaves_first_does_not_end_it_for_others(limit: Callable[[], Abstrac
         assert _threads() == {1}
         second.close()
         assert _threads() == before
-
-
-def test_an_error_within_ends_it() -> None:
-    """As many threads as before."""
-    with threadpool_limits(2, user_api="blas"):
-        before = _threads()
-        with pytest.raises(ZeroDivisionError), one_thread():
-            _ = 1 // 0
-        assert _threads() == before

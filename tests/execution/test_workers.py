@@ -16,7 +16,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.campaign import Campaign
-from crashfuse.errors import Cancelled, CrashfuseError, UsageError, out_of_memory
+from crashfuse.errors import Cancelled, CrashfuseError, UsageError
 from crashfuse.execution import workers
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Progress, Watch
@@ -77,18 +77,6 @@ def test_processes_that_die_again_and_again_end_the_study(campaign: Campaign, tm
     with pytest.raises(CrashfuseError, match=r"memory ran out.* --resume .*fewer --workers"):
         done_by(Local(2), fatal_once(deaths, lives=99), campaign, tmp_path)
     assert len(list(deaths.iterdir())) < 10
-
-
-@pytest.mark.slow
-def test_memory_that_runs_out_in_a_process_is_told_as_such(campaign: Campaign, tmp_path: Path) -> None:
-    """It is no death: the task is not tried again, and the command and the page have a sentence for it."""
-
-    def work(_campaign: Campaign, task: str, _cache: Cache, _watch: Watch) -> list[str]:
-        raise MemoryError(task)
-
-    with pytest.raises(MemoryError) as raised:
-        done_by(Local(2), work, campaign, tmp_path)
-    assert out_of_memory(raised.value)
 
 
 _SLEEPING = """
@@ -314,11 +302,3 @@ def test_what_is_no_address_is_wrong_usage(campaign: Campaign, address: str) -> 
     """It is not tried."""
     with pytest.raises(UsageError, match="looks like tcp://"):
         run_study(campaign, CONFIG, scheduler=address)
-
-
-def test_one_cannot_ask_for_processes_and_a_cluster(campaign_on_disk: Path, tmp_path: Path) -> None:
-    """The command line says so."""
-    command = ["study", str(campaign_on_disk), "--out", str(tmp_path), "--workers", "2", "--scheduler", "tcp://a:1"]
-    with pytest.raises(SystemExit) as ended:
-        cli.main(command)
-    assert ended.value.code == cli.WRONG_USAGE

@@ -47,26 +47,11 @@ def test_gain_of_a_sinusoid_is_the_butterworth_gain_squared(cfc: int, share: flo
     np.testing.assert_allclose(found, signal[middle] / (1 + ratio**4), atol=1e-9)
 
 
-def test_cfc_60_is_down_three_decibels_at_100_hertz() -> None:
-    """The corner that engineers quote for CFC 60, 100 Hz, is where both passes together are down 3 dB."""
-    time_s = np.arange(0, 0.5, 1e-4)
-    tone = np.sin(2 * np.pi * 100 * time_s)
-    gain = cfc_filter(tone, cfc=60, dt_s=1e-4)[2000:3000].max()
-    assert 20 * np.log10(gain) == pytest.approx(-3, abs=0.05)
-
-
 def test_constant_and_ramp_pass_unchanged_to_the_ends() -> None:
     """What does not curve is not filtered: a constant and a ramp come out as they went in."""
     ramp = np.linspace(-3, 5, 1250)
     np.testing.assert_allclose(cfc_filter(np.full(1250, -9.8), cfc=60, dt_s=8e-5), -9.8, rtol=1e-9)
     np.testing.assert_allclose(cfc_filter(ramp, cfc=180, dt_s=8e-5), ramp, atol=1e-9)
-
-
-def test_time_reversed_record_gives_the_reversed_output() -> None:
-    """Forward and backward passes leave no phase: reversing time and filtering commute inside the record."""
-    signal = np.random.default_rng(0).normal(size=2000)
-    forward, backward = (cfc_filter(s, cfc=180, dt_s=1e-4) for s in (signal, signal[::-1]))
-    np.testing.assert_allclose(forward[200:-200], backward[::-1][200:-200], atol=1e-9)
 
 
 def test_each_row_of_a_batch_is_filtered_as_if_alone() -> None:

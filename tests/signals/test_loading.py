@@ -40,14 +40,6 @@ def test_displacement_only_grows(speed: float) -> None:
     assert phase.velocity_mps[-1] == 0
 
 
-def test_a_vehicle_that_never_stops_is_loading_to_the_end_of_the_record() -> None:
-    """There is no t0; the phase is the whole record."""
-    phase = loading_phase(np.full(1250, -50.0), 15.0)
-    assert np.isnan(phase.t0_s)
-    assert phase.time_s.size == 1250
-    assert phase.end_s == pytest.approx(GRID_S[-1])
-
-
 DURATION_S = 0.08
 PEAK_MPS2 = 40 * G
 DELTA_V_MPS = 2 * PEAK_MPS2 * DURATION_S / np.pi

@@ -1,9 +1,6 @@
 """A rating in words: each sentence follows from pulses of known fault, in the reader's units."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 
 from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.signals.rating_sentences import rating_sentences
@@ -55,21 +52,3 @@ def test_a_perfect_match_loses_nothing() -> None:
     assert "stays inside the inner corridor" in said["corridor"]
     assert ": warped, " in said["magnitude"]  # where nothing is shifted, nothing is said to be
     assert ": the slope" in said["slope"]
-
-
-@pytest.mark.parametrize("window_ms", [10.0, 20.0])
-def test_a_window_without_two_humps_names_none(window_ms: float) -> None:
-    """Of one hump alone nothing is worst."""
-    said = rating_sentences(explain_rating(pulse(TEST), pulse(0.8 * TEST), window_ms))
-    assert "hump" not in said["magnitude"] + said["slope"]
-
-
-def test_a_hump_that_the_shift_moves_farther_away_is_told_as_such() -> None:
-    """All is moved earlier, though the third is 4 ms early; or later, so that the second, late, lies over the third."""
-    late = explain_rating(pulse(TEST), pulse(np.interp(TIME_S - 0.003, TIME_S, TEST)), 70.0)
-    first, second, third = late.humps
-    one_early = replace(late, humps=(first, second, replace(third, counterpart_s=third.peak_s - 0.004)))
-    assert rating_sentences(one_early)["phase"].endswith("; by itself the third hump comes 4.0 ms early.")
-    second_late = (replace(first, counterpart_s=first.peak_s), second, replace(third, counterpart_s=None))
-    over = rating_sentences(replace(late, shift_s=-0.012, humps=second_late))["phase"]
-    assert "by itself the second hump comes 3.0 ms late, and is laid over the test's third." in over

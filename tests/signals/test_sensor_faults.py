@@ -94,21 +94,6 @@ def test_a_held_value_is_found_to_the_sample(rate: int) -> None:
     assert fault.end_s == pytest.approx(0.055, abs=2 / rate)
 
 
-@pytest.mark.parametrize("rate", RATES)
-def test_equal_samples_that_end_without_a_leap_are_held(rate: int) -> None:
-    """At the bottom between two humps the signal goes on where it stayed; before, it repeated no value."""
-    time_s = np.arange(-0.02, 0.15, 1 / rate)
-    accel = np.round(crash(time_s, noise_g=0.0) / G, 4) * G
-    within = (time_s >= 55 * MS) & (time_s < 60 * MS)
-    place = np.flatnonzero(within)
-    accel[place] = accel[place].mean()
-    accel[place[-1] + 1 :] += accel[place[0]] - accel[place[-1] + 1]
-    accel[: place[0]] += accel[place[0]] - accel[place[0] - 1]
-    assert [(one.kind, round(one.start_s, 3), round(one.end_s, 3)) for one in sensor_faults(time_s, accel)] == [
-        ("held", 0.055, 0.06)
-    ]
-
-
 @pytest.mark.parametrize("cfc", [60, 180])
 def test_a_filtered_flat_top_is_saturated_where_rounding_makes_it_equal(cfc: int) -> None:
     """What the filter makes of its corners goes beyond it."""

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
@@ -24,7 +23,6 @@ from crashfuse.synthetic import (
     Coupling,
     CrushZone,
     Vehicle,
-    cae_pulses,
     measured_pulses,
     sample_campaign,
     simulate,
@@ -128,12 +126,6 @@ def test_no_element_gives_back_more_than_it_took(vehicle: Vehicle) -> None:
 
 
 @MODELS
-def test_a_standing_vehicle_feels_nothing(vehicle: Vehicle) -> None:
-    """At no speed there is no pulse."""
-    assert not simulate(vehicle, [replace(CONDITIONS[0], speed_mps=0.0)]).accel_mps2.any()
-
-
-@MODELS
 @pytest.mark.slow
 def test_a_finer_time_step_changes_nothing(vehicle: Vehicle) -> None:
     """With four times as many steps the speed differs by less than 0.5 % of the impact speed at any time."""
@@ -185,14 +177,6 @@ def test_repeated_tests_agree_as_repeats_do(sample: Campaign) -> None:
         assert overall(sample.test(one).pulse, sample.test(other).pulse).min() > 0.9
 
 
-def test_the_cae_models_error_repeats(sample: Campaign) -> None:
-    """The difference between test and CAE is nearly the same in near-repeats, so it can be learnt."""
-    bias = [
-        sample.test(name).pulse.accel_mps2 - paired_pulse(sample, name).accel_mps2 for name in ("T08", "T10", "T11")
-    ]
-    assert np.asarray(np.corrcoef(bias)).min() > 0.9
-
-
 @pytest.mark.parametrize("test_id", FULL_SPEED)
 def test_pulses_at_35_mph_are_those_of_a_car(sample: Campaign, test_id: str) -> None:
     """Peak, t0, crush, rebound and start of test and CAE lie where real cars' do."""
@@ -220,13 +204,6 @@ def test_variants_differ_and_unknown_ones_are_refused() -> None:
         measured_pulses([replace(plain, factors=(("powertrain", "Type III"),))], seed=0)
 
 
-def test_a_test_does_not_depend_on_those_that_follow() -> None:
-    """Test i of a seed is the same test, whether it is simulated alone or with others."""
-    np.testing.assert_allclose(
-        measured_pulses(CONDITIONS[:1], 3), measured_pulses(CONDITIONS, 3)[:1], rtol=1e-12, atol=1e-9
-    )
-
-
 @pytest.mark.slow
 def test_the_seed_decides_everything(sample: Campaign) -> None:
     """The same seed gives the same campaign to the bit, another one another."""
@@ -234,12 +211,6 @@ def test_the_seed_decides_everything(sample: Campaign) -> None:
     conditions = [test.condition for test in sample.tests]
     assert np.array_equal(measured_pulses(conditions, 0), [test.pulse.accel_mps2 for test in sample.tests])
     assert not np.array_equal(measured_pulses(conditions, 1), measured_pulses(conditions, 0))
-
-
-def test_the_cae_runs_have_no_scatter() -> None:
-    """A run repeated is the same run."""
-    repeated = cae_pulses([CONDITIONS[2], CONDITIONS[2]])
-    assert np.array_equal(repeated[0], repeated[1])
 
 
 @pytest.mark.slow
@@ -287,44 +258,3 @@ def test_the_sample_asks_for_verdicts_that_are_not_foregone(written: Path) -> No
     assert (len(limits), len(criteria)) == (4, 5)
     matrix, domain = Matrix.read(written / "matrix.csv", campaign.factors), Domain.of(campaign)
     assert [i for i, c in zip(matrix.ids, matrix.conditions, strict=True) if domain.exceeded_by(c)] == ["M12"]
-
-
-@pytest.mark.slow
-def test_writing_twice_gives_the_same_bytes(written: Path, tmp_path: Path) -> None:
-    """Every file of two samples is the same, and an empty folder may be there already."""
-    write_sample(tmp_path)
-    for file in written.rglob("*.*"):
-        assert (tmp_path / file.relative_to(written)).read_bytes() == file.read_bytes()
-
-
-def test_the_sample_says_that_it_is_synthetic(written: Path) -> None:
-    """Name, notice and the folder's own README say so."""
-    for name in ("campaign.toml", "README.md"):
-        text = (written / name).read_text()
-        assert "synthetic" in text
-        assert "no real vehicle" in text
-
-
-def test_a_folder_that_holds_something_is_refused(tmp_path: Path) -> None:
-    """Nothing is overwritten: one sentence, and the folder stays as it was."""
-    (tmp_path / "mine.txt").write_text("precious")
-    with pytest.raises(UsageError, match="not empty"):
-        write_sample(tmp_path)
-    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
-    with pytest.raises(UsageError, match=r"mine\.txt"):
-        write_sample(tmp_path / "mine.txt")
-
-
-def test_a_sample_that_cannot_be_finished_leaves_nothing(
-    sample: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """When the disk fails half way there is neither a folder nor a draft."""
-
-    def fail(*_: object, **__: object) -> None:
-        raise OSError("disk full")
-
-    monkeypatch.setattr("crashfuse.synthetic.sample.sample_campaign", lambda: sample)
-    monkeypatch.setattr(pq, "write_table", fail)
-    with pytest.raises(OSError, match="disk full"):
-        write_sample(tmp_path / "campaign")
-    assert list(tmp_path.iterdir()) == []

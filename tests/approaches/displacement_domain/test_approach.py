@@ -127,25 +127,6 @@ def test_the_seed_decides_the_draws(campaign: Campaign) -> None:
     assert np.abs(first - other).max() > 1
 
 
-def test_velocity_and_energy_agree_with_the_pulse(campaign: Campaign) -> None:
-    """½v0² is the integral of -a ds over the loading phase of the pulse that is reported, to 0.5 %."""
-    condition = campaign.tests[1].condition
-    pulse = DisplacementDomain(FEW).fit(campaign).predict(condition).accel_mps2
-    loading = loading_phase(pulse, condition.speed_mps)
-    work = np.trapezoid(-loading.accel_mps2, loading.displacement_m)
-    assert work == pytest.approx(0.5 * condition.speed_mps**2, rel=0.005)
-
-
-@pytest.mark.slow
-def test_notes_tell_where_the_cae_pulse_comes_from(campaign: Campaign) -> None:
-    """Paired or emulated, and what is extrapolated."""
-    model = DisplacementDomain(FEW).fit(campaign)
-    assert model.predict(campaign.tests[0].condition).notes[0].startswith("CAE pulse: paired run")
-    notes = model.predict(Condition.of_vector([20.0, 930.0, 690.0])).notes
-    assert notes[0] == "CAE pulse: from the emulator."
-    assert notes[1].startswith("Extrapolation: speed")
-
-
 @pytest.mark.slow
 def test_one_test_is_a_fallback_that_is_said() -> None:
     """One test corrects the CAE model too, with a band from prior knowledge alone."""
@@ -155,15 +136,6 @@ def test_one_test_is_a_fallback_that_is_said() -> None:
     )
     assert any("Only one test" in note for note in prediction.notes)
     assert np.isfinite(prediction.accel_mps2).all()
-
-
-@pytest.mark.slow
-def test_two_tests_and_tests_at_the_same_condition_work() -> None:
-    """Repeats are no trouble: what they differ in is their own."""
-    campaign = made_up(bias())
-    again = replace(campaign.tests[0], id="again", pulse=Pulse(GRID_S, 1.05 * campaign.tests[0].pulse.accel_mps2))
-    model = DisplacementDomain(FEW).fit(replace(campaign, tests=(campaign.tests[0], again)))
-    assert np.isfinite(model.predict(campaign.tests[2].condition).accel_mps2).all()
 
 
 def test_vehicles_that_never_stop_within_the_record_are_predicted() -> None:
@@ -178,17 +150,6 @@ def test_vehicles_that_never_stop_within_the_record_are_predicted() -> None:
     assert prediction.draws_mps2 is not None
     assert np.isfinite(prediction.draws_mps2).all()
     np.testing.assert_allclose(prediction.accel_mps2[200:1000], -6 * 14.0, rtol=0.1)
-
-
-@pytest.mark.slow
-def test_more_tests_have_fewer_points_each() -> None:
-    """The exact process stays small, whatever the number of tests."""
-    campaign = made_up(bias())
-    many = replace(campaign, tests=tuple(replace(t, id=f"{t.id}-{i}") for i in range(10) for t in campaign.tests))
-    model = DisplacementDomain(replace(FEW, max_points=100))
-    for n, most in ((6, 100 // 6), (12, 8)):
-        points = model.fit(replace(many, tests=many.tests[:n])).points_
-        assert max(test.displacement_m.size for test in points) <= most + 1
 
 
 @pytest.mark.slow
@@ -310,10 +271,3 @@ def test_a_left_out_group_says_nothing_of_its_tests() -> None:
     expected = domain.left_out_groups_.mean_mps2[group]
     np.testing.assert_allclose(again.left_out_groups_.mean_mps2[group], expected, atol=1e-6 * np.abs(expected).max())
     assert np.abs(again.left_out_.mean_mps2[group] - domain.left_out_.mean_mps2[group]).max() > 1.0
-
-
-def test_tests_at_one_speed_leave_no_group_to_learn_from() -> None:
-    """Each is predicted from the others, but nothing is known of other speeds."""
-    domain = DisplacementDomain(FEW).fit(made_up(bias(), (10.0, 10.1, 10.2)))
-    assert domain.left_out_.numbers.size == 3
-    assert domain.left_out_groups_.numbers.size == 0

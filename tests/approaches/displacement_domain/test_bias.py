@@ -29,12 +29,6 @@ def test_the_trend_of_a_curve_without_humps_is_the_curve() -> None:
     np.testing.assert_allclose(constant.trend_mps2, -120.0, rtol=1e-12)
 
 
-def test_humps_are_not_in_the_trend() -> None:
-    """Of folds 0.1 m long hardly anything is left: exp(-(2π 0.08/0.1)²/2), three millionths."""
-    force = CaeForce.at(S, lambda s: linear(s) + 50 * np.sin(2 * np.pi * s / 0.1))
-    np.testing.assert_allclose(force.trend_mps2[S > 0.3], linear(S)[S > 0.3], atol=0.3)
-
-
 def test_the_trend_at_a_displacement_does_not_depend_on_the_others_asked_for() -> None:
     """Points of a test that stopped early have the trend of a curve that goes on."""
 
@@ -103,23 +97,6 @@ def test_there_are_about_as_many_points_as_are_allowed() -> None:
     points = uniform_points(CONDITION, constant(-200.0), LoadingCurve(spring(20.0)), 0.0025, 0.25, most=10)
     np.testing.assert_allclose(np.diff(points.displacement_m[:7]), 0.234375 / 6, atol=1e-6)
     np.testing.assert_allclose(points.speed_share[6:], np.linspace(0.25, 0, 5), atol=1e-3)
-
-
-def test_of_a_vehicle_that_does_not_slow_down_within_the_record_there_is_no_stop() -> None:
-    """At 20 m/s² it has 8 of 10 m/s left after 100 ms: all points are even in displacement, none twice."""
-    points = uniform_points(CONDITION, constant(-20.0), LoadingCurve(spring(20.0)), 0.01, 0.25)
-    steps = np.diff(points.displacement_m)
-    assert 0 < steps.max() <= 0.1
-    np.testing.assert_allclose(steps, steps[0])
-
-
-@pytest.mark.parametrize("end_share", [0.0, 0.25])
-def test_identical_pulses_have_no_bias(end_share: float) -> None:
-    """A perfect CAE model leaves nothing to correct, in either kind of points."""
-    pulse = loading_phase(-250.0 * np.sin(np.pi * GRID_S / 0.075), SPEED)
-    curve = LoadingCurve(pulse)
-    np.testing.assert_allclose(uniform_points(CONDITION, pulse, curve, 0.001, end_share).bias_mps2, 0, atol=0.6)
-    np.testing.assert_allclose(bijective_projection(CONDITION, pulse, curve, 75).bias_mps2, 0, atol=1e-9)
 
 
 def test_what_a_vehicle_does_while_it_stops_moves_to_where_the_test_stops() -> None:

@@ -9,7 +9,6 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 from crashfuse.approaches.base import draw
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
-from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -80,20 +79,6 @@ def test_predictions_are_the_textbooks() -> None:
     np.testing.assert_allclose(deviations(process, new), np.sqrt(np.diag(expected)), rtol=1e-4)
 
 
-def test_a_fit_at_given_hyperparameters_predicts_as_scikit_learn() -> None:
-    """Priors so tight that the hyperparameters stay where they are: the same regression as scikit-learn's."""
-    x, y = rows()
-    tight = tuple(LogNormal(median, 1e-9) for median in (1.3, 0.4, 1.5))
-    part = Part("one", tight[0], (((0, tight[1]), (1, tight[2])),))
-    process = GaussianProcess((part,), LogNormal(0.15, 1e-9)).fit(x, y)
-    kernel = ConstantKernel(1.3**2) * Matern([0.4, 1.5], nu=2.5)
-    peer = GaussianProcessRegressor(kernel, alpha=0.15**2, optimizer=None).fit(x[:, :2], y)
-    mean, covariance = process.posterior(x[:10])
-    peer_mean, peer_covariance = peer.predict(x[:10, :2], return_cov=True)
-    np.testing.assert_allclose(mean, peer_mean, atol=1e-6)
-    np.testing.assert_allclose(covariance, peer_covariance, atol=1e-6)
-
-
 def test_the_fit_is_a_maximum_of_the_posterior() -> None:
     """Likelihood times priors falls in every direction."""
     process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
@@ -108,19 +93,6 @@ def test_the_fit_is_a_maximum_of_the_posterior() -> None:
     for direction in 0.1 * np.eye(process.theta_.size):
         assert posterior(process.theta_ + direction) < best
         assert posterior(process.theta_ - direction) < best
-
-
-def test_a_new_test_gets_nothing_of_what_others_have_alone() -> None:
-    """A part of each test has zero mean and its full variance for a test that was not trained on."""
-    part = Part("own", LogNormal(1.0, 0.3), (((0, LogNormal(0.3, 0.3)),),), same=-1)
-    x, y = rows()
-    process = GaussianProcess((part,), NOISE).fit(x, y)
-    new = x[:5].copy()
-    new[:, -1] = 99
-    mean, deviation = process.predict(new), deviations(process, new)
-    np.testing.assert_array_equal(mean, 0)
-    np.testing.assert_allclose(deviation, np.exp(process.theta_[0]) * process.output_scale_)
-    assert np.abs(process.predict(x[:5])).max() > 0.1
 
 
 def test_draws_have_the_posterior_mean_and_spread() -> None:
@@ -145,18 +117,6 @@ def test_noise_alone_is_told_from_a_pattern() -> None:
     something = GaussianProcess((ONE,), NOISE).fit(x, y)
     assert not something.dead_
     assert something.retries_ == 0
-
-
-def test_all_zero_output_is_fitted_by_zero() -> None:
-    """A perfect CAE model leaves nothing to learn, and nothing breaks."""
-    x, y = rows()
-    np.testing.assert_array_equal(GaussianProcess((ONE,), NOISE).fit(x, 0 * y).predict(x), 0)
-
-
-def test_it_must_be_fitted_first() -> None:
-    """The error says what to do."""
-    with pytest.raises(NotFittedError, match="fit"):
-        GaussianProcess((ONE,), NOISE).predict(rows()[0])
 
 
 def test_each_part_is_the_textbooks() -> None:

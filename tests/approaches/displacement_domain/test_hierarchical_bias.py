@@ -1,11 +1,9 @@
 """The hierarchical bias model, on biases whose parts are known."""
 
-import json
 from collections.abc import Mapping
 
 import numpy as np
 import pytest
-from scipy.special import stdtrit
 
 from crashfuse.approaches.displacement_domain.bias import BiasPoints, CaeForce, CaeStop
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
@@ -70,13 +68,6 @@ def test_a_bias_that_all_tests_share_is_recovered_at_any_speed() -> None:
         assert width[2:22].max() < 15.0
 
 
-def test_a_bias_in_proportion_to_the_speed_is_interpolated() -> None:
-    """Between two tested speeds the bias is between theirs."""
-    model = fit({v: v / 10 * shared(S) for v in (6.0, 8.0, 12.0, 14.0)})
-    mean, _ = mean_and_width(model, 10.0)
-    np.testing.assert_allclose(mean, shared(S), atol=4.0)
-
-
 def test_a_bias_in_proportion_to_the_cae_force_is_carried_to_other_speeds() -> None:
     """A structure 20 % stiffer at every speed has that bias at an untested speed too, in the CAE curve's own shape."""
     model = fit({v: 0.2 * cae(v) for v in (5.0, 7.0, 9.0, 11.0)})
@@ -98,21 +89,6 @@ def test_how_each_test_stops_does_not_blur_what_they_share() -> None:
     signs = {7.0: 1, 9.0: -1, 11.0: 1, 13.0: -1}
     mean, _ = mean_and_width(fit({v: shared(S) + sign * wild for v, sign in signs.items()}), 10.0)
     np.testing.assert_allclose(mean[:20], shared(S)[:20], atol=5.0)
-
-
-def test_few_tests_widen_the_band() -> None:
-    """Draws are Student's t with one degree of freedom less than there are tests, three at least."""
-    assert fit({v: shared(S) for v in (6.0, 9.0)}).freedom_ == 3
-    assert fit({float(v): shared(S) for v in range(6, 14)}).freedom_ == 7
-
-
-def test_the_state_is_plain_json() -> None:
-    """Every hyperparameter by name, with likelihood, points, touched bounds and retries."""
-    state = json.loads(json.dumps(fit({v: shared(S) for v in (6.0, 9.0, 12.0)}).state))
-    assert state["points"] == 3 * 26
-    assert state["retries"] == 0
-    assert "by speed, length in v0 in m/s" in state["hyperparameters"]
-    assert {"log_marginal_likelihood", "touched_bounds", "dead", "bias_rms_g"} <= set(state)
 
 
 def test_a_bias_of_noise_alone_is_said_to_be_one() -> None:
@@ -234,16 +210,3 @@ def test_tests_to_come_narrow_the_band_and_leave_the_mean() -> None:
     assert twice.tests_ == 6
     assert (twice.half_widths(targets, [])[0] < more.half_widths(targets, [])[0]).all()
     assert model.process_.x_.shape[0] == 4 * S.size
-
-
-def test_a_test_to_come_keeps_what_it_has_alone() -> None:
-    """Repeated without end at one condition, tests never tell what another one there would have of its own."""
-    wiggle = 15 * np.sin(S / 0.05)
-    model = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
-    own = model.parts(condition(10.0), S, force(10.0))[-2].upper_mps2
-    many = model.also([points(10.0)] * 12)
-    moving = model.end_share < SHARE
-    now, _ = many.half_widths([points(10.0)], [])
-    share = (now / stdtrit(many.freedom_, 0.975))[moving] / (own / stdtrit(model.freedom_, 0.975))[moving]
-    assert share.min() > 0.98
-    assert share.max() < 1.15

@@ -90,14 +90,6 @@ def test_tests_that_repeat_badly_widen_what_each_has_to_itself() -> None:
     assert alike.band_penalty_ < unlike.band_penalty_
 
 
-def test_draws_have_the_covariance_of_the_posterior() -> None:
-    """20,000 deviations give it back to within 5 %."""
-    root = np.random.default_rng(0).standard_normal((4, 4))
-    posterior = Posterior(np.zeros(4), root @ root.T)
-    draws = posterior.draw(20_000, np.random.default_rng(1))
-    np.testing.assert_allclose(np.cov(draws.T), posterior.covariance, atol=0.05 * np.abs(posterior.covariance).max())
-
-
 def test_what_is_known_of_a_functional_holds_afterwards() -> None:
     """Given exactly, mean and every draw have the value; given with a huge variance, nothing changes."""
     rng = np.random.default_rng(0)

@@ -74,17 +74,6 @@ def nothing_is_computed(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     return monkeypatch
 
 
-def test_blocks_are_those_of_the_whole_kernel() -> None:
-    """Between all conditions, between some and another, and of that alone."""
-    each = [Tangent.of(NETWORK, inputs(vector[None])) for vector in VECTORS]
-    by_member = np.array([[one.kernel_with(two).numpy() for two in each] for one in each])
-    expected = by_member.mean(axis=2).swapaxes(1, 2)
-    np.testing.assert_allclose(blocks().among(VECTORS), expected, rtol=1e-4, atol=1e-5)
-    across, own = blocks().between(VECTORS[:3], VECTORS[3])
-    np.testing.assert_allclose(across, expected[:3, :, 3], rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(own, expected[3, :, 3], rtol=1e-4, atol=1e-5)
-
-
 def test_a_block_does_not_depend_on_what_it_is_computed_with() -> None:
     """Beyond the rounding of products of other sizes: a test predicted in a study and alone is predicted the same."""
     together = blocks().among(VECTORS)
@@ -105,15 +94,6 @@ def test_all_parts_of_a_campaign_share_what_is_kept(tmp_path: Path, request: pyt
     across, own = blocks(Cache(tmp_path)).between(VECTORS[:3], VECTORS[3])
     np.testing.assert_array_equal(across, whole[:3, :, 3])
     np.testing.assert_array_equal(own, whole[3, :, 3])
-
-
-def test_other_networks_do_not_share(tmp_path: Path) -> None:
-    """Their weights are part of the key."""
-    blocks(Cache(tmp_path)).among(VECTORS)
-    other = Tcn(CONFIG, torch.Generator().manual_seed(2))
-    found = KernelBlocks(other, CONFIG, inputs, "library", Cache(tmp_path)).among(VECTORS)
-    alone = KernelBlocks(other, CONFIG, inputs, "library").among(VECTORS)
-    np.testing.assert_array_equal(found, alone)
 
 
 def test_of_too_many_conditions_the_latest_are_kept(

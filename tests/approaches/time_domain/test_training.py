@@ -1,7 +1,7 @@
 """Training step after step: whatever stops it, it goes on to the same bits."""
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.training import Adam, LfTraining, weights_of
 from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
-from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
 
 SMALL = TcnConfig(channels=6, dilations=(1, 2), dropout=0.1, epochs=1, min_steps=40, members=3)
@@ -153,43 +153,6 @@ def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
     assert reports[0].done == 0
 
 
-@pytest.mark.parametrize(
-    "spoil",
-    [
-        lambda state: {name: value for name, value in state.items() if "weight" not in name},
-        lambda state: {name: value[:1] if "moment" in name and value.ndim else value for name, value in state.items()},
-        lambda state: state | {"done": np.array(10_000)},
-        lambda state: state | {"done": np.array("soon")},
-        lambda state: state | {list(state)[-1]: np.array([b"text"])},
-    ],
-    ids=["no weights", "other shapes", "too many steps", "no number", "text"],
-)
-@pytest.mark.slow
-def test_a_checkpoint_of_something_else_is_not_taken(
-    campaign: Campaign, undisturbed: LfTcn, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Entry], Entry]
-) -> None:
-    """Its checksum is right and its content is not: a warning, the training begins anew, and nothing of it remains."""
-    _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
-    get = Cache.get
-
-    def spoiled(self: Cache, kind: str, key: Mapping[str, object]) -> Entry | None:
-        entry = get(self, kind, key)
-        return spoil(entry or {}) if kind == "checkpoints" else entry
-
-    monkeypatch.setattr(Cache, "get", spoiled)
-    reports: list[Progress] = []
-    with pytest.warns(UserWarning, match="could not be read back"):
-        trained = LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
-    assert reports[0].done == 0
-    assert _bits(trained.network_) == _bits(undisturbed.network_)
-
-
-def test_without_a_cache_nothing_is_left_on_disk(campaign: Campaign) -> None:
-    """A training that was not given a place keeps nothing."""
-    _cancel_at_once(LfTcn(SMALL), campaign)
-    assert not (Cache().folder / "checkpoints").exists()
-
-
 @pytest.mark.slow
 def test_members_train_as_they_would_alone() -> None:
     """The loss of an ensemble is a sum, so each member's gradient is that of its own loss."""
@@ -204,12 +167,3 @@ def test_members_train_as_they_would_alone() -> None:
     for one, other in zip(whole, own, strict=True):
         torch.testing.assert_close(one[1], other[1])
         assert other[0].abs().max() == 0
-
-
-@pytest.mark.slow
-def test_progress_is_told_within_an_epoch(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An epoch of the paper's network takes minutes on a CPU: nobody waits that long for Cancel."""
-    monkeypatch.setattr(training, "_REPORT_S", 0.0)
-    reports: list[Progress] = []
-    LfTcn(SMALL).fit(campaign, Watch(reports.append))
-    assert [report.done for report in reports] == list(range(reports[-1].total + 1))
