@@ -23,7 +23,7 @@ ONE_RECORD = 0.005
 """Tests that differ by less are one record."""
 _ALIKE_TESTS = 0.015  # tests that differ by less may be one record, or good repeats
 _TESTS_SHIFT_S, _AVERAGED_S = 20e-3, 4e-3
-_RUNS_DIFFER, _IDENTICAL = 2e-3, 1e-7  # distances of pulses of norm 1
+_RUNS_DIFFER, _IDENTICAL = 5e-4, 1e-7  # distances of pulses of norm 1; sampled at 10 kHz: 5e-5
 _COARSE, _COARSE_DIFFER = 5, 0.15  # samples averaged, and the residual, in the search for pairs worth a closer look
 _ROWS_AT_ONCE = 500
 _CFC = 60.0

@@ -201,9 +201,9 @@ def _check_counts(
     tables: dict[str, ConditionTable], left_out: int, problems: list[Problem], warnings: list[str]
 ) -> None:
     if "tests" in tables and len(tables["tests"].ids) == 1:
-        warnings.append("Only one test: nothing can be checked, and how much tests differ from each other is assumed.")
+        warnings.append("Only one test: nothing can be left out, so nothing is checked; the scatter is assumed.")
     if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
-        found = f"{len(tables['cae'].ids)}, and {left_out} left out for their quality"
+        found = f"{len(tables['cae'].ids)}" + f", and {left_out} left out for their quality" * (left_out > 0)
         problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
 
 
@@ -258,7 +258,7 @@ def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[
     if uploads and not any(name.lower().endswith(".zip") for name, _ in uploads):
         return [in_memory(*upload) for upload in uploads if not left_by_the_system(upload[0])], "upload"
     if len(uploads) != 1:
-        expected, found = "one zip of a campaign folder, or its files", f"{len(uploads)} files, with a zip or none"
+        expected, found = "one zip of a campaign folder, or its files", "a zip among files" if uploads else "nothing"
         raise DataError(Problem("upload", expected, found, "zip all of it together"))
     name, content = uploads[0]
     return members_of_zip(name, content, limits), name
@@ -284,7 +284,8 @@ def _root(members: Sequence[Member], name: str) -> PurePosixPath:
     homes = [member.path.parent for member in members if member.path.name in TABLES]
     if not homes:
         refuse([trouble for member in members if (trouble := _strange(member))], name)
-        raise DataError(Problem(name, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
+        where = printable(members[0].where) if len(members) == 1 else name
+        raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
     return min(homes, key=lambda home: len(home.parts))
 
 

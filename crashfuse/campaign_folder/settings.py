@@ -160,7 +160,7 @@ def _quality(values: dict[str, Any], problems: list[Problem]) -> QualitySettings
         limits = NAMED_LIMITS.get(name) if isinstance(name, str) else None
         if limits is None or is_both:
             expected = f"one of {', '.join(NAMED_LIMITS)}, without limits of its own"
-            _refuse(expected, "both" if is_both else name, "cae_quality.limits", problems)
+            _refuse(expected, f"{name} and limits" if is_both else name, "cae_quality.limits", problems)
     leave_out = table.get("leave_out_failing", False)
     if not isinstance(leave_out, bool):
         _refuse("true or false", leave_out, "cae_quality.leave_out_failing", problems)

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -40,6 +41,11 @@ def text(name: str, content: str | bytes) -> Callable[[Path], object]:
 def pulse(**columns: Callable[[pd.DataFrame], object]) -> Callable[[Path], None]:
     """Change columns of the first test's pulse."""
     return edit("tests/T1.csv", lambda t: t.assign(**columns))
+
+
+def share(column: str, cell: str) -> Callable[[Path], None]:
+    """Say something of a run's quality."""
+    return edit("cae.csv", lambda t: t.assign(**{column: t.id.map({"C03": cell})}))
 
 
 BAD: dict[str, Callable[[Path], object]] = {
@@ -107,7 +113,7 @@ BAD: dict[str, Callable[[Path], object]] = {
         .to_parquet(f / "cae_pulses.parquet", index=False)
     ),
     **{
-        f"{column} of {cell}": edit("cae.csv", lambda t, c=column, v=cell: t.assign(**{c: t.id.map({"C03": v})}))
+        f"{column} of {cell}": share(column, cell)
         for column, cells in {
             "hourglass_share": ("3.2", "-0.01"),
             "added_mass_share": ("n/a", "nan"),
@@ -179,12 +185,12 @@ _VARIES = ("a damaged", "(at ", "Unclosed")  # what other packages say of a dama
 
 
 def refusal(act: Callable[[], object]) -> list[str]:
-    """The sentences with which something is refused."""
+    """The first sentences with which something is refused."""
     with pytest.raises(DataError) as caught:
         act()
     sentences = [str(problem) for problem in caught.value.problems]
     assert all(sentence.endswith(".") for sentence in sentences)
-    return [told.partition(", found ")[0] if any(word in told for word in _VARIES) else told for told in sentences]
+    return [told.partition(", found ")[0] if any(word in told for word in _VARIES) else told for told in sentences[:3]]
 
 
 @pytest.mark.slow
@@ -194,7 +200,7 @@ def test_bad_input_gets_clear_sentences(campaign_on_disk: Path, tmp_path: Path) 
     for name, spoil in BAD.items():
         folder = shutil.copytree(campaign_on_disk, tmp_path / "campaign")
         spoil(folder)
-        told += [f"{name}: {sentence}" for sentence in refusal(lambda f=folder: load_campaign(f))]
+        told += [f"{name}: {sentence}" for sentence in refusal(partial(load_campaign, folder))]
         shutil.rmtree(folder)
     assert_golden("bad_folders", told)
 
@@ -205,7 +211,7 @@ def test_settings_that_make_no_sense_are_refused(campaign_folder: Path) -> None:
     for settings in SETTINGS:
         (campaign_folder / "campaign.toml").write_text(f"{settings}\n")
         told += [
-            f"{' | '.join(settings.splitlines())}: {one}" for one in refusal(lambda: load_campaign(campaign_folder))
+            f"{' | '.join(settings.splitlines())}: {one}" for one in refusal(partial(load_campaign, campaign_folder))
         ]
     assert_golden("bad_settings", told)
 
@@ -214,6 +220,6 @@ def test_what_is_no_campaign_is_refused_and_nothing_stays(tmp_path: Path) -> Non
     """Every refusal is a sentence about the file, and leaves the folder as it was."""
     told = []
     for name, uploads in UPLOADS.items():
-        told += [f"{name}: {sentence}" for sentence in refusal(lambda files=uploads: lay_out(files, tmp_path))]
+        told += [f"{name}: {sentence}" for sentence in refusal(partial(lay_out, uploads, tmp_path))]
         assert not list(tmp_path.iterdir())
     assert_golden("bad_uploads", told)

@@ -252,7 +252,7 @@ def test_arrays_and_pulses_rate_alike_over_a_window() -> None:
     with pytest.raises(UsageError, match="dt_s"):
         rate_iso18571(reference, comparison)
     with pytest.raises(UsageError, match=r"in ms: 20, not 0\.02"):
-        rate_windows(*pulses, [20])[0.02]
+        rate_windows(pulses[0], pulses[1], [20])[0.02]
 
 
 def test_many_curves_rate_as_one_by_one() -> None:

@@ -64,11 +64,6 @@ class TcnConfig:
         motion = 2 + 2 * self.travel_waves + 2 * self.velocity_waves if self.travel_waves else 0
         return 4 + 2 * self.time_waves + motion
 
-    @property
-    def receptive_field(self) -> int:
-        """Number of sequence steps that an output depends on."""
-        return 1 + 2 * (self.kernel - 1) * sum(self.dilations)
-
 
 class AboutLfTcn(Approach):
     """What is shown of the LF TCN."""
