@@ -53,7 +53,8 @@ class QualityVerdict:
     def summary(self) -> str:
         """How many runs pass, fail and cannot be judged."""
         if not len(self.table):
-            return "Energy balance, hourglass energy and added mass are not recorded for any CAE run."
+            what = "Energy balance, hourglass energy and added mass"
+            return f"{what} are not recorded for any of the {self.runs:,} CAE runs."
         if self.limits is None:
             return "No CAE run is judged by its quality: [cae_quality] in campaign.toml sets no limits."
         return (

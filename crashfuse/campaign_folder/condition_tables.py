@@ -177,7 +177,7 @@ def numbers_in(
             advice = "fill it in"
         problems.append(Problem(where, expected, found, advice, column, row))
     if bad.size and (more := bad.size - int(stops[-1])):
-        problems.append(Problem(where, "numbers", f"{more} more cells that are none", "correct the cell", column))
+        problems.append(Problem(where, "numbers", f"{more} more cells that are none", "correct them too", column))
     numbers[bad] = np.nan
     return numbers
 

@@ -116,7 +116,9 @@ def own_filter_class(folder: Path) -> float | None:
 
 def reason(text: str) -> str:
     """Why a test is left out of use, in one line, cut if it is too long."""
-    return printable(" ".join(text.split()), LONGEST_REASON - 1)
+    line = " ".join(text.split())
+    whole = printable(line, LONGEST_REASON)
+    return whole if len(whole) <= LONGEST_REASON else printable(line, LONGEST_REASON - 1)
 
 
 def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> OccupantModel:

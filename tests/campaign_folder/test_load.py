@@ -13,7 +13,7 @@ from crashfuse.campaign_folder.load import load_campaign, unread_files
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH, LB, MPH, MS, G
-from tests.campaign_folder.test_refusals import BAD, edit, put
+from tests.campaign_folder.test_refusals import BAD, edit, put, text
 
 
 def assert_same(one: Campaign, other: Campaign) -> None:
@@ -231,8 +231,8 @@ def test_a_fault_of_one_file_raises_no_false_alarm_elsewhere(campaign_folder: Pa
 
 def test_all_problems_are_listed_at_once(campaign_folder: Path) -> None:
     """Three faults in three files come back together."""
-    for name in ("missing column", "no Parquet", "bad settings"):
-        BAD[name](campaign_folder)
+    for spoil in (BAD["missing column"], BAD["no Parquet"], text("campaign.toml", "name = [")):
+        spoil(campaign_folder)
     with pytest.raises(DataError) as raised:
         load_campaign(campaign_folder)
     assert {problem.where for problem in raised.value.problems} == {"tests.csv", "cae_pulses.parquet", "campaign.toml"}
