@@ -9,6 +9,7 @@ from crashfuse.wording import Sentence, acceleration
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _SEVERAL = 2  # humps: of one alone nothing is worst
 _NOTHING = 1e-9  # of a rating
+_BALANCED_MPS2 = 0.5  # a hump that differs less on average is neither too strong nor too weak
 _IN_PLACE_S = 0.0005  # a hump that comes this near to its time is not out of place
 
 
@@ -77,6 +78,8 @@ def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
         return Sentence(text)
     worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
     text += f"; {100 * worst.magnitude_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
+    if abs(worst.difference_mps2) < _BALANCED_MPS2:
+        return Sentence(f"{text}, on average neither too strong nor too weak")
     size, side = acceleration(abs(worst.difference_mps2)), _side(worst.difference_mps2)
     return Sentence(f"{text}, on average {{}} {side}", size)
 

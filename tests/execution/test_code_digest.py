@@ -64,8 +64,8 @@ def test_a_docstring_that_is_rewritten_counts_for_nothing(tmp_path: Path) -> Non
     shutil.copytree(ROOT / "crashfuse", package)
     path = package / "cae" / "model.py"
     text = path.read_text(encoding="utf-8")
-    assert "Train on all runs of the library." in text
-    path.write_text(text.replace("Train on all runs of the library.", "Learn."), encoding="utf-8")
+    assert "Train on all runs of the library" in text
+    path.write_text(text.replace("Train on all runs of the library", "Learn."), encoding="utf-8")
     assert code_digest(EMULATOR, package) == code_digest(EMULATOR)
     path.write_text(text.replace("max_runs: int = 1200", "max_runs: int = 1201"), encoding="utf-8")
     other = shutil.copytree(package, tmp_path / "other" / "crashfuse")  # digests of a file are kept
