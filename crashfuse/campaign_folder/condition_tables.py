@@ -246,8 +246,8 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]
     for place, (row, run_id) in enumerate(ids.items()):
         trouble, name = id_trouble(run_id), folded(run_id)
         if trouble is None and name in seen:
-            found = f"{printable(run_id, 60)!r} beside {printable(seen[name], 60)!r}"
-            trouble = "an id of its own, apart from capitals and accents", found, "rename or remove one of them"
+            alike = "" if seen[name] == run_id else f", as {printable(seen[name], 60)!r}, to some systems"
+            trouble = "each id once", f"{printable(run_id, 60)!r} a second time{alike}", "rename or remove one of them"
         if trouble is None:
             sound.append(place)
         else:

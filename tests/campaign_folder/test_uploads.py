@@ -131,7 +131,7 @@ def test_damage_anywhere_is_a_sentence_and_writes_nothing_outside(content: dict[
 TOLD = {
     "a missing column": "tests.csv: expected one column rear_weight_lb or rear_weight_kg",
     "text for a number": "cae.csv, column front_weight_lb, row 5: expected a number, found 'heavy'",
-    "an id twice": "cae.csv, column id, row 8: expected an id of its own, apart from capitals and accents",
+    "an id twice": "cae.csv, column id, row 8: expected each id once, found 'C01' a second time",
     "a pulse that is missing": "tests.csv, column id: expected a pulse for T1",
     "a sample that is missing": "T2.csv, column acceleration_g, row 102: expected a number, found an empty cell",
     "a flipped sign": "flip the sign of the acceleration (deceleration is negative)",
