@@ -34,7 +34,7 @@ _ONSET = 0.05  # of the peak
 
 
 def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
-    """Return time and values of a channel at even sampling, and a sentence if that took more than rounding.
+    """Time and values of a channel at even sampling, and a sentence if that took more than rounding.
 
     Samples without a value are cut at either end; within the record they are rejected, as are gaps in time.
     """
@@ -47,13 +47,15 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     time, values = time[inside], values[inside]
     if not (np.isfinite(values).all() and np.isfinite(time).all()):
         raise DataError(Problem(place, "a number in each sample", "samples without one", "repair the record"))
-    if (latest := float(np.abs(time).max())) > _LATEST_S:
-        raise DataError(Problem(place, "times of a crash", f"{latest:.3g} s", "repair the record"))
-    if (strongest := float(np.abs(values).max())) > _STRONGEST:
-        raise DataError(Problem(place, "accelerations of a crash", f"{strongest:.3g}", "repair the record"))
+    for numbers, most, what in ((time, _LATEST_S, "times in s"), (values, _STRONGEST, "accelerations")):
+        if (largest := float(np.abs(numbers).max())) > most:
+            raise DataError(Problem(place, f"{what} of a crash", f"{largest:.3g}", "repair the record"))
     steps = np.diff(time)
     if steps.min() <= 0:
-        raise DataError(_backwards(place, time, steps))
+        at = int(np.argmax(steps <= 0))
+        found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
+        advice = "sort the record by time, delete duplicates, or export time with more digits"
+        raise DataError(Problem(place, "time that increases from sample to sample", found, advice))
     step = float(np.median(steps))
     if steps.max() > _GAP * step:
         found = f"a step of {time_text(steps.max())} among steps of {time_text(step)}"
@@ -70,24 +72,10 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     return clock, np.interp(clock, time, values), note
 
 
-def _backwards(place: str, time: FloatArray, steps: FloatArray) -> Problem:
-    expected = "time that increases from sample to sample"
-    if steps.min() < 0:
-        sample = int(np.argmax(steps < 0)) + 1
-        found = f"{time_text(time[sample], 6)} after {time_text(time[sample - 1], 6)}"
-        return Problem(place, expected, found, "sort the record by time")
-    twice = int(np.argmax(steps == 0))
-    found = f"duplicate times: {time_text(time[twice], 6)} in samples {twice + 1} and {twice + 2}"
-    count = int((steps == 0).sum())
-    found += f", and {count - 1} more" if count > 1 else ""
-    return Problem(place, expected, found, "delete the duplicates, or export time with more digits")
-
-
 def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Return the time that the channels have in common, and their values then, shape (n_channels, n).
+    """The time that the channels have in common, and their values then, shape (n_channels, n), interpolated if need be.
 
-    Channels whose samples lie between those of the first are interpolated. A DataError names a channel that is
-    unusable, or of another rate or time than the first.
+    A DataError names a channel that is unusable, or of another rate or time than the first.
     """
     evens = [resample_evenly(channel, where) for channel in channels]
     steps.extend(note for *_, note in evens if note)
@@ -98,14 +86,12 @@ def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[s
     clock = first[(first >= begin) & (first <= end)]
     for channel, time in zip(channels, times, strict=True):
         if abs(time[1] - time[0] - step) > tolerance or clock.size < _FEWEST:
-            found = f"{channel.name} at {1 / (time[1] - time[0]):.6g} Hz from {time_text(time[0], 6)}"
-            found += f", {channels[0].name} at {1 / step:.6g} Hz from {time_text(first[0], 6)}"
+            shown = ((channels[0].name, first), (channel.name, time))
+            found = ", ".join(f"{name} at {1 / (t[1] - t[0]):.6g} Hz from {time_text(t[0], 6)}" for name, t in shown)
             advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
             raise DataError(Problem(where, "channels sampled alike to average", found, advice))
     if any(abs(time[0] - first[0]) > tolerance for time in times):
-        starts = ", ".join(
-            f"{one.name} from {time_text(time[0], 6)}" for one, time in zip(channels, times, strict=True)
-        )
+        starts = ", ".join(f"{one.name} from {time_text(t[0], 6)}" for one, t in zip(channels, times, strict=True))
         steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
     steps.append(f"Recorded at {(clock.size - 1) / (clock[-1] - clock[0]):.6g} Hz from {time_text(clock[0], 6)}.")
     return clock, np.array([_at(clock, time, values, tolerance) for time, values, _ in evens])
@@ -124,13 +110,10 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     chosen = record.chosen(choices.channels)
     missing = []
     if not chosen:
-        expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
-        option = f"(--channel {shlex.quote(record.channels[0].name)})"
-        advice = f"choose the one that is, or several to be averaged {option}"
-        if all(channel.doubt == Doubt.FAILED or channel.is_simulated for channel in record.channels):
-            expected = f"a sound channel of {record.id}"
-            advice = f"get a sound one, or choose one that is not as bad {option}"
-        missing.append(Problem(record.source, expected, record.listed, advice))
+        is_bad = all(channel.doubt == Doubt.FAILED or channel.is_simulated for channel in record.channels)
+        expected = "a sound channel of {}" if is_bad else "a channel of {} that is known to be the vehicle's pulse"
+        advice = f"choose the one that is, or several to be averaged (--channel {shlex.quote(record.channels[0].name)})"
+        missing.append(Problem(record.source, expected.format(record.id), record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
         expected = f"the unit of the acceleration of {record.id}"
@@ -152,7 +135,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
     """The channels to average: those chosen, else the largest group of proposed channels that agree.
 
     They agree in their change of velocity, those of a test in time and in shape, too: in a CAE run all nodes have one
-    clock. Where they agree only just, that is told with care. A DataError says that no more than half of them agree.
+    clock. A DataError says that no more than half of them agree.
     """
     record, choices, steps = case.record, case.choices, case.steps
     chosen = record.chosen(choices.channels)
@@ -188,8 +171,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
         return chosen
     if not majority:
         expected = f"channels of {record.id} that agree in time, shape and change of velocity"
-        likely = f", likely {reference.name}, the closest to time zero" if on_time else ""
-        advice = f"choose one{likely} (--channel {shlex.quote(reference.name)})"
+        advice = f"choose one (--channel {shlex.quote(reference.name)})"
         raise DataError(Problem(record.source, expected, joined(texts, "; "), advice))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")
@@ -209,7 +191,7 @@ def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[s
             problems[channel.name] = error.problems[0]
     if not 0 < len(problems) < len(proposed):
         return proposed
-    faults = "; ".join(f"{name}, with {one.found} instead of {one.expected}" for name, one in problems.items())
+    faults = "; ".join(f"{name} ({one.found})" for name, one in problems.items())
     steps.append(f"Careful: left out as unusable: {faults}.")
     return tuple(channel for channel in proposed if channel.name not in problems)
 

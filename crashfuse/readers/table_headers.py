@@ -17,7 +17,7 @@ ColumnRole = Literal[
 ]
 """The roles of a column."""
 
-OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's, not the vehicle's", "a limit, no signal"
+OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's", "a limit, no signal"
 """Reasons why an acceleration is not the pulse."""
 _LIMIT = re.compile(r"(upper|lower|ober\w*|unter\w*)( (bound|limit|band|grenze|schranke))?")
 _WORDS: dict[ColumnRole, str] = {
@@ -91,10 +91,7 @@ class ColumnUse:
 
 
 def use_of(column: str, unit_cell: str) -> ColumnUse:
-    """The role of a column according to its header and the cell below it in a row of units.
-
-    A column that is not recognised is ignored, without a reason.
-    """
+    """The role of a column by its header and the cell below it in a row of units; unrecognised, without a reason."""
     unit = _name_and_unit(column, unit_cell)[1]
     plain, code = place_of(column), _code_of(column)
     why = f"its unit is {unit}" if unit else "its name says so"
@@ -126,13 +123,12 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
 
 def _acceleration(use: ColumnUse, plain: str, unit_cell: str) -> ColumnUse:
     other = _other_unit(use.column, unit_cell)
-    if why_not := why_not_the_vehicle(use.column):
-        return ColumnUse(use.column, "ignored", use.unit, why_not)
-    if _LIMIT.fullmatch(plain) or names_a_parameter(plain):
-        return ColumnUse(use.column, "ignored", use.unit, A_LIMIT)
-    if use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
-        return ColumnUse(use.column, "ignored", None, f"its unit is {other}")
-    return use
+    why_not = why_not_the_vehicle(use.column)
+    if not why_not and (_LIMIT.fullmatch(plain) or names_a_parameter(plain)):
+        why_not = A_LIMIT
+    if not why_not and use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
+        why_not = f"its unit is {other}"
+    return ColumnUse(use.column, "ignored", use.unit, why_not) if why_not else use
 
 
 def why_no_acceleration(column: str, unit_cell: str) -> str:
@@ -271,23 +267,17 @@ def axis_by_motion(
     """
     if set(accelerations) <= {"x"}:
         return "x", ""
-    gains = {
-        axis: float(np.median([_gain(values(column)) for column in columns])) for axis, columns in accelerations.items()
-    }
-    best = max(gains, key=gains.__getitem__)
-    if "x" not in gains:
-        return best, f"Careful: travel along {best}; no column is along x. Give --travel if that is wrong."
-    if best == "x" or not gains[best] > _MANY_TIMES * gains["x"]:
+    gains = {"x": 0.0}
+    for axis, columns in accelerations.items():
+        gains[axis] = float(np.median([_gain(values(column)) for column in columns]))
+    best = max(accelerations, key=gains.__getitem__)
+    if best == "x" or ("x" in accelerations and not gains[best] > _MANY_TIMES * gains["x"]):
         return "x", ""
-    times = f"{gains[best] / gains['x']:.3g} times that along x" if gains["x"] > 0 else "while it is none along x"
-    return best, f"Careful: travel along {best}, by its change of velocity, {times}. Give --travel if that is wrong."
+    return best, f"Careful: travel along {best}, by the change of velocity. Give --travel if that is wrong."
 
 
 def _gain(values: FloatArray) -> float:
-    """The largest change of velocity in either direction, of samples at even times.
-
-    Gravity or an offset that is there from the beginning is no motion, and neither is what is small beside the peak.
-    """
+    """The largest change of velocity in either direction, without an offset from the beginning and what is small."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return 0.0

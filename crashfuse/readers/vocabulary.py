@@ -16,7 +16,7 @@ Characters that say nothing are 0 or ?; the IIHS fills them with _, as in ``11VE
 Sources: ISO/TS 13499, related electronic document B (channel codes), 1.6.2, as quoted by the public packages pyisomme
 and sdata; the codes of NHTSA's and the IIHS's downloads. ISO/TS 13499 has ``Data source`` (transducer, camera,
 calculation, simulation, parameter) and ``Data status`` (ok, channel failed, meaningless data, no data, questionable
-data, scaling factor changed, system noise); laboratories spell them in their own ways, NHTSA has codes for them.
+data, scaling factor changed, system noise), which laboratories spell in their own ways.
 """
 
 import re
@@ -106,7 +106,7 @@ _OTHER = re.compile(
 
 
 def unit_named(text: str, quantity: str | None = None) -> str | None:
-    """Return our name of the unit spelt by a text; None if it is not a unit (of this quantity, a key of ``UNITS``)."""
+    """Our name of the unit that a text spells; None if it is none (of this quantity, a key of ``UNITS``)."""
     plain = text.strip().strip("[](){}").lower().replace("²", "2").replace("’", "'")
     name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
     known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]
@@ -216,14 +216,15 @@ UNPLACED = len(_PLACES)
 def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], str]:
     """The channels whose average is the pulse, by name, and the reason; none if none sits at a known place.
 
-    At the rear, where sensors are redundant, all are taken; elsewhere one, or one on either side. Raw goes before
-    filtered.
+    At the rear, where sensors are redundant, all are taken; elsewhere one, or one on either side, the least filtered.
     """
     ordered = sorted(codes.items(), key=lambda pair: pair[1].order)
     rank = ordered[0][1].rank if ordered else UNPLACED
     if rank == UNPLACED:
-        why = "No X acceleration is at the rear seat, the vehicle's own, or on tunnel, sills or B-pillars; choose one."
-        return (), why
+        return (
+            (),
+            "No X acceleration is at the rear seat, the vehicle's own, on tunnel, sills or B-pillars; choose one.",
+        )
     there = [(name, code) for name, code in ordered if code.rank == rank]
     rawest: dict[str, ChannelCode] = {}
     for _, code in there:
@@ -232,8 +233,7 @@ def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], 
     if rank:
         sides = [next((name for name, code in there if code.side == side), None) for side in ("LE", "RI")]
         chosen = tuple(side for side in sides if side is not None) or chosen[:1]
-    average = "; their average is the pulse" if len(chosen) > 1 else ""
-    return chosen, f"X acceleration {_PLACES[rank][1]}: {', '.join(chosen)}{average}."
+    return chosen, f"X acceleration {_PLACES[rank][1]}: {', '.join(chosen)}."
 
 
 class Doubt(IntEnum):

@@ -95,8 +95,7 @@ def test_columns_are_records_or_channels_of_one(tmp_path: Path) -> None:
     assert [record.channels[0].values.size for record in records] == [4, 3]  # a shorter one ends in empty cells
     (together,) = apply_mapping(sheet, propose(sheet), record_id="all", together=True)
     assert (together.id, [channel.name for channel in together.channels]) == ("all", ["T1 [g]", "T2 [g]"])
-    assert "Each of the columns T1 [g] and T2 [g] is the acceleration in g: its unit is g." in together.steps
-    assert "Column T2 [g] is the acceleration in g: its unit is g." in records[1].steps
+    assert "Read as acceleration in g: T1 [g] and T2 [g] (its unit is g)." in together.steps
 
 
 def test_a_column_of_ids_parts_a_tidy_table(tmp_path: Path) -> None:
@@ -127,12 +126,8 @@ def test_the_user_overrules_the_proposal(tmp_path: Path) -> None:
     mapping = propose(sheet).overruled("Kanal 1", "time", "ms").overruled("Kanal 2", "acceleration", "m/s^2")
     (record,) = apply_mapping(sheet, mapping.overruled("bemerkung", "ignored"), record_id="x")
     assert (record.channels[0].time_s[-1], record.channels[0].unit) == (5 * MS, "m/s²")
-    with pytest.raises(UsageError, match="no column 'Kanal 9'; there are Kanal 1"):
-        mapping.overruled("Kanal 9", "time")
     with pytest.raises(UsageError, match="that is time has s, ms, µs, not 'g'"):
         mapping.overruled("Kanal 1", "time", "g")
-    with pytest.raises(UsageError, match="A column can be id, time"):
-        mapping.overruled("Kanal 1", "colour")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -232,29 +227,11 @@ def test_sizes_are_bounded(tmp_path: Path) -> None:
         read_sheets(tmp_path / "x.csv", Limits(member_bytes=100))
 
 
-@pytest.mark.parametrize(
-    ("text", "name"),
-    [
-        ("m/(s*s)", "m/s²"),
-        ("m/s**2", "m/s²"),
-        ("M/S^2", "m/s²"),
-        ("G'S", "g"),
-        ("[ms]", "ms"),
-        ("msec", "ms"),
-        ("km/h", "km/h"),
-        ("mm/ms^2", "mm/ms²"),
-        ("lbs", "lb"),
-        ("furlong", None),
-        ("", None),
-    ],
-)
-def test_units_are_known_by_their_spellings(text: str, name: str | None) -> None:
-    """Laboratories spell units in many ways."""
-    assert unit_named(text) == name
-
-
-def test_a_unit_is_of_its_quantity() -> None:
-    """What is asked for as a speed is no time."""
+def test_units_are_known_by_their_spellings() -> None:
+    """Laboratories spell units in many ways; what is asked for as a speed is no time."""
+    spelt = {"m/s²": ("m/(s*s)", "m/s**2", "M/S^2"), "g": ("G'S",), "ms": ("[ms]", "msec"), "km/h": ("km/h",)}
+    spelt |= {"mm/ms²": ("mm/ms^2",), "lb": ("lbs",), None: ("furlong", "")}
+    assert all(unit_named(text) == name for name, texts in spelt.items() for text in texts)
     assert unit_named("s", "speed") is None
     assert number_and_unit("56,3 km/h") == (56.3, "km/h")
     assert number_and_unit("fast") is None
