@@ -63,7 +63,7 @@ class Budget:
         self._by_ratio = max(limits.ratio * packed, _HARMLESS)
 
     def spend(self, count: int, member_bytes: int, where: str) -> None:
-        """Count a chunk of a member that has now reached ``member_bytes``; raise a DataError beyond the limits."""
+        """Count a chunk of a member of so many bytes by now; a DataError beyond the limits."""
         self.total += count
         if self.total > self._by_ratio:
             expected, found = f"at most {self.limits.ratio:g} times the size of the archive", "more: it is a zip bomb"
@@ -84,7 +84,7 @@ class Member:
     opened: Callable[[], AbstractContextManager[IO[bytes]]]
 
     def chunks(self, budget: Budget) -> Iterator[bytes]:
-        """Yield the unpacked content in chunks of at most 1 MiB; raise a DataError if it is damaged or too large."""
+        """Yield the unpacked content in chunks of at most 1 MiB; a DataError if it is damaged or too large."""
         size = 0
         with _readable(self.where), self.opened() as stream:
             while chunk := stream.read(_CHUNK):
@@ -119,11 +119,7 @@ def in_memory(name: str, content: bytes) -> Member:
 
 
 def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
-    """List the files of a zip, without folders and system files; they read from the stream, which must stay open.
-
-    A DataError says that it is no valid zip, has too many entries, or has one that is encrypted, a link, packed by
-    another method, or unsafely named.
-    """
+    """The files of a zip without folders and system files, all safe by name and kind; the stream must stay open."""
     with _readable(name):
         archive = zipfile.ZipFile(stream)
         entries = archive.infolist()
@@ -278,7 +274,7 @@ class _Walk:
         return self._stream.read(size)
 
     def finish(self, at: int) -> None:
-        """Check that the archive ends where tarfile stopped, which a damaged header makes it do, too, and in full."""
+        """Tarfile stops at a damaged header as at the end."""
         self.listing = False
         self.seek(at)
         if self.read(tarfile.BLOCKSIZE).strip(b"\0"):

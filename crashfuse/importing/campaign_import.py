@@ -35,7 +35,7 @@ _COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what th
 
 
 class Label(NamedTuple):
-    """What tells whether a record is a test or a CAE run: its source, its id, and what it says of itself."""
+    """A record's source, its id, and what it says of itself."""
 
     source: str
     id: str
@@ -52,7 +52,7 @@ class Label(NamedTuple):
         return self.source.partition(": ")[0]
 
     def looks_like_cae(self, *, many: bool) -> bool:
-        """Whether it looks like a CAE run, by its own account, its sheet and id, or else its file or their number."""
+        """By its own account, its sheet and id, else its file or their number."""
         is_cae, is_test = _named_as(f"{self.source.partition(': ')[2]} {self.id}")
         if self.is_simulated or is_cae != is_test:
             return self.is_simulated or is_cae
@@ -61,20 +61,17 @@ class Label(NamedTuple):
 
 
 def _named_as(name: str) -> tuple[bool, bool]:
-    """Whether a name is that of a CAE run, and that of a test."""
+    """Whether as a CAE run, and as a test."""
     return _CAE.search(name) is not None or names_a_simulation(name), _TEST.search(name) is not None
 
 
 def role_of(record: Record, role: Role, cae: Sequence[str]) -> Role:
-    """What a record is: a CAE run if its file, source or id is among ``cae``, else what all are taken as."""
+    """A CAE run if its file, source or id is among ``cae``."""
     return "cae" if {Label.of(record).file, record.source, record.id} & set(cae) else role
 
 
 def parts_of(records: Iterable[Label]) -> dict[str, bool]:
-    """The parts of a source by their names, and whether they look like CAE runs.
-
-    A part is a file, or if not all in it are alike, a record by its id, or by its source if the id occurs twice.
-    """
+    """The parts of a source, and whether they look like CAE runs: files, or records of files with both."""
     files: dict[str, list[Label]] = {}
     for record in records:
         files.setdefault(record.file, []).append(record)
@@ -88,7 +85,6 @@ def parts_of(records: Iterable[Label]) -> dict[str, bool]:
 
 
 def _which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list[Problem]:
-    """The question which files are CAE runs, if any look like them; none if all say so themselves."""
     if records and all(label.is_simulated for label in records):
         return []
     parts = parts_of(records) if usual == "tests" else dict.fromkeys((label.file for label in records), True)
@@ -210,11 +206,7 @@ def settle_each(
     raw: bool = False,
     tolerant: bool = False,
 ) -> tuple[Settled, ...]:
-    """Settle every record that can be settled, as :func:`settle` does; append problems of the others to ``problems``.
-
-    Records of the files ``cae`` are CAE runs. ``tolerant`` turns an invalid choice into a problem of the record instead
-    of raising, because choices that fit one record may not fit another.
-    """
+    """Settle all records that can be, append problems of others; ``tolerant``: of invalid choices, too."""
     settled: dict[int, Settled] = {}
     refused: list[Problem] = []
     ids: list[str] = []
@@ -245,7 +237,7 @@ def settle_each(
 
 
 def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
-    """The record in the unit of the others of its table, else of its source, if they have one in common."""
+    """That of the others of its table, else of its source, if they have one in common."""
     units = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
     if len(set(units)) != 1:
         return record
@@ -262,11 +254,7 @@ def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
 
 
 def add_settled(out: Path, settled: Sequence[Settled]) -> tuple[Added, ...]:
-    """Add settled records to a campaign, or start a new one with them: all of them or, on any problem, none.
-
-    If the campaign folder ``out`` filters its own records (:func:`own_filter_class`), they must be settled raw. A
-    DataError says that an id is already there with another condition or pulse, or is not a valid file name.
-    """
+    """Add settled records to a campaign, or start a new one with them: all or, on any problem, none."""
     additions: dict[Role, list[Addition]] = {}
     for one in settled:
         addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality)

@@ -34,10 +34,7 @@ _ONSET = 0.05  # of the peak
 
 
 def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
-    """Time and values of a channel at even sampling, and a sentence if that took more than rounding.
-
-    Samples without a value are cut at either end; within the record they are rejected, as are gaps in time.
-    """
+    """Time and values at even sampling, and a sentence if that took more than rounding; a DataError for gaps."""
     place = f"{where}, {channel.name}"
     time, values = np.asarray(channel.time_s, dtype=np.float64), np.asarray(channel.values, dtype=np.float64)
     finite = np.flatnonzero(np.isfinite(values))
@@ -73,10 +70,7 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
 
 
 def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
-    """The time that the channels have in common, and their values then, shape (n_channels, n), interpolated if need be.
-
-    A DataError names a channel that is unusable, or of another rate or time than the first.
-    """
+    """The time that the channels have in common, and their values then, shape (n_channels, n)."""
     evens = [resample_evenly(channel, where) for channel in channels]
     steps.extend(note for *_, note in evens if note)
     times = [time for time, *_ in evens]
@@ -106,7 +100,7 @@ def _at(clock: FloatArray, time: FloatArray, values: FloatArray, tolerance: floa
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:
-    """Missing choices about the channels: which ones, and their unit if there is no speed to infer it from."""
+    """The channels, and their unit if there is no speed to infer it from."""
     chosen = record.chosen(choices.channels)
     missing = []
     if not chosen:
@@ -132,11 +126,7 @@ def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
 
 
 def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
-    """The channels to average: those chosen, else the largest group of proposed channels that agree.
-
-    They agree in their change of velocity, those of a test in time and in shape, too: in a CAE run all nodes have one
-    clock. A DataError says that no more than half of them agree.
-    """
+    """Those chosen, else the largest group that agree in change of velocity, in a test also in time and shape."""
     record, choices, steps = case.record, case.choices, case.steps
     chosen = record.chosen(choices.channels)
     if choices.channels:
@@ -197,7 +187,6 @@ def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[s
 
 
 def _in_one_unit(channels: tuple[RecordedChannel, ...], choices: Choices) -> tuple[RecordedChannel, ...]:
-    """The channels in the unit of the first, if all state one and the user gives none."""
     factors = [ACCELERATION_UNITS[channel.unit] for channel in channels if channel.unit]
     if choices.unit is not None or len(factors) < len(channels):
         return channels
@@ -225,7 +214,6 @@ class _Signal:
 
     @property
     def onset_s(self) -> float:
-        """When a twentieth of the peak is first reached."""
         size = np.abs(self.values)
         return float(self.time_s[int(np.argmax(size >= _ONSET * size.max()))])
 
@@ -233,7 +221,7 @@ class _Signal:
         return abs(self.gain - other.gain) > share * _DISSENT * max(abs(self.gain), abs(other.gain))
 
     def differences(self, other: "_Signal", share: float = 1.0) -> list[str]:
-        """In what it differs from another by more than this share of the limits; in words, but for ΔV."""
+        """In words, but for ΔV: by more than this share of the limits."""
         if self.gain * other.gain <= 0:
             return ["of the other sign" if self.gain * other.gain else ""]
         differ = [""] if self.changes_unlike(other, share) else []
@@ -251,7 +239,6 @@ class _Signal:
         return differ
 
     def compared(self, reference: "_Signal", factor: float | None) -> str:
-        """Its change of velocity (an integral without a factor to m/s²), and in what it differs from a reference."""
         integral = f"integral {number(self.gain, '.4g')} (unit not stated)"
         change = integral if factor is None else speed(self.gain * factor)
         differ = [] if self is reference else self.differences(reference, _CARE)
@@ -259,7 +246,7 @@ class _Signal:
 
 
 def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedChannel, ...]:
-    """The channels whose sensors did not fail; all of them if they were chosen or none is sound, which is told."""
+    """All of them if they were chosen or no sensor is sound, which is told."""
     signals = {channel.name: resample_evenly(channel, case.record.source)[:2] for channel in channels}
     failures: dict[str, Sentence] = {}
     for channel in channels:

@@ -131,7 +131,7 @@ def unit_and_sign(
 
 
 def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str) -> Problem | None:
-    """The problem of a change of velocity that is unlike the impact speed, if it is and the speed is known."""
+    """The problem of a change of velocity that is unlike the known impact speed."""
     change = delta_v(time_s, accel)
     if not case.is_moving or case.fits(change):
         return None
@@ -139,7 +139,7 @@ def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str)
 
 
 def crash_advice(record: Record, doubtful: str) -> str:
-    """Advice where the change of velocity is unlike the impact speed: the crash may be of another kind."""
+    """What to do then; the crash may be of another kind."""
     setup = f" (the file calls it {record.other_setup!r})" if record.other_setup else ""
     return f"check {doubtful}; leave it out if it is no full-frontal barrier crash{setup}"
 
@@ -152,7 +152,7 @@ def _unlike(case: Case, time_s: FloatArray, change_mps: float, unit: str, advice
 
 
 def stated_zero(record: Record, time_s: FloatArray) -> str:
-    """Why contact is at 0 of the file's time, by that time alone; empty if it tells nothing."""
+    """Why contact is at 0 of the file's time; empty if nothing tells."""
     begins = f"the file's time begins before 0, at {time_text(time_s[0])}" if time_s[0] < -MS else ""
     return record.own_time_zero or begins
 
@@ -211,7 +211,7 @@ def filter_class(
 
 
 def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray) -> str:
-    """The evidence that a record has already been filtered to CFC 60 or below; empty if there is none."""
+    """The evidence that a record was filtered to CFC 60 or below; empty if there is none."""
     cutoffs = [channel.cutoff_hz for channel in channels]
     if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):
         return f"the file says that it has gone through {cutoffs[0]:g} Hz already"

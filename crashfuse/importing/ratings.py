@@ -223,7 +223,6 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None)
 
 
 def _is_own(path: Path) -> bool:
-    """Whether a table is in our own form: its columns name their units."""
     with suppress(DataError):
         if path.suffix in (".csv", ".parquet"):
             with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, path.name) as table:
@@ -234,7 +233,7 @@ def _is_own(path: Path) -> bool:
 
 
 def _speed(record: Record, choices: Choices) -> float:
-    """The impact speed that a record states; else about the one that its change of velocity tells."""
+    """About the one that the change of velocity tells, if the record states none."""
     if record.condition.speed_mps is not None:
         return record.condition.speed_mps
     channel = record.chosen(choices.channels)[0]

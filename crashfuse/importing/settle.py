@@ -65,11 +65,7 @@ class Lacking(Problem):
 def complete_condition(
     record: Record, choices: Choices, steps: list[str], *, role: Role, also_missing: Sequence[Problem] = ()
 ) -> Condition:
-    """Complete the condition of a record with the user's values, which take precedence; append sentences to ``steps``.
-
-    A DataError says what is missing (``also_missing`` too), implausible or contradictory; a UsageError that the user's
-    share is impossible, or the user's weights contradict each other.
-    """
+    """Complete a record's condition with the user's values; a DataError says what lacks, ``also_missing`` too."""
     given, front_share = choices.condition, choices.front_share
     if front_share is not None and not _LEAST_SHARE <= front_share <= _MOST_SHARE:
         found = f"{front_share:.4g} ({100 * front_share:.4g} %)"
@@ -115,10 +111,7 @@ def missing_values(
 
 
 def joint_problems(problems: Sequence[Problem]) -> list[Problem]:
-    """The problems of several records, with what their conditions lack told once.
-
-    Options of the command give all records one condition; a table of conditions gives each its own.
-    """
+    """The problems of several records, with what their conditions lack told once."""
     alike: dict[tuple[str, str], list[Lacking]] = {}
     for problem in problems:
         if isinstance(problem, Lacking):
@@ -157,7 +150,7 @@ def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
 
 
 def _refuse_short(case: Case, time_s: FloatArray) -> None:
-    """Raise a DataError if a record is too short whatever its unit and speed, by the earliest contact that may be."""
+    """Whatever its unit and speed, by the earliest contact that may be."""
     zero_s = case.choices.time_zero_s
     earliest = 0.0 if stated_zero(case.record, time_s) else float(time_s[0])
     end_s = float(time_s[-1]) - (earliest if zero_s is None else zero_s)
@@ -171,10 +164,7 @@ def _too_short(case: Case, end_s: float, advice: str) -> DataError:
 
 
 def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
-    """The sentences on the end of the record, if it comes early, and on when the vehicle stops.
-
-    A record that ends (``end_s`` after contact) before 60 ms, or before 100 ms while the vehicle moves, is refused.
-    """
+    """A record that ends before 60 ms, or before 100 ms while the vehicle moves, is refused."""
     first, last, end = float(motion.velocity_mps[0]), float(motion.velocity_mps[-1]), time_text(end_s)
     sentences: list[str] = []
     if end_s < SHORTEST_S - motion.dt_s:
@@ -252,7 +242,7 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
 
 
 def _pulse_problems(record: Record, choices: Choices, role: Role, *, raw: bool) -> list[Problem]:
-    """What is wrong with a pulse whose condition is not complete: nobody should look for that of one to be refused."""
+    """Of a pulse whose condition is not complete: nobody should look for that of one to be refused."""
     if not record.chosen(choices.channels):
         return []
     speed_mps = record.condition.overruled(choices.condition).speed_mps
@@ -268,10 +258,7 @@ def _pulse_problems(record: Record, choices: Choices, role: Role, *, raw: bool) 
 def settled_at(
     record: Record, choices: Choices, condition: Condition, role: Role, steps: list[str], *, raw: bool
 ) -> Settled:
-    """Settle the pulse of a record whose condition is known; otherwise as :func:`settle`.
-
-    Without its speed (NaN), a pulse is checked as far as that is possible.
-    """
+    """As :func:`settle`, of a known condition; without a speed (NaN) a pulse is checked as far as that is possible."""
     case = Case(record, choices, role, condition.speed_mps, steps)
     channels = agreeing_channels(case)
     time_s, values = average(case, channels)
@@ -303,7 +290,7 @@ def settled_at(
 
 
 def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) -> Pulse:
-    """The record from contact to 200 ms at its own rate (at most 12.5 kHz if filtered); if raw, all of it."""
+    """To 200 ms from contact, at its own rate (at most 12.5 kHz if filtered); if raw, all of it."""
     if raw:
         return Pulse(time_s, accel)
     step = max(step_of(time_s), DT_S) if filtered else step_of(time_s)
@@ -313,10 +300,7 @@ def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) ->
 
 
 def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
-    """Reject what a campaign would reject: too short, still moving at its end, unlike its speed.
-
-    Its end comes before ``unlike``, the problem of its change of velocity: what ends too early has not lost its speed.
-    """
+    """The end comes before ``unlike``: what ends too early has not lost its speed."""
     record, speed_mps = case.record, case.speed_mps
     after = (pulse.time_s >= 0) & (pulse.time_s <= _LONGEST_S)
     motion = kinematics(pulse.accel_mps2[after], speed_mps, pulse.dt_s)

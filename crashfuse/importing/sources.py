@@ -45,18 +45,14 @@ def is_archive(name: str) -> bool:
 
 
 def members_of(name: str, content: bytes, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
-    """List the files of an archive in memory; a DataError if it is invalid, unsafe or exceeds the limits."""
+    """The files of an archive in memory."""
     if is_tar(name):
         return tar_members(io.BytesIO(content), name, limits)
     return members_of_zip(name, content, limits)
 
 
 def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
-    """Lay uploads out in an existing folder; return the single file or folder in it, or a folder with all of them.
-
-    Each archive is unpacked into a folder named after it. A DataError says that a name is unsafe, an archive invalid,
-    or a limit exceeded.
-    """
+    """Lay uploads out in an existing folder, archives unpacked; return the single thing in it, or a folder with all."""
     check_uploads(uploads, limits)
     home = into / "upload"
     home.mkdir()
@@ -119,10 +115,7 @@ def format_of(source: Path) -> str:
 
 
 def read_records(reading: Reading) -> tuple[Record, ...]:
-    """Read all records of a source, or raise a DataError with every problem of every record.
-
-    A UsageError says that the format or a mapped column does not exist, or that one id is given for several records.
-    """
+    """Read all records of a source, or raise a DataError with every problem of every record."""
     problems: list[Problem] = []
     records = tuple(iter_records(reading, problems))
     refuse(problems, reading.source.name)
@@ -140,7 +133,7 @@ def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]
 
 
 def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
-    """Yield the records of a source one by one, read as by :func:`read_records`; append problems to ``problems``."""
+    """Yield the records of a source one by one; append problems to ``problems``."""
     source = reading.source
     fmt = reading.fmt or format_of(source)
     if fmt in BROKEN_FORMATS:
@@ -209,7 +202,6 @@ def _names(source: Path) -> Iterable[PurePath]:
 
 
 def _has_to_be_unpacked(source: Path, fmt: str) -> bool:
-    """Whether a source is a tar, or a zip of tables or of several tests in a format whose reader takes only one."""
     if not source.is_file() or not is_archive(source.name):
         return False
     has_several = FORMATS[fmt].one_a_file and sum(map(FORMATS[fmt].has, _names(source))) > 1
@@ -217,7 +209,7 @@ def _has_to_be_unpacked(source: Path, fmt: str) -> bool:
 
 
 def _archives(folder: Path) -> list[Path]:
-    """The archives in a folder that holds nothing else to import, as laboratories offer them for download."""
+    """As laboratories offer tests for download, in a folder with nothing else to import."""
     files = _files(folder, lambda path: is_archive(path.name))
     return [] if files and formats_of(_names(folder)) else files
 

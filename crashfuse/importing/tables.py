@@ -49,8 +49,6 @@ class OneCrashOrSeveral(DataError):
 
 @dataclass
 class _TableSet:
-    """The content of several tables, by their files and names."""
-
     of_table: dict[tuple[Path, str], list[Record]] = field(default_factory=dict)
     with_ids: set[tuple[Path, str]] = field(default_factory=set)  # tables that identify their own records
     parted: set[tuple[Path, str]] = field(default_factory=set)  # tables that stood side by side and were split
@@ -89,7 +87,6 @@ class _TableSet:
             self.neither.append(f"{sheet.name} with the columns {listed(sheet.columns)}{because}")
 
     def given_to(self, record: Record) -> Record:
-        """The record with the condition of its id (case ignored); if there is none, it says so of its speed."""
         if record.id.casefold() not in self.conditions:
             there = {other.id.casefold() for other in self.records} or self.conditions.keys()
             if idle := [run_id for key, (run_id, *_) in self.conditions.items() if key not in there]:
@@ -100,7 +97,6 @@ class _TableSet:
         return replace(record, condition=record.condition.overruled(condition), steps=steps)
 
     def check_ids(self, ids: Sequence[str]) -> None:
-        """Refuse conditions that match no record, and several accelerations without ids or conditions for each."""
         if self.conditions and not self.conditions.keys() & set(map(str.casefold, ids)):
             found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
             raise DataError(Problem("conditions", f"conditions for {listed(ids)}", found, "make the ids the same"))
@@ -117,7 +113,6 @@ class _TableSet:
 
 
 def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, parted: bool) -> Problem:
-    """What several accelerations are, of which those in ``without`` have no conditions."""
     if len(without) < len(records):  # crashes, as the conditions of the others say
         found = f"those of {listed(record.id for record in records if record.id not in without)}"
         advice = "add a row for each to the table of conditions, or leave its column out (--column COLUMN=ignored)"
@@ -138,11 +133,7 @@ def read_tables(
     together: bool,
     travel: Travel | None = None,
 ) -> _TableSet:
-    """Read tables, each according to its columns; append the problems of each to ``problems``.
-
-    A table of conditions that cannot be read raises a DataError, as no record can be judged without it; a mapped column
-    that is in none of the tables a UsageError.
-    """
+    """Read tables, each according to its columns; a table of conditions must be readable, its columns there."""
     tables = _TableSet()
     there: set[str] = set()
     faults: list[Problem] = []
@@ -162,7 +153,7 @@ def read_tables(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TableForm:
-    """Tables with the same headers: their names, and the proposed mapping and first rows of the first table."""
+    """Tables with the same headers; the proposed mapping and first rows of the first."""
 
     names: tuple[str, ...]
     proposed: Mapping

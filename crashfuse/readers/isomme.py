@@ -94,11 +94,7 @@ def _first_of(pairs: Pairs, name: str) -> str | None:
 
 
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
-    """Read one ISO-MME test from its folder, its ``.mme`` file or a zip: its descriptors and all its channels.
-
-    A channel that is marked as failed and cannot be read has no samples. A DataError says that it is not an ISO-MME
-    test, or which other channels contradict their headers.
-    """
+    """Read one ISO-MME test: its folder, its ``.mme`` file or a zip. A failed channel may have no samples."""
     with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():
             members = [m for m in members if m.path.suffix.lower() != ".mme" or m.path == PurePosixPath(path.name)]
@@ -170,7 +166,6 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
 
 
 def _timed(channel: Channel, clock: Channel | None) -> Channel:
-    """The channel with the sampling of its time channel, if that is even and of equal length."""
     if clock is None or clock.values.shape != channel.values.shape or clock.values.size < 2:
         return channel
     time_s = clock.values * UNITS["time"][unit_named(clock.unit, "time") or "s"]
@@ -242,7 +237,7 @@ def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Reco
 
 
 def record_of(test: IsommeTest, source: str) -> Record:
-    """The record of a test with the channels that could be the pulse, best placed and least filtered first."""
+    """The record of a test, its channels best placed and least filtered first."""
     on_vehicles = [(code, channel) for channel in test.channels if (code := _on_a_vehicle(channel))]
     if not on_vehicles:
         expected = "an X acceleration of the vehicle (a code such as 10VEHC000000ACXD)"
@@ -298,7 +293,6 @@ def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
 
 
 def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[ChannelCode, Channel]]:
-    """Channels by code as written, numbered if several share one; best placed and least filtered first."""
     ordered = sorted(channels, key=lambda pair: pair[0].order)
     times, seen = Counter(channel.code for _, channel in channels), Counter[str]()
     named = {}
@@ -326,7 +320,7 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
 
 
 def _quantity(test: IsommeTest, names: Sequence[str], quantity: str, default: str) -> float | None:
-    """Return the first descriptor with one of these names in SI; its unit is the format's unless it states one."""
+    """In SI; the unit is the format's unless the descriptor states one."""
     text = next((value for name in names if (value := test.descriptor(name))), "")
     number, unit = number_and_unit(text) or (0.0, "")
     named = unit_named(unit, quantity) if unit else default

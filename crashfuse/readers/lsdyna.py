@@ -59,13 +59,10 @@ def _named(path: PurePath) -> _FileName | None:
 
 @dataclass
 class _RunFiles:
-    """The files of one run: families of binout by number, each file by its place, and texts by their kind."""
-
     binout: defaultdict[str, dict[tuple[int, int], Member]] = field(default_factory=lambda: defaultdict(dict))
     text: dict[str, Member] = field(default_factory=dict)
 
     def families(self) -> list[list[Member]]:
-        """The files of each family in the order in which they were written; a DataError if one is missing."""
         families = []
         for _, files in sorted(self.binout.items()):
             followers = [(0, 0)]
@@ -98,11 +95,7 @@ class _RunFiles:
 
 
 def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
-    """The files of each run by its id.
-
-    Files in one folder are of one run, unless names of jobs tell them apart (``run12.binout0000``). Of a file that was
-    chosen, its own run alone is returned: its families, or that text; and the energies beside it.
-    """
+    """The files of each run by its id; of a file that was chosen, its own run alone, and the energies beside it."""
     zipped = path.suffix.lower() == ".zip"
     chosen = _named(path) if path.is_file() and not zipped else None
     runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(_RunFiles)
@@ -129,7 +122,6 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
 
 
 def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
-    """Ids of runs from their folders and jobs, without leading and trailing ones that all runs share."""
     if len(folders) == 1:
         return [folders[0][-1] if folders[0] else home]
     short = list(folders)
@@ -140,12 +132,7 @@ def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
 
 
 def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...]:
-    """Read LS-DYNA runs: the accelerations of their nodes along the axis of travel, else of their rigid bodies.
-
-    The path is a ``binout``, any file of its family, a ``nodout``, the folder of a run or of many, or a zip. Each run
-    is a record with the name of its job or folder as id, the initial speed of its nodes, and the mass that follows from
-    the kinetic energy (``glstat``) at that speed. Travel is, by default, in the direction in which the nodes set out.
-    """
+    """Read LS-DYNA runs (a file, the folder of one or of many, a zip): nodes, else rigid bodies."""
     with opened_members(path, lambda file: _named(file) is not None, _KIND, limits) as (members, budget):
         runs = _runs_of(members, path)
         if not runs:

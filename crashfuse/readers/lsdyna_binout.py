@@ -123,7 +123,6 @@ class _LsdaFile:
                     offset = self._offset.unpack(body)[0]
 
     def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
-        """Yield the commands of a symbol table with what they say, the last one with the offset of the next table."""
         length, command = self._record.unpack(self._exactly(self._record.size, offset))
         if command != _BEGIN_TABLE:
             raise self._damaged("no symbol table where it should be")
@@ -205,7 +204,6 @@ class _Part:
     time: FloatArray
 
     def value(self, state: _Folder, name: str) -> npt.NDArray[Any] | None:
-        """A variable of all nodes in a state; None if it was not written."""
         values = self.file.read(state, name)
         if values is None and self.after is not None and name in self._torn(state):
             values = self.after.read(state, name)
@@ -218,7 +216,7 @@ class _Part:
         return {*self.file.folders[state], *self._torn(state)}
 
     def _torn(self, state: _Folder) -> Collection[str]:
-        """Names of the variables of a state that went into the next file."""
+        """Variables of a state that went into the next file."""
         variables = () if self.after is None else self.after.folders.get(state, ())
         return () if "time" in variables else variables
 
@@ -231,10 +229,7 @@ class _Part:
 
 
 def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -> tuple[Histories, States, States]:
-    """Read a run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing.
-
-    If there are more than ``most`` nodes, those with a title are kept first.
-    """
+    """A run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing."""
     glstat: States = {}
     matsum: States = {}
     parts: list[_Part] = []
@@ -319,7 +314,6 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
 
 
 def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
-    """Raise a DataError if two families hold the same nodes at the same time: they are of two runs."""
     for part in parts:
         for other in others:
             at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
@@ -329,7 +323,7 @@ def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
 
 
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
-    """Velocities at the start, shape (3, n_nodes), and the largest speed along each axis in some of the states."""
+    """Velocities at the start, shape (3, n_nodes), and the largest speed along each axis in some states."""
     first: dict[tuple[str, bytes], _Part] = {}
     fastest = np.zeros(3)
     for part in sorted(parts, key=lambda part: float(part.time[0])):
@@ -379,7 +373,7 @@ def _text(file: _LsdaFile, folder: _Folder, name: str) -> str:
 
 
 def _joined(pieces: Sequence[History]) -> History:
-    """Join one node's data from several files; if a restart repeats a time, the later file takes precedence."""
+    """If a restart repeats a time, the later file takes precedence."""
     ordered = sorted(pieces, key=lambda piece: float(piece.time[0]))
     ends = [float(piece.time[0]) for piece in ordered[1:]] + [np.inf]
     kept = [piece.time < end for piece, end in zip(ordered, ends, strict=True)]

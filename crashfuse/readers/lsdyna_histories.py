@@ -65,7 +65,7 @@ class Histories:
 
 
 def nodes_to_keep(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
-    """The nodes to keep if there are too many: those with a title first, then in file order."""
+    """Those with a title first, then in file order."""
     return set(sorted(names, key=lambda name: not titles.get(name))[:most])
 
 
@@ -134,7 +134,6 @@ def quality_of(glstat: States, matsum: States) -> RunQuality:
 
 
 def _strain(states: States) -> tuple[FloatArray | None, FloatArray | None]:
-    """Internal and hourglass energy; the latter not if it is zero throughout."""
     hourglass = _column(states, "hourglass_energy")
     return _column(states, "internal_energy"), hourglass if hourglass is not None and hourglass.any() else None
 
@@ -145,10 +144,7 @@ def _column(states: States, name: str) -> FloatArray | None:
 
 
 def read_nodout(chunks: Iterable[bytes], where: str, most: int, travel: Travel | None) -> Histories:
-    """Read an ASCII ``nodout`` as a stream; everything but the nodes' translation is skipped.
-
-    If there are more than ``most`` nodes, those with a title are kept first. An unreadable row raises a DataError.
-    """
+    """Read the translation of at most so many nodes from an ASCII ``nodout`` as a stream."""
     reader = _Nodout(where, most, travel)
     lines = _lines_of(chunks, where)
     title = printable(next(lines, b"").decode("latin-1").strip())
@@ -157,7 +153,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int, travel: Travel |
 
 
 class _Nodout:
-    """What was read of a file so far. The first state tells along which axis the others are read."""
+    """What was read so far; the first state tells along which axis the others are read."""
 
     def __init__(self, where: str, most: int, travel: Travel | None) -> None:
         self._where, self._most, self._travel = where, most, travel
@@ -175,7 +171,7 @@ class _Nodout:
         self._axis = 0
 
     def take(self, line: bytes) -> bool:
-        """Read a line; False if it is a row that was cut short or cannot be read."""
+        """False for a row that was cut short or cannot be read."""
         if line.startswith(b"{"):
             self._in_legend = b"BEGIN" in line
         elif self._in_legend:

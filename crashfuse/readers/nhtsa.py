@@ -64,7 +64,7 @@ class Sensor:
 
     @property
     def is_of_the_vehicle(self) -> bool:
-        """Whether it could measure the pulse: an X accelerometer on the vehicle, not on a dummy or the barrier."""
+        """Whether it is an X accelerometer on the vehicle, not on a dummy or the barrier."""
         on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
         return self.sensor == "AC" and self.axis.startswith("X") and on_it
 
@@ -80,7 +80,7 @@ class Sensor:
 
     @property
     def is_at_the_rear(self) -> bool:
-        """Whether it is on the floor behind the crush zone, where both sides follow the motion of the whole vehicle."""
+        """Whether it is on the floor behind the crush zone."""
         label = self.comment.upper()
         return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
 
@@ -95,7 +95,7 @@ def number_in(value: str | float) -> float:
 
 
 def condition_steps(speed_kph: float, mass_kg: float, where: str) -> Iterator[str]:
-    """Sentences on the speed, and on the mass of a vehicle whose axle weights are unknown; 0 means unknown."""
+    """Sentences on speed, and on mass without axle weights; 0 means unknown."""
     sentence = Sentence("Speed {} from {}.", speed(speed_kph * KPH, form=".4g"), where)
     yield sentence if speed_kph else f"{where} has no speed of the vehicle."
     if mass_kg:
@@ -179,10 +179,7 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
 
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
-    """Read the conditions and the vehicle's X accelerations of one NHTSA test: its folder, its ``.EV5`` file, or a zip.
-
-    Proposed are channels of the rear crossmember, else at the centre of gravity, but none that is marked as failed.
-    """
+    """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
     kind = "an NHTSA folder or zip with a .EV5 file"
     with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
         specification = _specification(members, path)

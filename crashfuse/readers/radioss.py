@@ -151,7 +151,7 @@ class _BinaryFile:
         return self._states[:, start : start + self._blocks[number]]
 
     def _data(self, content: bytes) -> tuple[npt.NDArray[np.float32], bool]:
-        """All whole states with the frames of their records, shape (n_states, words of a state); and is there more."""
+        """All whole states with the frames of their records, and whether there is more."""
         words = self._places[-1]
         states, left_over = divmod(len(content) - self._at, 4 * words)
         if not states:
@@ -191,7 +191,6 @@ class _BinaryFile:
         return _Group(kind, elements, names, _ints(self._next(records)) if variables else ())
 
     def _records(self, content: bytes) -> Iterator[bytes]:
-        """Yield the records of the header; ``_at`` is where the next one begins."""
         self._at = 0
         for _ in range(_MOST_RECORDS):
             if self._at + 8 > len(content):
@@ -281,7 +280,7 @@ def _watched_of_csv(
 
 
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
-    """The labels, without stray characters, and where the numbers begin; a label may hold a line break."""
+    """The labels, and where the numbers begin; a label may hold a line break."""
     if _BEGINS.match(content[:200]) is None:
         raise DataError(Problem(where, _KIND, "another kind of file", _IMPORT))
     end, quotes, breaks = 0, 0, 0
@@ -324,7 +323,6 @@ def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
 
 
 def _object_and_variable(label: str, place: int, where: str) -> tuple[str, str]:
-    """The object and the variable that a label names; ``var 33`` of column 33 if it names none."""
     if found := _UNNAMED.fullmatch(label):
         if int(found[2]) != place:
             expected = f"this label over column {found[2]}"
@@ -335,18 +333,14 @@ def _object_and_variable(label: str, place: int, where: str) -> tuple[str, str]:
 
 
 def _split(label: str) -> tuple[str, str, str] | None:
-    """Group, number and title of an object; None of a part or subset, which has no number."""
+    """Group, number and title; None of a part or subset, which has no number."""
     forms = (*(rf"(.{{{width}}}) (\d{{1,10}})(?: (.*))?" for width in _WIDTHS), r"(.*?)\s+(\d{1,10})(?:\s+(.*))?")
     found = next((match for form in forms if (match := re.fullmatch(form, label))), None)
     return None if found is None else (found[1].strip(), found[2], (found[3] or "").strip())
 
 
 def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFAULT_LIMITS) -> tuple[Record, ...]:
-    """Read Radioss runs: the accelerations of their nodes and accelerometers along the axis of travel.
-
-    The path is a time history, its CSV, a folder of one run or of many, or a zip. The parts of a run that was
-    restarted (``T01``, ``T02`` …) and its additional files (``T01a`` …) are one record.
-    """
+    """Read Radioss runs (a time history, its CSV, a folder of one or of many, a zip), their parts joined."""
     with opened_members(path, _belongs, _KIND, limits) as (members, budget):
         runs = _runs(members, path)
         if not runs:
@@ -379,7 +373,7 @@ def _parts_of_name(name: str) -> tuple[str, int, str]:
 
 
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
-    """Files by run; of a file that was chosen, only its run. A CSV beside its original is left out."""
+    """A CSV beside its original is left out."""
     has = FORMATS["radioss"].has
     chosen = (not has(path), _parts_of_name(path.name)[0])
     original = {member.path for member in members if has(member.path)}

@@ -101,10 +101,7 @@ class TimeHistory:
 
     @property
     def initial_velocity(self) -> FloatArray | None:
-        """Velocity along X, Y, Z of all that moves at the first state, shape (3,); None if that is not told.
-
-        Twice the kinetic energy over the momentum: what is at rest, as a barrier is, counts in neither.
-        """
+        """Of all that moves, along X, Y, Z, shape (3,): twice the kinetic energy over the momentum."""
         needed = ("KINETIC ENERGY", *(f"{axis}-MOMENTUM" for axis in "XYZ"))
         if any(name not in self.model or not self.model[name].size for name in needed):
             return None
@@ -119,10 +116,7 @@ class TimeHistory:
 
 
 def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistory:
-    """One time history of a run that was stopped and restarted; a later part replaces what it computed anew.
-
-    A DataError says that the first part or time between two is missing, or that they watch different things.
-    """
+    """A run that was stopped and restarted; a later part replaces what it computed anew."""
     whole = parts[0]
     for part, name in zip(parts[1:], names[1:], strict=True):
         if _watched_curves(part) != _watched_curves(whole):
@@ -155,7 +149,7 @@ def _watched_curves(history: TimeHistory) -> list[tuple[str, list[str]]]:
 
 
 def join_files(histories: Sequence[TimeHistory]) -> TimeHistory:
-    """The main file of a run with the nodes of its additional ones (``T01a`` …), which repeat no global histories."""
+    """The main file of a run with the nodes of its additional ones (``T01a`` …)."""
     return replace(
         histories[0],
         model=next((history.model for history in histories if history.model), {}),
@@ -167,7 +161,7 @@ def join_files(histories: Sequence[TimeHistory]) -> TimeHistory:
 
 
 def with_names(history: TimeHistory) -> TimeHistory:
-    """Name the curves of the nodes and accelerometers that have no names; those that cannot be told go unread."""
+    """Name the curves that have no names; those that cannot be told go unread."""
     watched, unread, guessed = [], list(history.unread), False
     for one in history.watched:
         if not any(name.startswith("var ") for name in one.curves):
@@ -184,10 +178,7 @@ def with_names(history: TimeHistory) -> TimeHistory:
 
 
 def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
-    """The velocity of a node, its displacement and acceleration, which stand around it; or that of an accelerometer.
-
-    Empty if they cannot be told apart without doubt, or the run sets out at rest or along no axis.
-    """
+    """Empty if curves cannot be told apart without doubt, or the run sets out at rest or along no axis."""
     initial = history.initial_velocity
     if initial is None or np.count_nonzero(initial) != 1:
         return {}
@@ -225,10 +216,7 @@ def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
 
 
 def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> bool:
-    """Whether a column, in either sign, is the acceleration of something that moves with the vehicle.
-
-    The impulse of a force grows as the velocity falls, which no acceleration does.
-    """
+    """The impulse of a force grows as the velocity falls, which no acceleration of a vehicle does."""
     if np.ptp(vehicle) > 0 and abs(np.corrcoef(acceleration, vehicle)[0, 1]) > _ALIKE:
         return False
     speed = vehicle[0]
@@ -240,7 +228,7 @@ def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> b
 
 
 def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None) -> Record:
-    """Make the record of a run; a DataError if nothing in it tells a pulse, or travels as a vehicle does."""
+    """The record of a run; a DataError if nothing in it tells a pulse."""
     start, fastest = _motion(run)
     axis = axis_of_travel(start, travel)
     initial = run.initial_velocity
@@ -281,11 +269,7 @@ def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
 
 
 def _along(one: Watched, axis: int, initial: FloatArray | None) -> History | None:
-    """A node or accelerometer along the axis of travel; None if nothing was written of it.
-
-    An accelerometer measures in a skew of its own: of its directions that with the largest ΔV is read, turned to where
-    the vehicle travels.
-    """
+    """An accelerometer has its own skew: read is the direction of largest ΔV, turned to where the vehicle travels."""
     letter = "XYZ"[axis]
     accel, velocity = one.curves.get(f"A{letter}"), one.curves.get(f"V{letter}")
     if one.is_accelerometer:
@@ -322,7 +306,7 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
 
 
 def _may_be_the_pulse(node: History, initial: FloatArray | None) -> bool:
-    """Whether it moves with the vehicle; an accelerometer must also stop as one does, which crossed columns do not."""
+    """An accelerometer must stop as a vehicle does, which crossed columns do not."""
     if not node.name.startswith(ACCELEROMETER) or initial is None or not initial.any():
         return True
     at_start = float(np.abs(node.velocity[0]))
@@ -338,7 +322,6 @@ def _behind(node: History) -> tuple[float, float]:
 
 
 def _units(run: TimeHistory, nodes: Sequence[History], source: str) -> Units:
-    """The units that the run states, if they can be; else those that its numbers tell."""
     if run.unit_factors:
         _, length, second = run.unit_factors
         stated = (system for factors, system in _SYSTEMS.items() if np.allclose(factors, (length, second), rtol=1e-3))

@@ -34,10 +34,7 @@ class AxleWeights:
         return sum(value is not None for value in (self.mass_kg, self.front_kg, self.rear_kg, self.front_share))
 
     def overruled(self, by: "AxleWeights") -> "AxleWeights":
-        """These weights, less what contradicts ``by``, which takes precedence.
-
-        Two values determine all. A mass alone keeps the front share, a share the mass, an axle's weight the other's.
-        """
+        """These weights, less what contradicts ``by``: two values tell all; one keeps share, mass or other axle."""
         if by.n_stated == 0:
             return self
         if by.n_stated > 1:
@@ -170,7 +167,7 @@ class RecordedChannel:
 
     @property
     def shown(self) -> str:
-        """The name, the label where it says more, and what speaks against it, as messages print it."""
+        """The name, the label where it says more, and what speaks against it."""
         name, label = printable(self.name), printable(self.label)
         more = ", ".join(filter(None, ("" if label in name else label, self.remark)))
         return f"{name} ({more})" if more else name
@@ -196,11 +193,7 @@ class RecordedChannel:
 def proposal(
     channels: Mapping[str, RecordedChannel], propose: Callable[[Sequence[str]], tuple[tuple[str, ...], str]]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Propose channels to average, by what the file says of their source and quality: their names, and sentences.
-
-    Simulated ones are proposed only where nothing is measured, doubtful ones only where nothing is sound, failed ones
-    never. ``propose`` chooses among the channels with some names, by where they sit, and says why.
-    """
+    """Channels to average, and sentences: measured before simulated, sound before doubtful, failed never."""
     measured = [name for name, one in channels.items() if not one.is_simulated]
     candidates = measured or list(channels)
     chosen, why = propose([name for name in candidates if not channels[name].doubt])
@@ -268,10 +261,7 @@ class Record:
         return f"{', '.join(shown[:_LISTED])}{rest}"
 
     def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
-        """The channels with these names, spelt as in the file or as messages print them; by default the proposed ones.
-
-        A UsageError says that there is none of a name, a DataError that it could not be read.
-        """
+        """The channels with these names, as in the file or as messages print them; by default those proposed."""
         if damaged := [self.unread[name] for name in names if name in self.unread]:
             raise DataError(damaged)
         found = {name: self._named(name) for name in names or self.proposed}

@@ -68,7 +68,7 @@ def integral(values: FloatArray, time: FloatArray) -> FloatArray:
 
 
 def titled_nodes(nodes: Sequence[History]) -> tuple[list[History], str] | None:
-    """The nodes whose titles say that they are where accelerometers are, and the reason; None if no title does."""
+    """The nodes whose titles name a place of accelerometers, and the reason; None if no title does."""
     for words, where in _PLACES:
         named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not is_on_a_dummy(node)]
         if named:
@@ -98,7 +98,7 @@ def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
 
 
 def _finest(nodes: Sequence[History]) -> list[History]:
-    """The nodes that were written most often (``nodouthf``), since only nodes of one clock can be averaged."""
+    """Only nodes of one clock can be averaged: those that were written most often (``nodouthf``)."""
     most = max(node.time.size for node in nodes)
     return [node for node in nodes if node.time.size == most]
 
@@ -113,10 +113,7 @@ def _words(title: str) -> str:
 
 
 def axis_of_travel(start: FloatArray, travel: Travel | None = None) -> int:
-    """The number of the axis: the one given, else that along which the nodes set out fastest on average.
-
-    ``start`` are velocities along x, y and z when the run begins, shape (3, n_nodes); nodes at rest do not matter.
-    """
+    """The axis given, else along which nodes set out fastest on average; velocities have the shape (3, n_nodes)."""
     if travel is not None:
         return AXES.index(travel[-1])
     return int(np.abs(_finite(start)).mean(axis=1).argmax())
@@ -155,10 +152,9 @@ def departure(
     travel: Travel | None,
     source: str,
 ) -> tuple[float | None, str, str]:
-    """The speed in m/s at which the nodes of the pulse set out, why it is unknown, and a sentence on their direction.
+    """The speed in m/s at which the nodes set out, why it is unknown, and a sentence on their direction.
 
-    ``motion`` are velocities of all nodes when the run begins, shape (3, n_nodes), and the largest speeds of any along
-    each axis. A DataError says that nothing sets out as a vehicle does, or in another direction than ``travel``.
+    ``motion`` are velocities of all nodes at the start, shape (3, n_nodes), and the largest along each axis.
     """
     per_second, unit, units_sentence = units
     per_mps = None if unit is None else ACCELERATION_UNITS[unit] * per_second  # of a velocity

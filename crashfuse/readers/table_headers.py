@@ -142,7 +142,7 @@ def why_no_acceleration(column: str, unit_cell: str) -> str:
 
 
 def why_not_the_vehicle(name: str) -> str:
-    """The reason why the acceleration of this name, or below this title, is not the vehicle's along X; else empty."""
+    """Why the acceleration of this name or title is not the vehicle's along X; else empty."""
     code = _code_of(name)
     if _OTHER_AXIS.fullmatch(place_of(name)) or (code and not code.is_along_x):
         return OTHER_DIRECTION
@@ -150,7 +150,7 @@ def why_not_the_vehicle(name: str) -> str:
 
 
 def names_a_dummy(column: str) -> bool:
-    """Whether a header names a dummy or a part of it, also as one of several words written as one."""
+    """Whether a header names a dummy or a part of it."""
     return any(_DUMMY.search(place_of(spelling)) for spelling in (column, _HUMP.sub(" ", column)))
 
 
@@ -190,14 +190,14 @@ def _code_of(column: str) -> ChannelCode | None:
 
 
 def place_of(column: str) -> str:
-    """The sensor location: a header's plain words without unit and filter, equal for raw and filtered signals."""
+    """The plain words of a header without unit and filter, equal for raw and filtered signals."""
     if (code := _code_of(column)) is not None:
         return code.sensor.lower()
     return " ".join(_FILTER.sub("", _plain(bare_name(column))).split())
 
 
 def is_ahead(column: str) -> bool:
-    """Whether a header names a part ahead of the passenger cell, which stops before the vehicle does."""
+    """Whether it names a part ahead of the passenger cell, which stops first."""
     return _AHEAD.search(place_of(column)) is not None
 
 
@@ -214,7 +214,7 @@ def filter_order(column: str) -> float:
 
 
 def likelihood(column: str) -> tuple[int, bool, int, bool, float]:
-    """Sort key of accelerations, the likeliest pulse first: by its code's place, by words, the least filtered first."""
+    """Sort key of accelerations, the likeliest pulse first."""
     code = _code_of(column)
     by_code = (UNPLACED, False, 0) if code is None else code.order
     return *by_code, _OF_THE_VEHICLE.search(_plain(column)) is None, filter_order(column)
@@ -261,10 +261,7 @@ def exchange_axes(header: str, axis: str) -> str:
 def axis_by_motion(
     accelerations: Mapping[str, tuple[str, ...]], values: Callable[[str], FloatArray]
 ) -> tuple[str, str]:
-    """The axis of travel, by the changes of velocity, and a sentence if it is not plainly x.
-
-    ``accelerations`` are columns by the axis that their headers name, ``values`` gives the numbers of a column.
-    """
+    """The axis of travel, of columns by the axis that their headers name, and a sentence if it is not plainly x."""
     if set(accelerations) <= {"x"}:
         return "x", ""
     gains = {"x": 0.0}
@@ -277,7 +274,7 @@ def axis_by_motion(
 
 
 def _gain(values: FloatArray) -> float:
-    """The largest change of velocity in either direction, without an offset from the beginning and what is small."""
+    """The largest change of velocity, without an offset from the beginning and what is small."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return 0.0

@@ -51,7 +51,7 @@ _FEWEST_NUMBERS = 10  # numbers of each kind needed to tell thousands separators
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """The roles of all columns of a sheet, in order, and what has to be told of the direction of travel."""
+    """The roles of all columns of a sheet, in order, and a sentence on the direction of travel."""
 
     uses: tuple[ColumnUse, ...]
     travel: str = ""
@@ -62,7 +62,7 @@ class Mapping:
 
     @property
     def kind(self) -> Literal["pulses", "conditions", "neither"]:
-        """The content of the sheet: pulses if it has a time, else conditions if it has a speed or a weight."""
+        """Pulses if it has a time, else conditions if it has a speed or a weight."""
         if self.of("time") and self.of("acceleration"):
             return "pulses"
         return "conditions" if any(self.of(role) for role in _OF_CONDITIONS) else "neither"
@@ -84,12 +84,7 @@ class Mapping:
 
 
 def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
-    """Propose the role of each column from its header, its unit, and the other columns of the sheet.
-
-    An unrecognised column is ignored in a table with a time, and a factor in a table of conditions. If several columns
-    could be one quantity, all of them are proposed, and rejected on reading. The direction of travel, if it is not
-    given, is along x unless the change of velocity along another axis says otherwise.
-    """
+    """Propose the role of each column; travel is along x unless given or told by the change of velocity."""
     if travel is not None:
         return replace(_along(sheet, travel[-1]), travel=f"Travel along {travel}, given by the user.")
     plain = _along(sheet, "x")
@@ -134,7 +129,7 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
 
 
 def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, axis: str) -> ColumnUse:
-    """The use of a column beside the time, if it has numbers; the title above tells what its name does not."""
+    """The title above tells what a column's name does not."""
     if not use.is_unknown and use.role != "acceleration":
         return use
     begun = next((part for part in (sample, sheet) if part.filled(use.column)), None)
@@ -234,11 +229,7 @@ def _of_conditions(uses: Sequence[ColumnUse]) -> list[ColumnUse]:
 
 
 def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: bool = False) -> tuple[Record, ...]:
-    """Read the records of a sheet of pulses: one per id if there is an id column.
-
-    ``record_id`` is the id for a sheet with a single pulse; ``together``, several columns are channels of one record,
-    by default each is a record.
-    """
+    """The records of a sheet of pulses: one per id, else one per column, or of all columns ``together``."""
     times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
     wanted: dict[ColumnRole, bool] = {"time": len(times) == 1, "acceleration": bool(accelerations), "id": len(ids) <= 1}
     if not all(wanted.values()):
@@ -286,7 +277,6 @@ def _behind(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
 
 
 def _origin(sheet: Sheet, column: str) -> str:
-    """What says that it was not measured: the lines above, the columns that our predictions have, its name or title."""
     if "approach" in sheet.columns or {"lower_g", "upper_g"} <= set(sheet.columns):
         return "prediction"
     names = set(map(bare_name, sheet.columns))
@@ -343,7 +333,7 @@ def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> P
 
 
 def _decimal(sheet: Sheet, column: str) -> FloatArray:
-    """The numbers of a column; a DataError for thousands separators (``-441.234`` among ``119``, never ``-44.1``)."""
+    """A DataError for thousands separators: ``-441.234`` among ``119``, never ``-44.1``."""
     numbers = sheet.numbers(column)
     finite = numbers[np.isfinite(numbers)]
     broken = finite[finite != np.round(finite)]
@@ -358,7 +348,6 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
 
 
 def _refuse_disorder(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
-    """Raise a DataError if time decreases: without ids, the rows may be several records one below the other."""
     back = np.flatnonzero(np.diff(time[rows]) < 0)
     if back.size:
         advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"

@@ -153,11 +153,7 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
 
 
 def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form: str) -> Sheet:
-    """A sheet with this header; the sentences in ``form`` become its first steps.
-
-    Left out are columns without header and content, as a delimiter at the end of each row makes them, and a first one
-    that numbers the rows.
-    """
+    """A sheet without idle columns and row numbers; the sentences in ``form`` become its first steps."""
     unnamed = [not title and is_unnamed(column) for column, title in zip(header.columns, header.titles, strict=True)]
     numbered = unnamed[0] and not all(unnamed) and numbers_rows(cells.iloc[:SAMPLE, 0])
 
@@ -213,8 +209,6 @@ def _aligned(names: list[str], data: Sequence[Sequence[str]], decimal: str, name
 
 
 class _Block(NamedTuple):
-    """Consecutive rows with numbers; ``numeric`` marks the columns where most cells are numbers."""
-
     begin: int
     end: int
     numbers: int
@@ -222,10 +216,7 @@ class _Block(NamedTuple):
 
 
 def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
-    """The first row of the largest and widest block of rows with at least half of their cells numbers, else with any.
-
-    Blocks before it are a preamble with numbers, unless only a remark or a gap in the data separates them from it.
-    """
+    """Of the largest and widest block of rows with numbers; a remark or a gap in the data does not end it."""
     blocks = _blocks(grid, decimal, 0.5) or _blocks(grid, decimal, 1e-9)
     if not blocks:
         return None
@@ -241,7 +232,7 @@ def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
 
 
 def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
-    """The blocks of at least five rows, or fewer at the end of the grid; rows with gaps in them are part of a block."""
+    """Of at least five rows, or fewer at the end of the grid; rows with gaps are part of a block."""
     found: list[_Block] = []
     rows: list[list[bool | None]] = []
     begin: int | None = None

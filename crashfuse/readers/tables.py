@@ -71,11 +71,7 @@ _DIALECTS = (
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
-    """Split a sheet in which several accelerations have their own times: one sheet per time.
-
-    Each has the columns from its time to the next; columns left of the first time are in all of them. A sheet with one
-    time, or with an acceleration left of all times, is returned unchanged.
-    """
+    """One sheet per time if several accelerations have their own; columns left of the first time are in all of them."""
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]
     times = [number for number, role in enumerate(roles) if role == "time"]
@@ -119,7 +115,7 @@ class _Segment:
         return None
 
     def times(self, stated_s: FloatArray, channel: int, first: int, *, is_shared: bool) -> FloatArray:
-        """The times of a channel: those stated left of it, if they are its own or of one that has the same clock."""
+        """Those stated left of it, if they are its own or of a channel that has the same clock."""
         start_s, step_s = (self.number(tag, channel) for tag in ("X0", "Delta_X"))
         clock_s = [self.number(tag, first) for tag in ("X0", "Delta_X")]
         applies = not is_shared or np.allclose((start_s, step_s), clock_s, rtol=_SAME_S, atol=0, equal_nan=True)
@@ -131,11 +127,7 @@ class _Segment:
 
 
 def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
-    """Read the samples of all segments as one table; channels that begin at other times have their own to their left.
-
-    A DataError says that there are no samples, that their times are unknown, or that segments do not continue each
-    other.
-    """
+    """All segments as one table; channels that begin at other times have their own to their left."""
     pairs = (_GAP.split(line, maxsplit=1) for line in lines[:100] if _GAP.search(line))
     entries = {name: value.strip() for name, value in pairs}
     delimiter = _DELIMITERS.get(entries.get("Separator", ""), "\t")
@@ -196,7 +188,6 @@ def _segments(lines: Sequence[str], delimiter: str, decimal: str) -> list[_Segme
 def _channels(
     segments: Sequence[_Segment], cells: pd.DataFrame, decimal: str, name: str
 ) -> Iterator[tuple[tuple[str, str, pd.Series], FloatArray]]:
-    """Yield name, unit and samples of each channel, and its times by the clock of the first."""
     names = segments[0].names
     times = [number for number, text in enumerate(names) if text == _TIME]
     channels = [number for number, text in enumerate(names) if text != _TIME]
@@ -227,7 +218,7 @@ def _check_continues(time_s: FloatArray, segments: Sequence[_Segment], name: str
 
 
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
-    """Read the tables of a text file or workbook: one per file or sheet, or one per time column in it."""
+    """The tables of a file: one per sheet, or one per time column in it."""
     if not path.is_file():
         raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
     if path.stat().st_size > limits.member_bytes:
@@ -336,7 +327,6 @@ def _decoded(content: bytes, name: str) -> str:
 
 
 def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
-    """The delimiter and decimal sign for which the most cells, and the largest share of them, are numbers."""
     best, best_score, best_width = None, 0.0, 0
     for delimiter, decimal in _DIALECTS:
         rows = [_split(line, delimiter) for line in lines]
@@ -356,10 +346,7 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
 
 
 def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: str) -> list[list[str]]:
-    """The grid of a table whose columns are separated by blanks, as names of columns may hold blanks, too.
-
-    A line of text is split as gives one name a column; if no way does, the columns have no names.
-    """
+    """Names of columns may hold blanks: a line of text is split as gives one name a column, or names none."""
     data = [2 * sum(is_number(cell, decimal) for cell in row) >= len(row) for row in grid]
     widths = Counter(len(row) for row, numeric in zip(grid, data, strict=True) if numeric and len(row) > 1)
     width = widths.most_common(1)[0][0] if widths else 0

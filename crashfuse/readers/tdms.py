@@ -80,7 +80,6 @@ def _number_of(properties: Properties, name: str) -> float:
 def _waveform(
     file: TdmsFile, channel: TdmsChannel, name: str, label: str, where: str, clock: FloatArray | None = None
 ) -> RecordedChannel:
-    """A channel with the even time of its own properties, else with this clock; a DataError without either."""
     properties = file.properties_of(channel)
     increment, start = _number_of(properties, "wf_increment"), properties.get("wf_start_offset", 0.0)
     values = file.values(channel)
@@ -107,11 +106,7 @@ class _Candidate(NamedTuple):
 
 
 def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
-    """The record of a file with its accelerations that could be the vehicle's along X, the likeliest first.
-
-    Those at the best place are proposed, by the codes of their names; without codes, the only acceleration. A DataError
-    says that there is none with samples and a time.
-    """
+    """Those at the best place are proposed, by the codes of their names; without codes, the only acceleration."""
     every = []
     for channel in file.channels:
         properties = file.properties_of(channel)
@@ -174,7 +169,7 @@ def _read_channels(
 def _aligned(
     channels: Mapping[str, RecordedChannel], began_s: Mapping[str, float], steps: list[str]
 ) -> dict[str, RecordedChannel]:
-    """The channels in one time, from the first sample on: zeros of their own are those of several triggers."""
+    """In one time, from the first sample on: zeros of their own are those of several triggers."""
     late_s = {name: round(start_s - min(began_s.values()), 6) for name, start_s in began_s.items()}
     times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
     first_s = min(float(time_s[0]) for time_s in times.values())
@@ -186,7 +181,7 @@ def _aligned(
 def _clock_of(
     one: _Candidate, clocks: Sequence[_Candidate], file: TdmsFile, times: dict[str, FloatArray]
 ) -> FloatArray | None:
-    """Time in s from a channel of time of equal length, if any: of its group, and of a name that begins alike."""
+    """A channel of time of equal length, if any: of its group, and of a name that begins alike."""
     size = file.size(one.channel)
     alike = [clock for clock in clocks if file.size(clock.channel) == size >= 2]
     if not alike:

@@ -47,8 +47,6 @@ class _UnusableScale(ValueError):
 
 
 class _Scales:
-    """The scales among the properties of a channel, a group or a file, and how many there are."""
-
     def __init__(self, properties: Properties) -> None:
         self._properties, self._left = properties, _MOST_STEPS
         indices = (int(match[1]) for name in properties if (match := _TYPE.fullmatch(name)))
@@ -107,7 +105,7 @@ class _Scales:
 
 
 class _Layout(NamedTuple):
-    """The data of one object in each chunk of raw data: type, count of values, bytes of one and of all."""
+    """Of one object in each chunk of raw data."""
 
     kind: int
     count: int
@@ -153,7 +151,7 @@ class TdmsFile:
         return sum(chunks * count for (chunks, count), *_ in channel._extents)
 
     def values(self, channel: TdmsChannel) -> FloatArray:
-        """Return the numbers of a channel, scaled; a DataError if there are too many or their scales are unusable."""
+        """The numbers of a channel, scaled; a DataError for too many or unusable scales."""
         place = f"{self._where}: {printable(channel.name)}"
         if self.size(channel) > _MOST_VALUES:
             raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", _ONE_TEST))
@@ -169,7 +167,7 @@ class TdmsFile:
 
 
 def parse_tdms(content: bytes, where: str) -> TdmsFile:
-    """Read the metadata of a file; a DataError if it is no TDMS, is damaged, or stores its data in another form."""
+    """Read the metadata of a file; a DataError if it is no TDMS, or damaged."""
     reader = _Reader(content, where)
     while len(content) - reader.at >= 28:
         reader.segment()

@@ -187,12 +187,12 @@ class ChannelCode:
 
     @property
     def is_of_a_dummy(self) -> bool:
-        """Whether it is in a dummy: by its location, or by a kind of dummy in the last fine location (H3)."""
+        """By its location, or by a kind of dummy in the last fine location (H3)."""
         return self.text[2:6] in _DUMMY or (self.rank == UNPLACED and self.text[10:12] != "00")
 
     @property
     def rank(self) -> int:
-        """How well its place follows the motion of the whole vehicle: 0 is best, ``UNPLACED`` says nothing of it."""
+        """How well its place follows the whole vehicle: 0 is best, ``UNPLACED`` says nothing of it."""
         main, position, fine = self.text[2:6], self.text[1], (self.text[6:8], self.text[8:10])
         if main in _REAR and position == "0" and "RE" in fine:
             return 0
@@ -214,10 +214,7 @@ UNPLACED = len(_PLACES)
 
 
 def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], str]:
-    """The channels whose average is the pulse, by name, and the reason; none if none sits at a known place.
-
-    At the rear, where sensors are redundant, all are taken; elsewhere one, or one on either side, the least filtered.
-    """
+    """The channels to average, and the reason: all at the rear, elsewhere one, or one on either side."""
     ordered = sorted(codes.items(), key=lambda pair: pair[1].order)
     rank = ordered[0][1].rank if ordered else UNPLACED
     if rank == UNPLACED:
@@ -246,7 +243,7 @@ class Doubt(IntEnum):
 
 
 def is_simulated(origin: str) -> bool:
-    """Whether the words on a channel's source say that nobody measured it: a simulation, a limit or a parameter."""
+    """Whether words on a channel's source say that nobody measured it."""
     return names_a_simulation(origin) or names_a_parameter(origin)
 
 
@@ -261,7 +258,7 @@ def names_a_parameter(name: str) -> bool:
 
 
 def statement_of_simulation(lines: Iterable[str]) -> str:
-    """The first of the lines above a table that says that its numbers are a program's; empty if there is none."""
+    """The first of the lines above a table that says that a program computed it."""
     return next((line.strip() for line in lines if _STATEMENT.search(_plain(line))), "")
 
 
@@ -283,5 +280,5 @@ def _plain(text: str) -> str:
 
 
 def other_setup(texts: Iterable[str]) -> str:
-    """The first of these texts (title, type of the test …) that names another crash; empty if none does."""
+    """The first of these texts that names another crash; empty if none does."""
     return next((printable(text.strip(), 80) for text in texts if _OTHER.search(text[:1000])), "")

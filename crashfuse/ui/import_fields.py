@@ -112,12 +112,12 @@ def _choose(
     key: str,
     **look: Any,  # noqa: ANN401
 ) -> Any:  # noqa: ANN401 - one of the options
-    """A choice that may be left empty: in grey is what was found, or what is taken."""
+    """In grey is what was found, or what is taken."""
     return place.selectbox(label, options, index=None, placeholder=grey, key=key, persist_state="session", **look)
 
 
 def _ask_number(place: DeltaGenerator, label: str, grey: str, key: str, tip: str | None = None) -> float | None:
-    """As :func:`_choose`; without limits: the browser would drop a number beyond them, and nothing would name it."""
+    """Without limits: the browser would drop a number beyond them, and nothing would name it."""
     return place.number_input(label, value=None, placeholder=grey, key=key, persist_state="session", help=tip)
 
 
@@ -203,7 +203,6 @@ def _reading_of_tables(source: Source) -> Reading:
 
 
 def _files(form: TableForm) -> set[str]:
-    """The files with such a table; each has one, or several in sheets."""
     return {name.partition(": ")[0] for name in form.names}
 
 
@@ -253,10 +252,7 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
 def choices_of(
     source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
 ) -> tuple[Choices, Units]:
-    """Ask for what should not be detected, for all records: ``first`` is the one shown; and for the condition's units.
-
-    With ``own_class`` the campaign filters its records itself.
-    """
+    """Ask for what should not be detected, for all records (shown is ``first``), and for the condition's units."""
     channels = _channels(source, records, first)
     units = units_of(source)
     condition, share = condition_of(source, records, units)

@@ -66,7 +66,6 @@ def _show_add_form(
     settled: Sequence[Settled],
     notice: str,
 ) -> None:
-    """Ask for the target campaign, whose ``notice`` is shown if it is the open one, and offer to add the records."""
     st.subheader("Add to a campaign")
     if refused := st.session_state.get(IMPORT_REFUSED):
         show_problems(refused, "Nothing was added", "The campaign is as it was.")
@@ -103,7 +102,6 @@ def _ask_folder(notice: str) -> None:
 
 
 def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:
-    """Ask for the factors, besides speed and weights, that distinguish the campaign's tests or runs."""
     row = st.container(horizontal=True)
     for name, values in _factors_of_target(role).items():
         values_found = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
@@ -139,7 +137,6 @@ def _factors_in(table: Path, stamp: tuple[int, ...]) -> dict[str, list[str]]:  #
 
 
 def _own_class() -> float | None:
-    """Channel filter class of the target campaign, as far as it is known yet."""
     with suppress(DataError, OSError):
         return own_filter_class(_target())
     return None

@@ -70,14 +70,6 @@ def test_a_late_sensor_of_three_is_left_out() -> None:
     )
 
 
-def test_what_differs_a_little_is_told_with_care_and_less_not_at_all() -> None:
-    """1.5 ms are averaged and told; 0.3 ms, as between left and right of one car, are no matter."""
-    assert "B: −61.6 km/h (−38.3 mph), 1.5 ms later than A" in careful(
-        settle(record(sensor("A"), sensor("B", 1.5 * MS)))
-    )
-    assert careful(settle(record(sensor("A"), sensor("B", 0.3 * MS, 0.97)))) == ""
-
-
 def test_sensors_in_two_units_are_one_pulse() -> None:
     """Compared and averaged in the unit of the first; without a unit, nobody can."""
     one, other = sensor("A"), sensor("B")

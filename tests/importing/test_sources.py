@@ -134,14 +134,6 @@ def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
         ColumnChoice.parsed("c1=colour")
 
 
-def test_one_id_is_for_one_record(tmp_path: Path) -> None:
-    """A source of two tests cannot share it."""
-    for number in (5, 6):
-        written(tmp_path / "in", nhtsa_files(number))
-    with pytest.raises(UsageError, match="One id is not enough: in holds several"):
-        import_source(tmp_path / "in", tmp_path / "out", record_id="T1")
-
-
 def test_a_table_without_pulses_says_what_it_lacks(tmp_path: Path) -> None:
     """The columns that are there are named, and how to map them."""
     written(tmp_path, {"x.csv": b"p,q\n1,2\n1,5\n2,4\n"})

@@ -169,15 +169,6 @@ def test_lat_and_vert_are_other_directions(tmp_path: Path, others: tuple[str, st
     assert record.proposed == ("Veh Accel Long (g)",)
 
 
-def test_codes_of_iso_mme_name_columns_too(tmp_path: Path) -> None:
-    """Of the raw and the filtered signal of one sensor the raw one is read, and the class tells the filter."""
-    header = "t [s];11VEHC0000__ACXD [g];11VEHC0000__ACX_ [g];11HEAD0000H3ACX_ [g]"
-    (record,) = read_records(Reading(table(tmp_path, header, TIME_S, PULSE_G, PULSE_G, PULSE_G)))
-    assert record.proposed == ("11VEHC0000__ACX_ [g]",)
-    (record,) = read_records(Reading(table(tmp_path, "t [s];10VEHC000000ACXC [g]", TIME_S, PULSE_G)))
-    assert record.channels[0].cutoff_hz == pytest.approx(300)
-
-
 @pytest.mark.parametrize(
     "header",
     [
@@ -197,14 +188,6 @@ def test_names_with_blanks_stand_above_columns_separated_by_blanks(tmp_path: Pat
     (record,) = read_records(Reading(path))
     assert record.proposed == (sheet.columns[2],)
     np.testing.assert_allclose(record.channels[0].values, PULSE_G, atol=1e-5)
-
-
-def test_names_that_fit_no_columns_name_none(tmp_path: Path) -> None:
-    """Seven words above three columns: nobody can tell whose they are, so each column is asked for."""
-    path = tmp_path / "x.txt"
-    rows = "\n".join(f"{t:.5f} {0.1 * a:.5f} {a:.5f}" for t, a in zip(TIME_S, PULSE_G, strict=True))
-    path.write_text(f"Time Veh Accel Lat Veh Accel Long\n{rows}")
-    assert "found column 2, column 3; if they are sensors" in refusal(path)
 
 
 def test_duplicate_times_are_called_that(tmp_path: Path) -> None:

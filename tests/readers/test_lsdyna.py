@@ -1,6 +1,5 @@
 """LS-DYNA runs: whatever file, units and direction, the same pulse; damage is told in a sentence, never more."""
 
-import re
 import struct
 from dataclasses import replace
 from itertools import pairwise
@@ -153,14 +152,6 @@ def test_ascii_numbers_may_touch_and_lose_their_e(tmp_path: Path) -> None:
     assert tight.channels[0].values[0] == -1.2e-103
     assert np.array_equal(tight.channels[0].values[1:], record.channels[0].values[1:])
     assert same(record, only(saved(tmp_path / "c", nodout=SHORT.nodout(exponent="D"))))
-
-
-def test_a_negative_first_column_may_touch_the_node(tmp_path: Path) -> None:
-    """A run that drives to -x: its displacement leaves no blank behind the node's number."""
-    plain = SHORT.nodout()
-    touching = re.sub(rb"(?m)^( +\d+) +(?=0\.0000E)", rb"\1-", plain)
-    assert touching.count(b"1001-") > 10
-    assert same(only(saved(tmp_path / "a", nodout=plain)), only(saved(tmp_path / "b", nodout=touching)))
 
 
 def test_a_run_killed_while_writing_is_read_up_to_its_last_whole_state(tmp_path: Path) -> None:
@@ -326,13 +317,6 @@ def test_a_family_with_a_missing_member_is_refused(tmp_path: Path, there: str, m
     names = [name if name == "binout0000" else f"binout0000{name}" for name in there.split()]
     said = problem(saved(tmp_path, **dict.fromkeys(names, RUN.binout())))
     assert f"expected {missing}, found none; copy it from the run" in said
-
-
-def test_states_of_nodes_that_nobody_names_are_refused(tmp_path: Path) -> None:
-    """A file of another processor cannot lend its numbers."""
-    alone = lsda({name: FOLDERS[name] for name in STATES})
-    said = problem(saved(tmp_path, binout0000=alone, binout0001=RUN.binout(states=slice(0, 5))))
-    assert "the numbers of the nodes of nodout (metadata), found none; copy all files of the run" in said
 
 
 def test_a_state_that_lacks_its_nodes_is_refused(tmp_path: Path) -> None:

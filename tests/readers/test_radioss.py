@@ -11,7 +11,6 @@ import pytest
 from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, Settled, format_of, import_source, read_records, settle
-from crashfuse.readers.formats import formats_of
 from crashfuse.readers.radioss import read_binary, read_converted, read_radioss
 from crashfuse.readers.radioss_history import TimeHistory, Watched, with_names
 from crashfuse.readers.record import Record
@@ -115,15 +114,6 @@ def test_an_accelerometer_alone_needs_a_speed(tmp_path: Path) -> None:
     assert settle(record, known, role="cae").pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)
 
 
-def test_of_many_nodes_the_likeliest_are_kept(tmp_path: Path) -> None:
-    """The proposed one first, then those with a title; two hundred in all."""
-    run = replace(RUN, step_ms=1.0, curves=("VX",), more_nodes=300)
-    record = only(tmp_path, hc1T01=run.binary())
-    assert [channel.name for channel in record.channels][:2] == ["758", "690"]
-    assert len(record.channels) == 200
-    assert "200 of 302 nodes are kept, those with a title first." in record.steps
-
-
 def test_a_vehicle_struck_at_rest_needs_its_direction_and_speed(tmp_path: Path) -> None:
     """Nothing sets out, so it is refused, until the user says along which axis it is pushed, and how fast."""
     content = replace(RUN, pushed=True).binary()
@@ -173,11 +163,6 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[by
     with pytest.raises(DataError, match=found) as caught:
         read_radioss(path)
     assert "\n" not in str(caught.value)
-
-
-def test_nodes_without_velocity_are_asked_for(tmp_path: Path) -> None:
-    """Displacement alone is no pulse."""
-    assert "along x, or accelerometers, found DX; " in refusal(tmp_path, hc1T01=RadiossRun(("DX",)).binary())
 
 
 # --- a run in several files -------------------------------------------------------------------------------------------
@@ -312,14 +297,6 @@ def test_rows_that_hold_no_state_each_are_refused(tmp_path: Path) -> None:
     wrapped = [",".join(cells[at : at + 31]) for at in range(0, len(cells) // 31 * 31, 31)]
     said = refusal(tmp_path, hc1T01_csv="\n".join([head, *wrapped, ""]).encode())
     assert "import the time history itself (T01)." in said
-
-
-def test_tables_of_a_laboratory_stay_tables(tmp_path: Path) -> None:
-    """Whatever they are called: it is the header that tells a time history."""
-    rows = b"".join(b"%.4f;%.3f\n" % (t, 20 * np.sin(np.pi * t / 0.07)) for t in np.arange(0, 0.07, 1e-4))
-    path = written(tmp_path, {"MEASUREMENT01.csv": b"time [s];acceleration x [g]\n" + rows}) / "MEASUREMENT01.csv"
-    assert format_of(path) == "csv"
-    assert formats_of([Path("nodout01"), Path("run.glstat01")]) == ["lsdyna"]
 
 
 @pytest.mark.slow

@@ -356,20 +356,6 @@ def test_the_table_of_many_records_is_in_the_unit_of_the_page(visit: Visit) -> N
 
 
 @pytest.mark.slow
-def test_two_lists_of_problems_stand_on_one_page(visit: Visit, tmp_path: Path) -> None:
-    """A record that is left out, and a folder that is refused."""
-    files = {f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(2)}
-    files["t1_csv"] = files["t1_csv"].replace(b"\n100,000000;", b"\nhundred;")
-    (tmp_path / "letter.txt").write_text("Dear")
-    session = drop(visit(), **files)
-    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
-        field(session, label).set_value(value)
-    session = into(session.run(), tmp_path).press("Add as test")
-    assert len(session.tables) == 2
-    assert [button.label for button in session.app.download_button] == ["problems.csv"] * 2
-
-
-@pytest.mark.slow
 def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_path: Path) -> None:
     """CAE runs from a wide table with a table of conditions, then tests into the same folder: then it is open."""
     parts = {path.stem + "_csv": path.read_bytes() for path in library(tmp_path / "cae").iterdir()}
