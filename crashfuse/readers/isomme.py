@@ -141,11 +141,11 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     status = _first_of(header, "Data status") or ""
     values: FloatArray = np.empty(0)
     with suppress(DataError) if doubt_of(status) == Doubt.FAILED else nullcontext():
-        values = _numbers(lines[end:], where)
-        count = _number_in(header, "Number of samples", where)
-        if count not in (None, values.size):
-            expected, found = f"{count:g} samples, as its header says", f"{values.size}"
-            raise DataError(Problem(where, expected, found, "export the channel again"))
+        samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
+        if count not in (None, samples.size):
+            expected = f"{count:g} samples, as its header says"
+            raise DataError(Problem(where, expected, f"{samples.size}", "export the channel again"))
+        values = samples
     interval = _seconds_in(header, "Sampling interval", where)
     if interval is not None and interval <= 0:
         raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import Record
@@ -246,7 +247,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
         steps.append(travels)
     steps.append(why)
     if run.unread:
-        steps.append(f"Not read: {_listed(run.unread)}.")
+        steps.append(f"Not read: {listed(run.unread)}.")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
     if len(kept) < len(nodes):
         steps.append(f"{len(kept)} of {len(nodes)} nodes are kept, those with a title first.")
@@ -351,13 +352,9 @@ def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, 
     return mass_kg, what
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-
-
 def _nothing(run: TimeHistory, axis: int, source: str) -> DataError:
     letter = AXES[axis].upper()
-    found = _listed(sorted({name for one in run.watched for name in one.curves}) or run.unread) or "none"
+    found = listed(sorted({name for one in run.watched for name in one.curves}) or run.unread) or "none"
     if not run.watched and run.initial_velocity is not None and not run.initial_velocity.any():
         found = "a model at rest when the run begins"
     expected = f"velocities or accelerations of nodes along {AXES[axis]}, or accelerometers"

@@ -71,7 +71,7 @@ class AxleWeights:
             return ""
         whole = front + rear
         if self.mass_kg is not None and (min(front, rear) <= 0 or abs(self.mass_kg - whole) > _UNEQUAL * whole):
-            loads = [weight(value) for value in (self.front_kg, self.rear_kg) if value is not None]
+            loads = [Sentence("{}", weight(value)) for value in (self.front_kg, self.rear_kg) if value is not None]
             return Sentence("{} on the axles with a mass of {}", joined(loads, " and "), weight(self.mass_kg))
         if self.front_share is not None and abs(self.front_share - front / whole) > _UNEQUAL:
             return f"{100 * front / whole:.3g} % of the mass in front, and {100 * self.front_share:.3g} %"

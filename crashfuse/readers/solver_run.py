@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
+from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
@@ -104,8 +105,7 @@ def _finest(nodes: Sequence[History]) -> list[History]:
 
 
 def _listed(nodes: Sequence[History]) -> str:
-    shown = ", ".join(f"{node.name}{f' ({node.title})' if node.title else ''}" for node in nodes[:6])
-    return f"{shown} and {len(nodes) - 6} more" if len(nodes) > 6 else shown
+    return listed(f"{node.name}{f' ({node.title})' if node.title else ''}" for node in nodes)
 
 
 def _words(title: str) -> str:

@@ -108,7 +108,7 @@ class _Layout(NamedTuple):
     """Of one object in each chunk of raw data."""
 
     kind: int
-    count: int
+    values: int
     width: int
     size: int
 
@@ -242,11 +242,11 @@ class _Reader:
         layouts = [(item, item._layout) for item in self._present.values() if item._layout is not None]
         chunk, row = (sum(getattr(layout, name) for _, layout in layouts) for name in ("size", "width"))
         chunks, at = (end - start) // chunk if chunk else 0, start
-        if interleaved and len({layout.count for _, layout in layouts}) > 1:
+        if interleaved and len({layout.values for _, layout in layouts}) > 1:
             raise self._damaged("interleaved channels of unlike length")
         for item, layout in layouts:
             if layout.kind in _NUMBERS and chunks:
-                code, shape = f"{self._order}{_NUMBERS[layout.kind]}", (chunks, layout.count)
+                code, shape = f"{self._order}{_NUMBERS[layout.kind]}", (chunks, layout.values)
                 item._extents.append((shape, code, at, (chunk, row if interleaved else layout.width)))
             at += layout.width if interleaved else layout.size
 

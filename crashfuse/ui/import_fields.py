@@ -1,6 +1,6 @@
 """Fields of an import: detected values are shown in grey, values filled in take precedence."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -105,15 +105,11 @@ def condition_of(source: Source, records: Sequence[Record], units: Units) -> tup
 
 
 def _choose(
-    place: DeltaGenerator,
-    label: str,
-    options: Sequence[Any],
-    grey: str,
-    key: str,
-    **look: Any,  # noqa: ANN401
-) -> Any:  # noqa: ANN401 - one of the options
+    place: DeltaGenerator, label: str, options: Iterable[Any], grey: str | None, key: str, **look: Any,  # noqa: ANN401
+) -> Any:  # noqa: ANN401 - one of the options  # fmt: skip
     """In grey is what was found, or what is taken."""
-    return place.selectbox(label, options, index=None, placeholder=grey, key=key, persist_state="session", **look)
+    grey = grey or "to be found"
+    return place.selectbox(label, list(options), index=None, placeholder=grey, key=key, persist_state="session", **look)
 
 
 def _ask_number(place: DeltaGenerator, label: str, grey: str, key: str, tip: str | None = None) -> float | None:
@@ -163,7 +159,7 @@ def reading_of(source: Source) -> Reading:
     travel: Travel | None = None
     if FORMATS[source.fmt].axes:
         travel = _choose(
-            st.container(), "Direction of travel", TRAVELS, "to be found", f"{source.key} travel",
+            st.container(), "Direction of travel", TRAVELS, None, f"{source.key} travel",
             format_func=lambda travel: travel.replace("-", "−").upper(),
             help="Along which axis of the files the vehicle drives.",
         )  # fmt: skip
@@ -227,7 +223,7 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
             picked[role] = _pick(place, form, role, label, key)
             if role in QUANTITIES:
                 units[role] = _choose(
-                    place, f"Unit of {role.replace('_', ' ')}", list(UNITS[QUANTITIES[role]]),
+                    place, f"Unit of {role.replace('_', ' ')}", UNITS[QUANTITIES[role]],
                     form.unit_of(picked[role]) or "?", f"{key} unit of {role}", disabled=not picked[role],
                     label_visibility="visible" if below else "collapsed", width="stretch" if below else _UNIT_PX,
                 )  # fmt: skip
@@ -260,9 +256,9 @@ def choices_of(
     with suppress(DataError, UsageError):
         detected = settle(first, Choices(channels=channels, condition=condition, front_share=share), role=role)
     left, right = st.columns(2)
-    unit = _field(left, "Unit", list(ACCELERATION_UNITS), detected.unit if detected else None, source)
+    unit = _choose(left, "Unit", ACCELERATION_UNITS, detected.unit if detected else None, f"{source.key} Unit")
     detected_sign = f"Deceleration {detected.deceleration_sign}" if detected else None
-    sign = _field(right, "Sign", list(_SIGNS), detected_sign, source)
+    sign = _choose(right, "Sign", _SIGNS, detected_sign, f"{source.key} Sign")
     left, right = st.columns(2)
     zero = "to be found" if detected is None else f"{detected.time_zero_s / MS:.4g}"
     tip = "First contact, in the file's own time."
@@ -273,7 +269,7 @@ def choices_of(
     else:
         own_filter = detected.channel_filter_class if detected else None
         detected_filter = f"CFC {own_filter:g}" if own_filter is not None else "Not filtered"
-        name = _field(right, "Filter", list(_CLASSES), detected_filter if detected else None, source)
+        name = _choose(right, "Filter", _CLASSES, detected_filter if detected else None, f"{source.key} Filter")
         cfc = _CLASSES[name] if name else None
     gap_mm = None
     if role == "cae":
@@ -299,8 +295,3 @@ def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple
         help="All that could be the vehicle's pulse along X.",
     )  # fmt: skip
     return () if tuple(chosen) == records[0].proposed else tuple(chosen)
-
-
-def _field(place: DeltaGenerator, label: str, options: list[str], found: str | None, source: Source) -> str | None:
-    chosen: str | None = _choose(place, label, options, found or "to be found", f"{source.key} {label}")
-    return chosen

@@ -229,8 +229,10 @@ def test_sizes_are_bounded(tmp_path: Path) -> None:
 
 def test_units_are_known_by_their_spellings() -> None:
     """Laboratories spell units in many ways; what is asked for as a speed is no time."""
-    spelt = {"m/s²": ("m/(s*s)", "m/s**2", "M/S^2"), "g": ("G'S",), "ms": ("[ms]", "msec"), "km/h": ("km/h",)}
-    spelt |= {"mm/ms²": ("mm/ms^2",), "lb": ("lbs",), None: ("furlong", "")}
+    spelt: dict[str | None, tuple[str, ...]] = {
+        "m/s²": ("m/(s*s)", "m/s**2", "M/S^2"), "mm/ms²": ("mm/ms^2",), "g": ("G'S",), "ms": ("[ms]", "msec"),
+        "km/h": ("km/h",), "lb": ("lbs",), None: ("furlong", ""),
+    }  # fmt: skip
     assert all(unit_named(text) == name for name, texts in spelt.items() for text in texts)
     assert unit_named("s", "speed") is None
     assert number_and_unit("56,3 km/h") == (56.3, "km/h")
@@ -244,8 +246,9 @@ def test_damaged_workbooks_give_a_sentence_or_a_record(tmp_path: Path) -> None:
     book, path, refused = Workbook(), tmp_path / "x.xlsx", 0
     sheet = book.active
     assert sheet is not None
-    for row in (["Zeit [ms]", "a [g]"], *([0.1 * i, -0.5 * i] for i in range(30))):
-        sheet.append(row)
+    sheet.append(["Zeit [ms]", "a [g]"])
+    for i in range(30):
+        sheet.append([0.1 * i, -0.5 * i])
     book.save(path)
     whole = path.read_bytes()
     for _ in range(60):
