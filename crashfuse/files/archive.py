@@ -178,9 +178,8 @@ def too_many(where: str, found: int, limits: Limits) -> DataError:
 
 def too_much(where: str, limits: Limits) -> DataError:
     """The error for more bytes than allowed."""
-    return DataError(
-        Problem(where, f"at most {_size(limits.total_bytes)} in all", "more", "save the pulses as Parquet")
-    )
+    expected = f"at most {_size(limits.total_bytes)} in all"
+    return DataError(Problem(where, expected, "more", "save the pulses as Parquet"))
 
 
 def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:

@@ -61,7 +61,7 @@ class Label(NamedTuple):
 
 
 def _named_as(name: str) -> tuple[bool, bool]:
-    """Whether as a CAE run, and as a test."""
+    """Whether it is the name of a CAE run, and that of a test."""
     return _CAE.search(name) is not None or names_a_simulation(name), _TEST.search(name) is not None
 
 
@@ -93,7 +93,9 @@ def _which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list
         return []
     others = listed([name for name in parts if name not in found])
     option = f"name those that are (--cae {shlex.join(found)})" if others else "say that they are (--as cae)"
-    advice = f"{option}, or that all are tests (--as tests)"
+    # what says of itself that it is simulated is no test
+    is_open = not others or not any(label.is_simulated for label in records)
+    advice = f"{option}, or that all are tests (--as tests)" if is_open else option
     beside = f" beside {others}" if others else ""
     return [Problem(source, "tests", f"what looks like CAE runs ({listed(found)}){beside}", advice)]
 

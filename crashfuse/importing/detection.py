@@ -26,7 +26,7 @@ _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """User settings that replace detection; None or empty means detect. A UsageError says what there is not.
+    """User settings that replace detection; None or empty means detect. A UsageError refuses what cannot be.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def unit_and_sign(
     found = "negative" if gain <= 0 or case.speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
     if moving and sign != found:
-        other, advice = Sentence("a change of {}", speed(change)), "remove --deceleration-sign: the record tells it"
+        other, advice = Sentence("a change of {}", speed(change)), "let the record tell it (remove --deceleration-sign)"
         raise DataError(Problem(case.record.source, f"{sign} deceleration, as chosen", other, advice))
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(Sentence(f"Sign {turned}: the file's change of velocity is {{}}.", speed(change)))

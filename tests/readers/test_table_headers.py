@@ -8,7 +8,6 @@ import pytest
 from crashfuse import cli
 from crashfuse.importing import Reading, import_source, read_records
 from crashfuse.readers.format import Travel
-from crashfuse.readers.table_headers import exchange_axes
 from crashfuse.testing.readers import written
 from tests.importing.crash_files import german
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
@@ -64,20 +63,3 @@ def test_a_dead_sensor_does_not_travel(tmp_path: Path) -> None:
     for number, other in enumerate((np.full(TIME_S.size, 90.0), 5 * SHAKING + 20, 5 * SHAKING + drift, 0 * PULSE)):
         (record,) = read_records(Reading(table(tmp_path / str(number), "ax [g];az [g]", PULSE, other)))
         assert record.proposed == ("ax [g]",)
-
-
-@pytest.mark.parametrize(
-    ("header", "axis", "expected"),
-    [
-        ("ay", "y", "ax"),
-        ("Node 12 Z [g]", "z", "Node 12 X [g]"),
-        ("11VEHC0000__ACYD", "y", "11VEHC0000__ACXD"),
-        ("Max", "y", "Max"),
-        ("ax", "y", "ay"),
-        ("az", "y", "az"),
-        ("Body pitch", "y", "Body pitch"),
-    ],
-)
-def test_headers_are_read_as_if_the_axis_were_x(header: str, axis: str, expected: str) -> None:
-    """Only letters that stand alone, or after an a, name an axis; x becomes the axis in turn."""
-    assert exchange_axes(header, axis) == expected
