@@ -36,8 +36,7 @@ _BROKEN = (
 )  # fmt: skip
 _TAR = "a sound tar archive", "pack the folder anew"
 _LONGEST_HEADER, _LONGEST_READ = 1 << 16, 1 << 21  # bytes of a tar at once
-ENDINGS = (".tar.gz", ".tgz", ".tar")
-"""Endings of the names of tar archives."""
+ENDINGS = (".tar.gz", ".tgz", ".tar")  # endings of the names of tar archives
 
 
 @dataclass(frozen=True, slots=True)

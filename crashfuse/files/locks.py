@@ -11,8 +11,7 @@ from filelock import FileLock, Timeout
 
 from crashfuse.errors import DataError, Problem, printable
 
-NAME = ".in-use"
-"""The lock of a folder, in it: whoever can write to the folder sees it, whatever their cache."""
+NAME = ".in-use"  # the lock of a folder, in it: whoever can write to the folder sees it, whatever their cache
 
 _GLANCE_S = 0.2
 _FOR_ALL = 0o666  # the next user of a shared folder must be able to open what a killed process of this one left

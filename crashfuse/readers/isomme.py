@@ -43,18 +43,16 @@ from crashfuse.readers.vocabulary import (
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence
 
-NO_VALUE = "NOVALUE"
-"""The format's marker for an unknown value."""
+NO_VALUE = "NOVALUE"  # the format's marker for an unknown value
 
-Pairs = Sequence[tuple[str, str]]
-"""Descriptors as name and value pairs."""
+Pairs = Sequence[tuple[str, str]]  # descriptors as name and value pairs
 
 _MOST_LINES = 2_000_000  # per file: 100 s at 20 kHz
 _MOST_DESCRIPTORS = 10_000
 _UNEVEN = 0.02  # of a step, in a time channel
 
+# size limits of a test; 300 channels of 60,000 samples are within them
 ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
-"""Size limits of a test; 300 channels of 60,000 samples are within them."""
 
 _ABOUT_THE_TEST = ("Type of the test", "Subtype of the test", "Title")
 _OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")

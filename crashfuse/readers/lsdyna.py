@@ -34,8 +34,8 @@ _INPUT = re.compile(r"\.(key|k|dyn|dyna|inp)$", re.IGNORECASE)
 _NODES = ("binout", "nodout", "nodouthf")
 _KIND = "binout or nodout of LS-DYNA"
 
+# size limits of a library; only the needed part of a binout is read, however long it is
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
-"""Size limits of a library; only the needed part of a binout is read, however long it is."""
 
 _MOST_UNZIPPED = 256 << 20  # bytes of a zipped binout, which must be read in memory
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept for a single run, per run of many, for all runs

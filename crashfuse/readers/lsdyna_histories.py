@@ -18,18 +18,16 @@ from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.solver_run import Energies, History, axis_of_travel
 from crashfuse.signals.pulse import FloatArray
 
-MOST_NODES = 200_000
-"""Limit of the nodes listed in a file."""
-MOST_VALUES = 20_000_000
-"""Limit of states times nodes kept per run."""
+MOST_NODES = 200_000  # limit of the nodes listed in a file
+MOST_VALUES = 20_000_000  # limit of states times nodes kept per run
 _MOST_STATES = 1_000_000
 _LONGEST_LINE = 1 << 16
 _AGAIN = "copy it again from the run"
 
 GLSTAT = frozenset({"kinetic_energy", "total_energy", "external_work", "internal_energy", "hourglass_energy"})
 GLSTAT |= {"percent_increase", "time"}
+# variables of a state in a binout, of the whole model and of each part
 MATSUM = frozenset({"time", "internal_energy", "hourglass_energy"})
-"""Variables of a state in a binout, of the whole model and of each part."""
 
 _GLSTAT_LINE = re.compile(rb" *([a-z/ ]*[a-z]) *\.{2,} *([-+.\dEeDd]+)")
 _MATSUM_PART = re.compile(rb"(inten|hgeng)= *([-+.\dEeDd]+)")
@@ -37,8 +35,7 @@ _MATSUM_TIME = re.compile(rb" *time *= *([-+.\dEeDd]+)")
 _AS_TEXT = {"percentage increase": "percent_increase", "inten": "internal_energy", "hgeng": "hourglass_energy"}
 _AS_TEXT |= {name.replace("_", " "): name for name in GLSTAT if name.endswith(("energy", "work"))}
 
-States = dict[float, dict[str, float]]
-"""Values by name, by the time of the state: a restart repeats some states."""
+States = dict[float, dict[str, float]]  # values by name, by the time of the state: a restart repeats some states
 
 _NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")
 _LONGEST_ID = 19  # digits

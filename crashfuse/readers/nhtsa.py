@@ -35,8 +35,8 @@ _SETUPS = {"VTV": "vehicle into vehicle (VTV)", "ITV": "impactor into vehicle (I
 _REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
 _REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
 
+# size limits of a test; 1000 channels of 10,000 samples are within them
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
-"""Size limits of a test; 1000 channels of 10,000 samples are within them."""
 
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
 _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE

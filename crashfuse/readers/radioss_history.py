@@ -31,19 +31,17 @@ from crashfuse.readers.solver_run import (
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
+# the global histories in the order of their codes, 1 first, as the solver's converter calls them
 GLOBAL = (
     "INTERNAL ENERGY", "KINETIC ENERGY", "X-MOMENTUM", "Y-MOMENTUM", "Z-MOMENTUM", "MASS", "TIME STEP",
     "ROTATION ENERGY", "EXTERNAL WORK", "SPRING ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY",
     "ELASTIC CONTACT ENERGY", "FRICTIONAL CONTACT ENERGY", "DAMPING CONTACT ENERGY", "PLASTIC WORK", "ADDED MASS",
     "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY", "OUTLET ENERGY",
 )  # fmt: skip
-"""The global histories in the order of their codes, 1 first, as the solver's converter calls them."""
 
-MOST_VALUES = 40_000_000
-"""Limit of states times values kept of a file."""
+MOST_VALUES = 40_000_000  # limit of states times values kept of a file
 
-ACCELEROMETER = "accelerometer "
-"""What the names of accelerometers begin with; those of nodes are numbers."""
+ACCELEROMETER = "accelerometer "  # what the names of accelerometers begin with; those of nodes are numbers
 
 _LEAST_CHANGE, _MOST_CHANGE = 0.8, 1.6  # ΔV of a vehicle that stops, as a multiple of its initial velocity
 _STEPS = 5.5  # of output: a longer gap between two parts of a run is one

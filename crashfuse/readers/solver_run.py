@@ -39,8 +39,8 @@ _SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run th
 FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
 _SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass at the start")  # by QUALITIES
 
+# of a run: its unit of time in s, the unit of acceleration (None: not known), and a sentence
 Units = tuple[float, str | None, str]
-"""Of a run: its unit of time in s, the unit of acceleration (None: not known), and a sentence."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -12,13 +12,12 @@ from crashfuse.readers.format import AXES
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
 from crashfuse.signals.pulse import FloatArray
 
+# reasons why an acceleration is not the pulse
 ColumnRole = Literal[
     "id", "time", "acceleration", "speed", "mass", "front_weight", "rear_weight", "front_share", "factor", "ignored"
-]
-"""The roles of a column."""
+]  # the roles of a column
 
 OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's", "a limit, no signal"
-"""Reasons why an acceleration is not the pulse."""
 _LIMIT = re.compile(r"(upper|lower|ober\w*|unter\w*)( (bound|limit|band|grenze|schranke))?")
 _WORDS: dict[ColumnRole, str] = {
     "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"

@@ -26,11 +26,9 @@ from crashfuse.readers.table_headers import use_of
 from crashfuse.readers.vocabulary import statement_of_simulation, unit_named
 from crashfuse.signals.pulse import FloatArray
 
-SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)
-"""Size limits of a table."""
+SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)  # size limits of a table
 
-SAMPLE = 400
-"""Rows examined to detect the layout of a table."""
+SAMPLE = 400  # rows examined to detect the layout of a table
 
 _MOST_COLUMNS, _LONGEST_HEADER, _LONGEST_PREAMBLE = 2000, 200, 200
 _RUN = 5  # rows of data
@@ -38,8 +36,7 @@ _MOST = 0.9
 _GROUPED = {
     ".": r"[-+]?\d{1,3}(?:(?:,\d{3})+\.\d+|(?:,\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:\.\d+)?)",
     ",": r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:\.\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:,\d+)?)",
-}
-"""Numbers with thousands separators that can be nothing else, by the decimal sign."""
+}  # numbers with thousands separators that can be nothing else, by the decimal sign
 _NUMBER = {
     sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)}\d+)([eE][-+]?\d+)?|{grouped}")
     for sign, grouped in _GROUPED.items()

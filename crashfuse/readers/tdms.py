@@ -64,8 +64,8 @@ _MOST_CLOCKS = 1000
 _SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
 _ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
+# size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
-"""Size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB."""
 
 
 def _text_of(properties: Properties, name: str) -> str:

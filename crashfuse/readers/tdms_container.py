@@ -27,8 +27,7 @@ _MOST_STEPS = 16  # of one channel
 _MOST_NUMBERS = 10_000  # of a polynomial or table
 _ONE_TEST, _PHYSICAL = "choose the file of one test", "export it with values in physical units"
 
-Properties = Mapping[str, str | float]
-"""Properties of a channel, its group and its file by their names in lower case."""
+Properties = Mapping[str, str | float]  # properties of a channel, its group and its file by their names in lower case
 
 _LEAD_IN = struct.Struct("<4sI")
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 3, 5, 6, 7))
@@ -113,8 +112,8 @@ class _Layout(NamedTuple):
     size: int
 
 
+# A channel's numbers in a segment: chunks times count, their code, offset, and strides in bytes
 _Extent = tuple[tuple[int, int], str, int, tuple[int, int]]
-"""A channel's numbers in a segment: chunks times count, their code, offset, and strides in bytes."""
 
 
 @dataclass(slots=True)

@@ -28,8 +28,8 @@ from crashfuse.errors import UsageError, printable
 from crashfuse.units import KPH, LB, MPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, Quantity
 
+# factors to m/s² of the units that occur in records; the last two are LS-DYNA's
 ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
-"""Factors to m/s² of the units that occur in records; the last two are LS-DYNA's."""
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": MS, "µs": 1e-6},
@@ -37,8 +37,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "speed": {"km/h": KPH, "mph": MPH, "m/s": 1.0},
     "mass": {"kg": 1.0, "lb": LB, "t": 1000.0},
     "share": {"%": 0.01, "1": 1.0},
-}
-"""Factors to SI by quantity and by our own unit name."""
+}  # factors to SI by quantity and by our own unit name
 
 _SPELLINGS = {
     "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
@@ -209,8 +208,7 @@ class ChannelCode:
         return _CUTOFF_HZ.get(self.text[15])
 
 
-UNPLACED = len(_PLACES)
-"""The rank of a place that need not follow the motion of the whole vehicle."""
+UNPLACED = len(_PLACES)  # the rank of a place that need not follow the motion of the whole vehicle
 
 
 def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], str]:
