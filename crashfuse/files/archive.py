@@ -1,7 +1,7 @@
-"""Zip and tar archives: our own, and untrusted ones, with safe names and sizes counted while unpacking.
+"""Zip and tar archives: our own, and untrusted ones.
 
-The sizes that an archive declares are not trusted: unpacked bytes are counted chunk by chunk, and every name is checked
-before the first byte is read. Names must be valid on every platform, so that accepted files can be copied anywhere.
+Declared sizes are not trusted: unpacked bytes are counted chunk by chunk. Names are checked before the first byte is
+read, and must be valid on every platform, so that accepted files can be copied anywhere.
 """
 
 import gzip
@@ -36,8 +36,7 @@ _BROKEN = (
 )  # fmt: skip
 _TAR = "a sound tar archive", "pack the folder anew"
 _LONGEST_HEADER, _LONGEST_READ = 1 << 16, 1 << 21  # bytes of a tar at once
-ENDINGS = (".tar.gz", ".tgz", ".tar")
-"""Endings of the names of tar archives."""
+ENDINGS = (".tar.gz", ".tgz", ".tar")  # endings of the names of tar archives
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,7 @@ class Budget:
         self._by_ratio = max(limits.ratio * packed, _HARMLESS)
 
     def spend(self, count: int, member_bytes: int, where: str) -> None:
-        """Count a chunk of a member that has now reached ``member_bytes``; raise a DataError beyond the limits."""
+        """Count a chunk of a member of so many bytes by now; a DataError beyond the limits."""
         self.total += count
         if self.total > self._by_ratio:
             expected, found = f"at most {self.limits.ratio:g} times the size of the archive", "more: it is a zip bomb"
@@ -84,7 +83,7 @@ class Member:
     opened: Callable[[], AbstractContextManager[IO[bytes]]]
 
     def chunks(self, budget: Budget) -> Iterator[bytes]:
-        """Yield the unpacked content in chunks of at most 1 MiB; raise a DataError if it is damaged or too large."""
+        """Yield the unpacked content in chunks of at most 1 MiB; a DataError if it is damaged or too large."""
         size = 0
         with _readable(self.where), self.opened() as stream:
             while chunk := stream.read(_CHUNK):
@@ -119,11 +118,7 @@ def in_memory(name: str, content: bytes) -> Member:
 
 
 def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
-    """List the files of a zip, without folders and system files (``__MACOSX``, ``.DS_Store``).
-
-    The members read from the stream, so it must stay open. Raises a DataError if it is no valid zip, has too many
-    entries, or has one that is encrypted, a link, packed by another method, or unsafely named.
-    """
+    """The files of a zip without folders and system files, all safe by name and kind; the stream must stay open."""
     with _readable(name):
         archive = zipfile.ZipFile(stream)
         entries = archive.infolist()
@@ -143,25 +138,21 @@ def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -
 def name_trouble(name: str) -> tuple[str, str, str] | None:
     """Expected, found and advice for a relative path that is not safe on every platform."""
     parts = name.split("/")
-    if not name.isprintable():
-        found = "a character that cannot be printed"
-    elif "\\" in name:
-        found = "a backslash"
-    elif name.startswith("/"):
-        found = "an absolute path"
-    elif ":" in name:
-        found = "a drive letter or a colon"
-    elif any(part in ("", ".", "..") for part in parts):
-        found = "a path that leaves its folder"
-    elif any(part != part.strip(" ").rstrip(".") for part in parts):
-        found = "a name that ends in a dot or a space"
-    elif any(part.split(".")[0].rstrip().upper() in _DEVICES for part in parts):
-        found = "a name that Windows keeps for a device"
-    elif max(len(part.encode()) for part in parts) > _LONGEST_NAME or len(name.encode()) > _LONGEST_PATH:
-        found = "a name that is too long"
-    else:
-        return None
-    return "a plain name in a folder", found, "rename it"
+    troubles = {
+        "a character that cannot be printed": not name.isprintable(),
+        "a backslash": "\\" in name,
+        "an absolute path": name.startswith("/"),
+        "a drive letter or a colon": ":" in name,
+        "a path that leaves its folder": any(part in ("", ".", "..") for part in parts),
+        "a name that ends in a dot or a space": any(part != part.strip(" ").rstrip(".") for part in parts),
+        "a name that Windows keeps for a device": any(
+            part.split(".")[0].rstrip().upper() in _DEVICES for part in parts
+        ),
+        "a name that is too long": max(len(part.encode(errors="replace")) for part in parts) > _LONGEST_NAME
+        or len(name.encode(errors="replace")) > _LONGEST_PATH,
+    }
+    found = next((trouble for trouble, is_there in troubles.items() if is_there), None)
+    return None if found is None else ("a plain name in a folder", found, "rename it")
 
 
 def left_by_the_system(name: str) -> bool:
@@ -180,14 +171,14 @@ def refuse(problems: list[Problem], name: str) -> None:
 
 def too_many(where: str, found: int, limits: Limits) -> DataError:
     """The error for more files than allowed."""
-    advice = "leave out what is not needed, or put all pulses of a source into one table"
+    advice = "put all pulses of a source into one table"
     return DataError(Problem(where, f"at most {limits.members} files", f"{found}", advice))
 
 
 def too_much(where: str, limits: Limits) -> DataError:
     """The error for more bytes than allowed."""
-    advice = "leave out what is not needed, or save the pulses as Parquet"
-    return DataError(Problem(where, f"at most {_size(limits.total_bytes)} in all", "more", advice))
+    expected = f"at most {_size(limits.total_bytes)} in all"
+    return DataError(Problem(where, expected, "more", "save the pulses as Parquet"))
 
 
 def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
@@ -220,11 +211,7 @@ def is_tar(name: str) -> bool:
 
 
 def tar_members(stream: IO[bytes], name: str, limits: Limits) -> list[Member]:
-    """List the files of a tar, without folders and files that systems leave behind.
-
-    The members read from the stream, so it must stay open; in order they are read in one pass. Raises a DataError if it
-    is not a valid tar, has too many files or bytes, or has a link, a device or an unsafe name.
-    """
+    """List the files of a tar, as :func:`zip_members` does; in order they are read in one pass."""
     packed = stream.seek(0, 2)
     stream.seek(0)
     gzipped = stream.read(2) == b"\x1f\x8b"
@@ -285,7 +272,7 @@ class _Walk:
         return self._stream.read(size)
 
     def finish(self, at: int) -> None:
-        """Check that the archive ends where tarfile stopped, which a damaged header makes it do, too, and in full."""
+        """Tarfile stops at a damaged header as at the end."""
         self.listing = False
         self.seek(at)
         if self.read(tarfile.BLOCKSIZE).strip(b"\0"):

@@ -55,11 +55,7 @@ def flush(path: Path) -> None:
 
 @contextmanager
 def written_together(folder: Path, last: str) -> Iterator[Path]:
-    """A folder to write a set of files into: all of them move to ``folder`` once each is complete, or none does.
-
-    The file named ``last`` moves last. Until it lists the others, the set is incomplete, so a crash between two moves
-    can be detected.
-    """
+    """A folder to write files into that move to ``folder`` together, ``last`` last, as it makes them complete."""
     folder.mkdir(parents=True, exist_ok=True)
     staging = _unfinished(folder)
     try:
@@ -94,7 +90,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 
 def name_target(error: BaseException, temporary: Path, target: Path) -> None:
-    """Let a system error name what was to be written: a full disk names nothing, and temporary names say nothing."""
+    """Let a system error name what was to be written, not a temporary name."""
     if isinstance(error, OSError) and error.errno and str(error.filename or temporary).startswith(str(temporary)):
         error.filename = str(target)
 

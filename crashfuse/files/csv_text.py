@@ -23,10 +23,7 @@ _HARMLESS = re.compile(r"[-+]?([.,]?\d[\d.,]*([eE][-+]?\d+)?)?\s*")  # a number,
 
 
 def neutral(text: str) -> str:
-    """Text as a cell that no spreadsheet takes for a formula; :func:`original` undoes it.
-
-    Such as ``=HYPERLINK(…)``: it gets an apostrophe, as spreadsheets mark text themselves. Numbers stay as they are.
-    """
+    """Text that no spreadsheet takes for a formula (``=A1`` gets an apostrophe); :func:`original` undoes it."""
 
     def marked(found: re.Match[str]) -> str:
         harmless = not found["marks"] and found["rest"] and _HARMLESS.fullmatch(found["rest"])
@@ -58,11 +55,7 @@ def csv_bytes(table: pd.DataFrame, float_format: Callable[[float], str] | None =
 
 
 def read_csv_table(path: Path, numbers: Collection[str]) -> pd.DataFrame:
-    """A table as :func:`csv_bytes` wrote it, with text in all columns but ``numbers``.
-
-    Nothing but an empty cell of a number is missing: a test may be called NA, nan, None, 007 or 1e5.
-    Raises a ValueError if a number is none.
-    """
+    """A table as :func:`csv_bytes` wrote it, text in all columns but ``numbers``: a test may be called NA or 007."""
     table = pd.read_csv(path, dtype=str, keep_default_na=False)
     return table.apply(lambda cells: pd.to_numeric(cells) if cells.name in numbers else cells.map(original))
 
@@ -111,11 +104,7 @@ class CsvTable:
             yield cls(stream, where)
 
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
-        """Yield these columns and the row number of each line, the header being row 1.
-
-        A column is numeric if all its cells in the block are; ids are always text; empty cells are empty strings. A
-        line with more cells than the header raises a DataError.
-        """
+        """Yield these columns and the row numbers, the header is 1; ids are text, others numeric if all cells are."""
         at = [self.names.index(name) for name in columns]
         row, rest = 2, ""
         while text := self._stream.read(_BLOCK):
@@ -160,7 +149,6 @@ class CsvTable:
         return frame
 
     def _ragged(self, text: str, row: int) -> Problem:
-        """The problem of the line that has more cells than the header, or a quoted cell not closed on its line."""
         for number, line in enumerate(text.split("\n"), start=row):
             if line.count('"') % 2:
                 found = f"one alone in {printable(line, 60)!r}"
@@ -173,12 +161,7 @@ class CsvTable:
 def read_rows(
     path: Path, where: str, *, by_hand: bool = False, most_rows: int = MOST_ROWS
 ) -> tuple[list[str], list[list[str]], list[int]]:
-    """Read a small table at once: its header, its rows padded to the header's width, and the number of each row.
-
-    One that is made ``by_hand`` may be as spreadsheets write it in other countries: with semicolons or tabs between
-    the columns, and then with decimal commas. Empty rows are skipped. A table that cannot be read, is larger than any
-    library needs, or has rows with more cells than the header raises a DataError.
-    """
+    """Header, padded rows and row numbers of a small table; ``by_hand``: with semicolons and decimal commas, too."""
     rows: list[list[str]] = []
     numbers: list[int] = []
     wide: list[Problem] = []
@@ -232,7 +215,6 @@ def _with_points(rows: list[list[str]]) -> list[list[str]]:
 
 
 def _header_names(cells: Sequence[str], where: str) -> list[str]:
-    """The column names; a DataError if there are none or too many, or no commas between them."""
     names = [original(cell.strip()) for cell in cells]
     while names and not names[-1]:
         names.pop()  # a comma at the end of each line
@@ -275,7 +257,6 @@ def unreadable(where: str, error: OSError) -> Problem:
 
 
 def _too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem:
-    """The problem of a line with more cells than the header."""
     found = f"{len(cells)} in the line {printable(','.join(cells), 60)!r}"
     advice = "write decimal points, not commas, and put text with commas between quotes"
     return Problem(where, f"{width} cells as in the header", found, advice, row=row)

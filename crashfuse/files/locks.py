@@ -11,8 +11,7 @@ from filelock import FileLock, Timeout
 
 from crashfuse.errors import DataError, Problem, printable
 
-NAME = ".in-use"
-"""The lock of a folder, in it: whoever can write to the folder sees it, whatever their cache."""
+NAME = ".in-use"  # the lock of a folder, in it: whoever can write to the folder sees it, whatever their cache
 
 _GLANCE_S = 0.2
 _FOR_ALL = 0o666  # the next user of a shared folder must be able to open what a killed process of this one left
@@ -20,12 +19,7 @@ _FOR_ALL = 0o666  # the next user of a shared folder must be able to open what a
 
 @contextmanager
 def locked(path: Path, wait_s: float, on_wait: Callable[[], object] = lambda: None) -> Iterator[None]:
-    """Context that only one process or thread at a time can be in, by a lock file that is gone afterwards.
-
-    Another one that is in it is waited for ``wait_s``, and ``on_wait`` called several times a second meanwhile; what it
-    raises ends the wait. Raises a DataError, which says who is in it where that is known, if it does not end in time,
-    and an OSError if files cannot be written or locked in the lock file's folder.
-    """
+    """Context for one process or thread at a time; ``on_wait`` is called meanwhile, and a DataError ends the wait."""
     lock, end = FileLock(path, mode=_FOR_ALL), time.monotonic() + wait_s
     while not lock.is_locked:
         try:
@@ -49,10 +43,7 @@ def locked(path: Path, wait_s: float, on_wait: Callable[[], object] = lambda: No
 
 @contextmanager
 def sole_writer(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
-    """Context in which nobody else that asks may write to a folder, which is made if it is not there.
-
-    A folder that was made and holds nothing at the end is taken away again. Raises as :func:`locked`.
-    """
+    """Context for the only writer to a folder, which is made, and taken away again if it stays empty."""
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:

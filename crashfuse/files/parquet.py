@@ -52,11 +52,7 @@ class ParquetTable:
             raise DataError(Problem(where, "a sound Parquet file", found, _AGAIN)) from None
 
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
-        """Yield these columns and the row number of each line, counted as if a header were row 1.
-
-        Numbers become float64, text becomes categories, so that a long repeated text is in memory only once. A column
-        that is neither, or occurs twice, raises a DataError.
-        """
+        """Yield these columns and the row numbers, as if a header were 1: float64, and categories for text."""
         texts = [name for name in columns if self._is_text(name)]
         if not self._rows:
             raise DataError(Problem(self._where, "at least one row", "an empty table", "add the rows"))
@@ -94,10 +90,7 @@ class ParquetTable:
 
 
 def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
-    """Raise a DataError if decoding these columns would take far more memory than tables of pulses need.
-
-    A megabyte may hold gigabytes of text. What the footer says of that is not trusted: the headers of the pages say it,
-    and a decoder believes them.
+    """Raise a DataError if decoding would take far more memory than pulses need, by the headers of the pages.
 
     Returns the columns that pyarrow cannot read as dictionaries, for want of a decoder.
     """
@@ -128,10 +121,7 @@ def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
 
 
 def _pages(stream: IO[bytes], start: int, length: int, where: str) -> Iterator[tuple[int, int | None]]:
-    """Unpacked size and encoding of each page of a column chunk.
-
-    A page's header is a Thrift struct in the compact protocol (Apache Parquet, ``parquet.thrift``).
-    """
+    """Unpacked size and encoding of each; headers are Thrift structs, compact protocol (``parquet.thrift``)."""
     end = start + length
     while start < end:
         stream.seek(start)

@@ -35,7 +35,7 @@ _COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what th
 
 
 class Label(NamedTuple):
-    """What tells whether a record is a test or a CAE run: its source, its id, and what it says of itself."""
+    """A record's source, its id, and what it says of itself."""
 
     source: str
     id: str
@@ -52,23 +52,26 @@ class Label(NamedTuple):
         return self.source.partition(": ")[0]
 
     def looks_like_cae(self, *, many: bool) -> bool:
-        """Whether it looks like a CAE run, by its own account, its sheet and id, or else its file or their number."""
-        name = f"{self.source.partition(': ')[2]} {self.id}"
-        if self.is_simulated or _is_named_cae(name) != _is_named_test(name):
-            return self.is_simulated or _is_named_cae(name)
-        return not _is_named_test(self.file) and (_is_named_cae(self.file) or many)
+        """By its own account, its sheet and id, else its file or their number."""
+        is_cae, is_test = _named_as(f"{self.source.partition(': ')[2]} {self.id}")
+        if self.is_simulated or is_cae != is_test:
+            return self.is_simulated or is_cae
+        is_cae, is_test = _named_as(self.file)
+        return not is_test and (is_cae or many)
+
+
+def _named_as(name: str) -> tuple[bool, bool]:
+    """Whether it is the name of a CAE run, and that of a test."""
+    return _CAE.search(name) is not None or names_a_simulation(name), _TEST.search(name) is not None
 
 
 def role_of(record: Record, role: Role, cae: Sequence[str]) -> Role:
-    """What a record is: a CAE run if its file, source or id is among ``cae``, else what all are taken as."""
+    """A CAE run if its file, source or id is among ``cae``."""
     return "cae" if {Label.of(record).file, record.source, record.id} & set(cae) else role
 
 
 def parts_of(records: Iterable[Label]) -> dict[str, bool]:
-    """The parts of a source by their names, and whether they look like CAE runs.
-
-    A part is a file, or if not all in it are alike, a record by its id, or by its source if the id occurs twice.
-    """
+    """The parts of a source, and whether they look like CAE runs: files, or records of files with both."""
     files: dict[str, list[Label]] = {}
     for record in records:
         files.setdefault(record.file, []).append(record)
@@ -81,33 +84,20 @@ def parts_of(records: Iterable[Label]) -> dict[str, bool]:
     return parts
 
 
-def _is_named_cae(name: str) -> bool:
-    return _CAE.search(name) is not None or names_a_simulation(name)
-
-
-def _is_named_test(name: str) -> bool:
-    return _TEST.search(name) is not None
-
-
 def _which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list[Problem]:
-    """The question which files are CAE runs, if any look like them; none if all say so themselves.
-
-    ``source`` is its name, ``usual`` what files of its format are.
-    """
     if records and all(label.is_simulated for label in records):
         return []
     parts = parts_of(records) if usual == "tests" else dict.fromkeys((label.file for label in records), True)
     found = [name for name, is_cae in parts.items() if is_cae]
     if not found:
         return []
-    names, others = listed(found), listed([name for name in parts if name not in found])
-    if not others:
-        advice = "say that they are (--as cae), or that they are tests (--as tests)"
-        return [Problem(source, "tests", f"nothing but what looks like CAE runs ({names})", advice)]
-    advice = f"name those that are CAE runs (--cae {shlex.join(found)})"
-    if not any(label.is_simulated for label in records):
-        advice += ", or say that all are tests (--as tests)"
-    return [Problem(source, "tests", f"what looks like CAE runs ({names}) beside {others}", advice)]
+    others = listed([name for name in parts if name not in found])
+    option = f"name those that are (--cae {shlex.join(found)})" if others else "say that they are (--as cae)"
+    # what says of itself that it is simulated is no test
+    is_open = not others or not any(label.is_simulated for label in records)
+    advice = f"{option}, or that all are tests (--as tests)" if is_open else option
+    beside = f" beside {others}" if others else ""
+    return [Problem(source, "tests", f"what looks like CAE runs ({listed(found)}){beside}", advice)]
 
 
 def _check_names(names: Sequence[str], records: Sequence[Label]) -> None:
@@ -218,13 +208,7 @@ def settle_each(
     raw: bool = False,
     tolerant: bool = False,
 ) -> tuple[Settled, ...]:
-    """Settle every record that can be settled; append the problems of the others to ``problems``.
-
-    What the conditions of several records lack is told once, and not at all if ``records`` raises at its end because
-    the ids of a table of conditions are others. ``choices``, ``role`` and ``raw`` are as in :func:`settle`; the records
-    of the files ``cae`` are CAE runs. ``tolerant`` turns an invalid choice into a problem of the record instead of
-    raising, because choices that fit one record may not fit another.
-    """
+    """Settle all records that can be, append problems of others; ``tolerant``: of invalid choices, too."""
     settled: dict[int, Settled] = {}
     refused: list[Problem] = []
     ids: list[str] = []
@@ -250,54 +234,29 @@ def settle_each(
     for place, record in unclear.items():
         attempt(place, _in_their_unit(record, others))
     problems += joint_problems(refused) if len(ids) > 1 else refused
-    alike = _unlike_their_table([settled[place] for place in sorted(settled)])
-    return _of_one_speed(alike) if choices.condition.speed_mps is not None else alike
+    whole = tuple(settled[place] for place in sorted(settled))
+    return _of_one_speed(whole) if choices.condition.speed_mps is not None else whole
 
 
 def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
-    """The record in the unit of the others of its table, else of its source, if they have one in common."""
+    """That of the others of its table, else of its source, if they have one in common."""
     units = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
     if len(set(units)) != 1:
         return record
-    n = len(units)
-    return record.in_unit(units[0], f"the {f'{n} other records' if n > 1 else 'other record'} beside it")
-
-
-def _unlike_their_table(settled: Sequence[Settled]) -> tuple[Settled, ...]:
-    forms: dict[str, Counter[tuple[str, str]]] = {}
-    for one in settled:
-        forms.setdefault(one.source, Counter())[one.unit, one.deceleration_sign] += 1
-
-    def checked(one: Settled) -> Settled:
-        [(usual, n)] = forms[one.source].most_common(1)
-        if usual == (one.unit, one.deceleration_sign) or 2 * n <= forms[one.source].total():
-            return one
-        note = f"Careful: {n} others of its table are in {usual[0]} with {usual[1]} deceleration, unlike this one."
-        return replace(one, steps=(*one.steps, note))
-
-    return tuple(map(checked, settled))
+    return record.in_unit(units[0], f"{len(units)} records beside it")
 
 
 def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
     changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
     if not changes or max(changes) <= _ONE_SPEED * min(changes):
         return tuple(settled)
-    note = Sentence(
-        f"Careful: one speed was given for all {len(settled)} records, but their changes of velocity go from {{}} to "
-        "{}; a table of conditions gives each its own.",
-        speed(min(changes)),
-        speed(max(changes)),
-    )
+    template = f"Careful: one speed was given for all {len(settled)} records, but their changes of velocity are {{}}."
+    note = Sentence(template, speed(min(changes), max(changes)))
     return tuple(replace(one, steps=(*one.steps, note)) for one in settled)
 
 
 def add_settled(out: Path, settled: Sequence[Settled]) -> tuple[Added, ...]:
-    """Add settled records to a campaign, or start a new one with them: all of them or, on any problem, none.
-
-    If the campaign folder ``out`` filters its own records (:func:`own_filter_class`), they must be settled raw. A
-    DataError says that an id is already there with another condition or pulse, or is not a valid file name, an OSError
-    that writing failed; the campaign is unchanged.
-    """
+    """Add settled records to a campaign, or start a new one with them: all or, on any problem, none."""
     additions: dict[Role, list[Addition]] = {}
     for one in settled:
         addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality)

@@ -34,10 +34,7 @@ _ONSET = 0.05  # of the peak
 
 
 def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
-    """Return time and values of a channel at even sampling, and a sentence if that took more than rounding.
-
-    Samples without a value are cut at either end; within the record they are rejected, as are gaps in time.
-    """
+    """Time and values at even sampling, and a sentence if that took more than rounding; a DataError for gaps."""
     place = f"{where}, {channel.name}"
     time, values = np.asarray(channel.time_s, dtype=np.float64), np.asarray(channel.values, dtype=np.float64)
     finite = np.flatnonzero(np.isfinite(values))
@@ -47,13 +44,15 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     time, values = time[inside], values[inside]
     if not (np.isfinite(values).all() and np.isfinite(time).all()):
         raise DataError(Problem(place, "a number in each sample", "samples without one", "repair the record"))
-    if (latest := float(np.abs(time).max())) > _LATEST_S:
-        raise DataError(Problem(place, "times of a crash", f"{latest:.3g} s", "repair the record"))
-    if (strongest := float(np.abs(values).max())) > _STRONGEST:
-        raise DataError(Problem(place, "accelerations of a crash", f"{strongest:.3g}", "repair the record"))
+    for numbers, most, what in ((time, _LATEST_S, "times in s"), (values, _STRONGEST, "accelerations")):
+        if (largest := float(np.abs(numbers).max())) > most:
+            raise DataError(Problem(place, f"{what} of a crash", f"{largest:.3g}", "repair the record"))
     steps = np.diff(time)
     if steps.min() <= 0:
-        raise DataError(_backwards(place, time, steps))
+        at = int(np.argmax(steps <= 0))
+        found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
+        advice = "sort the record by time, delete duplicates, or export time with more digits"
+        raise DataError(Problem(place, "time that increases from sample to sample", found, advice))
     step = float(np.median(steps))
     if steps.max() > _GAP * step:
         found = f"a step of {time_text(steps.max())} among steps of {time_text(step)}"
@@ -70,25 +69,8 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     return clock, np.interp(clock, time, values), note
 
 
-def _backwards(place: str, time: FloatArray, steps: FloatArray) -> Problem:
-    expected = "time that increases from sample to sample"
-    if steps.min() < 0:
-        sample = int(np.argmax(steps < 0)) + 1
-        found = f"{time_text(time[sample], 6)} after {time_text(time[sample - 1], 6)}"
-        return Problem(place, expected, found, "sort the record by time")
-    twice = int(np.argmax(steps == 0))
-    found = f"duplicate times: {time_text(time[twice], 6)} in samples {twice + 1} and {twice + 2}"
-    count = int((steps == 0).sum())
-    found += f", and {count - 1} more" if count > 1 else ""
-    return Problem(place, expected, found, "delete the duplicates, or export time with more digits")
-
-
 def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Return the time that the channels have in common, and their values then, shape (n_channels, n).
-
-    Channels whose samples lie between those of the first are interpolated. A DataError names a channel that is
-    unusable, or of another rate or time than the first.
-    """
+    """The time that the channels have in common, and their values then, shape (n_channels, n)."""
     evens = [resample_evenly(channel, where) for channel in channels]
     steps.extend(note for *_, note in evens if note)
     times = [time for time, *_ in evens]
@@ -98,14 +80,12 @@ def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[s
     clock = first[(first >= begin) & (first <= end)]
     for channel, time in zip(channels, times, strict=True):
         if abs(time[1] - time[0] - step) > tolerance or clock.size < _FEWEST:
-            found = f"{channel.name} at {1 / (time[1] - time[0]):.6g} Hz from {time_text(time[0], 6)}"
-            found += f", {channels[0].name} at {1 / step:.6g} Hz from {time_text(first[0], 6)}"
+            shown = ((channels[0].name, first), (channel.name, time))
+            found = ", ".join(f"{name} at {1 / (t[1] - t[0]):.6g} Hz from {time_text(t[0], 6)}" for name, t in shown)
             advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
             raise DataError(Problem(where, "channels sampled alike to average", found, advice))
     if any(abs(time[0] - first[0]) > tolerance for time in times):
-        starts = ", ".join(
-            f"{one.name} from {time_text(time[0], 6)}" for one, time in zip(channels, times, strict=True)
-        )
+        starts = ", ".join(f"{one.name} from {time_text(t[0], 6)}" for one, t in zip(channels, times, strict=True))
         steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
     steps.append(f"Recorded at {(clock.size - 1) / (clock[-1] - clock[0]):.6g} Hz from {time_text(clock[0], 6)}.")
     return clock, np.array([_at(clock, time, values, tolerance) for time, values, _ in evens])
@@ -120,17 +100,14 @@ def _at(clock: FloatArray, time: FloatArray, values: FloatArray, tolerance: floa
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:
-    """Missing choices about the channels: which ones, and their unit if there is no speed to infer it from."""
+    """The channels, and their unit if there is no speed to infer it from."""
     chosen = record.chosen(choices.channels)
     missing = []
     if not chosen:
-        expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
-        option = f"(--channel {shlex.quote(record.channels[0].name)})"
-        advice = f"choose the one that is, or several to be averaged {option}"
-        if all(channel.doubt == Doubt.FAILED or channel.is_simulated for channel in record.channels):
-            expected = f"a sound channel of {record.id}"
-            advice = f"get a sound one, or choose one that is not as bad {option}"
-        missing.append(Problem(record.source, expected, record.listed, advice))
+        is_bad = all(channel.doubt == Doubt.FAILED or channel.is_simulated for channel in record.channels)
+        expected = "a sound channel of {}" if is_bad else "a channel of {} that is known to be the vehicle's pulse"
+        advice = f"choose the one that is, or several to be averaged (--channel {shlex.quote(record.channels[0].name)})"
+        missing.append(Problem(record.source, expected.format(record.id), record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
         expected = f"the unit of the acceleration of {record.id}"
@@ -149,11 +126,7 @@ def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
 
 
 def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
-    """The channels to average: those chosen, else the largest group of proposed channels that agree.
-
-    They agree in their change of velocity, those of a test in time and in shape, too: in a CAE run all nodes have one
-    clock. Where they agree only just, that is told with care. A DataError says that no more than half of them agree.
-    """
+    """Those chosen, else the largest group that agree in change of velocity, in a test also in time and shape."""
     record, choices, steps = case.record, case.choices, case.steps
     chosen = record.chosen(choices.channels)
     if choices.channels:
@@ -188,8 +161,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
         return chosen
     if not majority:
         expected = f"channels of {record.id} that agree in time, shape and change of velocity"
-        likely = f", likely {reference.name}, the closest to time zero" if on_time else ""
-        advice = f"choose one{likely} (--channel {shlex.quote(reference.name)})"
+        advice = f"choose one (--channel {shlex.quote(reference.name)})"
         raise DataError(Problem(record.source, expected, joined(texts, "; "), advice))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")
@@ -209,13 +181,12 @@ def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[s
             problems[channel.name] = error.problems[0]
     if not 0 < len(problems) < len(proposed):
         return proposed
-    faults = "; ".join(f"{name}, with {one.found} instead of {one.expected}" for name, one in problems.items())
+    faults = "; ".join(f"{name} ({one.found})" for name, one in problems.items())
     steps.append(f"Careful: left out as unusable: {faults}.")
     return tuple(channel for channel in proposed if channel.name not in problems)
 
 
 def _in_one_unit(channels: tuple[RecordedChannel, ...], choices: Choices) -> tuple[RecordedChannel, ...]:
-    """The channels in the unit of the first, if all state one and the user gives none."""
     factors = [ACCELERATION_UNITS[channel.unit] for channel in channels if channel.unit]
     if choices.unit is not None or len(factors) < len(channels):
         return channels
@@ -243,7 +214,6 @@ class _Signal:
 
     @property
     def onset_s(self) -> float:
-        """When a twentieth of the peak is first reached."""
         size = np.abs(self.values)
         return float(self.time_s[int(np.argmax(size >= _ONSET * size.max()))])
 
@@ -251,7 +221,7 @@ class _Signal:
         return abs(self.gain - other.gain) > share * _DISSENT * max(abs(self.gain), abs(other.gain))
 
     def differences(self, other: "_Signal", share: float = 1.0) -> list[str]:
-        """In what it differs from another by more than this share of the limits; in words, but for ΔV."""
+        """In words, but for ΔV: by more than this share of the limits."""
         if self.gain * other.gain <= 0:
             return ["of the other sign" if self.gain * other.gain else ""]
         differ = [""] if self.changes_unlike(other, share) else []
@@ -269,7 +239,6 @@ class _Signal:
         return differ
 
     def compared(self, reference: "_Signal", factor: float | None) -> str:
-        """Its change of velocity (an integral without a factor to m/s²), and in what it differs from a reference."""
         integral = f"integral {number(self.gain, '.4g')} (unit not stated)"
         change = integral if factor is None else speed(self.gain * factor)
         differ = [] if self is reference else self.differences(reference, _CARE)
@@ -277,7 +246,7 @@ class _Signal:
 
 
 def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedChannel, ...]:
-    """The channels whose sensors did not fail; all of them if they were chosen or none is sound, which is told."""
+    """All of them if they were chosen or no sensor is sound, which is told."""
     signals = {channel.name: resample_evenly(channel, case.record.source)[:2] for channel in channels}
     failures: dict[str, Sentence] = {}
     for channel in channels:

@@ -16,7 +16,6 @@ from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text
 
 _LONGEST_GAP_M = 10.0  # at 56 km/h more than half a second
-_NO_SIGN = "let the record tell its sign (remove --deceleration-sign)"
 _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below this leaves nothing for CFC 60 (100 Hz) to remove
 _BAND_HZ, _HIGH_SHARE = 250.0, 1e-3  # measured: CFC 60 2e-5…6e-5, CFC 100 2e-3, CFC 180 2e-2
@@ -25,16 +24,9 @@ _AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
 _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 
 
-def _require_filter_class(cfc: object) -> None:
-    if cfc not in (None, "none") and not (isinstance(cfc, int | float) and 1 <= cfc <= 1000):
-        raise UsageError(f'A channel filter class is 60, 180, 600, 1000 or "none", not {printable(repr(cfc), 20)}.')
-
-
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """User settings that replace detection; None or empty means detect.
-
-    A UsageError says that there is no such unit, sign or filter class, or that a number is none or in another unit.
+    """User settings that replace detection; None or empty means detect. A UsageError refuses what cannot be.
 
     Parameters
     ----------
@@ -67,14 +59,15 @@ class Choices:
             object.__setattr__(self, "unit", acceleration_unit(self.unit))
         if self.deceleration_sign is not None:
             one_of("sign of a deceleration", self.deceleration_sign, dict.fromkeys(("negative", "positive")))
-        _require_filter_class(self.channel_filter_class)
+        cfc = self.channel_filter_class
+        if cfc not in (None, "none") and not (isinstance(cfc, int | float) and 1 <= cfc <= 1000):
+            raise UsageError(f'A channel filter class is 60, 180, 600, 1000 or "none", not {printable(repr(cfc), 20)}.')
         require_a(PartialCondition, self.condition, "crashfuse.PartialCondition()")
         for name in ("time_zero_s", "gap_m", "front_share"):
             if (value := getattr(self, name)) is not None:
                 require_number(name, value)
         if self.gap_m is not None and not 0 <= self.gap_m <= _LONGEST_GAP_M:
-            in_m = f"{self.gap_m:g} mm are {1e-3 * self.gap_m:g} m"
-            raise UsageError(f"gap_m is from 0 to {_LONGEST_GAP_M:g} m, not {self.gap_m:g}: {in_m}.")
+            raise UsageError(f"gap_m is from 0 to {_LONGEST_GAP_M:g} m, not {self.gap_m:g}.")
 
     @property
     def weights(self) -> AxleWeights:
@@ -118,30 +111,27 @@ def unit_and_sign(
     if label is None:
         if len(fitting) != 1:
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
-            check = Sentence("check the impact speed of {}, or give" if moving else "give", speed(case.speed_mps))
-            give = Sentence("{} its unit (--unit), or convert it to one of these", check)
-            raise DataError(UnknownUnit(case.record.source, expected, "a unit that neither file nor speed tells", give))
+            found = "a unit that neither file nor speed tells"
+            raise DataError(UnknownUnit(case.record.source, expected, found, "give its unit (--unit), or convert it"))
         label = fitting[0]
-        steps.append(f"Unit {label}: the file names none, this one gives the change of velocity that the speed asks.")
-    elif choices.unit:
-        steps.append(f"Unit {label}, given by the user.")
+        steps.append(f"Unit {label}, by the change of velocity; the file names none.")
     else:
-        steps.append(f"Unit {label}, from {channels[0].unit_from}.")
+        steps.append(f"Unit {label}, {'given by the user' if choices.unit else f'from {channels[0].unit_from}'}.")
     change = gain * ACCELERATION_UNITS[label]
     if fitting and label not in fitting:
         raise DataError(_unlike(case, time_s, change, label, f"check the unit: {fitting[0]} would fit (--unit)"))
     found = "negative" if gain <= 0 or case.speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
     if moving and sign != found:
-        other = Sentence("a change of {}", speed(change))
-        raise DataError(Problem(case.record.source, f"{sign} deceleration, as chosen", other, _NO_SIGN))
+        other, advice = Sentence("a change of {}", speed(change)), "let the record tell it (remove --deceleration-sign)"
+        raise DataError(Problem(case.record.source, f"{sign} deceleration, as chosen", other, advice))
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(Sentence(f"Sign {turned}: the file's change of velocity is {{}}.", speed(change)))
     return label, sign
 
 
 def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str) -> Problem | None:
-    """The problem of a change of velocity that is unlike the impact speed, if it is and the speed is known."""
+    """The problem of a change of velocity that is unlike the known impact speed."""
     change = delta_v(time_s, accel)
     if not case.is_moving or case.fits(change):
         return None
@@ -149,10 +139,9 @@ def change_problem(case: Case, time_s: FloatArray, accel: FloatArray, unit: str)
 
 
 def crash_advice(record: Record, doubtful: str) -> str:
-    """Advice where the change of velocity is unlike the impact speed: the crash may be of another kind."""
-    if record.other_setup:
-        return f"the file calls the test {record.other_setup!r}, and only full-frontal barrier crashes can be used"
-    return f"check {doubtful}; if it is no full-frontal barrier crash (but car to car, or small overlap), leave it out"
+    """What to do then; the crash may be of another kind."""
+    setup = f" (the file calls it {record.other_setup!r})" if record.other_setup else ""
+    return f"check {doubtful}; leave it out if it is no full-frontal barrier crash{setup}"
 
 
 def _unlike(case: Case, time_s: FloatArray, change_mps: float, unit: str, advice: str) -> Problem:
@@ -163,7 +152,7 @@ def _unlike(case: Case, time_s: FloatArray, change_mps: float, unit: str, advice
 
 
 def stated_zero(record: Record, time_s: FloatArray) -> str:
-    """Why contact is at 0 of the file's time, by that time alone; empty if it tells nothing."""
+    """Why contact is at 0 of the file's time; empty if nothing tells."""
     begins = f"the file's time begins before 0, at {time_text(time_s[0])}" if time_s[0] < -MS else ""
     return record.own_time_zero or begins
 
@@ -199,8 +188,8 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
         free_m = speed_mps * free_travel_s(time_s[after], accel[after])
         if free_m > LEAST_M:
             steps.append(
-                f"Careful: the vehicle moves {free_m / MS:.0f} mm after time zero before it decelerates. Take a gap "
-                f"before the barrier out (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})."
+                f"Careful: the vehicle moves {free_m / MS:.0f} mm after time zero before it decelerates. "
+                f"Take out a gap before the barrier (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})."
             )
     return zero
 
@@ -222,7 +211,7 @@ def filter_class(
 
 
 def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray) -> str:
-    """The evidence that a record has already been filtered to CFC 60 or below; empty if there is none."""
+    """The evidence that a record was filtered to CFC 60 or below; empty if there is none."""
     cutoffs = [channel.cutoff_hz for channel in channels]
     if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):
         return f"the file says that it has gone through {cutoffs[0]:g} Hz already"
@@ -241,11 +230,8 @@ def report_offset(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: l
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
         return
     mean = float(accel[before].mean())
-    reading = f"before contact it reads {signed(mean / G, 2)} g on average"
-    if abs(mean) > _OFFSET_MPS2:
-        steps.append(f"Careful: {reading}; if the vehicle did not brake then, export it with its zero corrected.")
-    else:
-        steps.append(f"Zero kept: {reading}.")
+    advice = "Careful: correct the zero if the vehicle did not brake" if abs(mean) > _OFFSET_MPS2 else "Zero kept"
+    steps.append(f"{advice}: before contact it reads {signed(mean / G, 2)} g on average.")
 
 
 def delta_v(time_s: FloatArray, values: FloatArray) -> float:

@@ -1,8 +1,7 @@
 """Ratings of files against each other: two of any kind that the import reads, pairs from a table, ISO-MME tests.
 
-A table in our own form (a column of time, one of acceleration, with their units) is rated as it stands, and so is each
-channel of whole ISO-MME tests. Every other file goes through the steps of the import: channel, unit, sign, time zero,
-filter. So a rating is the same before and after the import.
+A table in our own form (time and acceleration with their units) is rated as it stands, and so is each channel of whole
+ISO-MME tests. Every other file goes through the steps of the import, so that a rating is the same before and after it.
 """
 
 from collections import Counter
@@ -77,7 +76,8 @@ class _Curve:
     filter_class: str
 
 
-_Read = Callable[[Path, tuple[str, ...], float | Literal["none"] | None, str | None], _Curve]
+_Class = float | Literal["none"] | None
+_Read = Callable[[Path, tuple[str, ...], _Class, str | None], _Curve]
 
 
 def rate_files(
@@ -200,7 +200,7 @@ def _reason(error: CrashfuseError) -> str:
     return " ".join(map(str, error.problems)) if isinstance(error, DataError) else str(error)
 
 
-def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] | None, unit: str | None) -> _Curve:
+def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None) -> _Curve:
     if not path.exists():
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     if not channels and _is_own(path):
@@ -223,7 +223,6 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] |
 
 
 def _is_own(path: Path) -> bool:
-    """Whether a table is in our own form: its columns name their units."""
     with suppress(DataError):
         if path.suffix in (".csv", ".parquet"):
             with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, path.name) as table:
@@ -234,7 +233,7 @@ def _is_own(path: Path) -> bool:
 
 
 def _speed(record: Record, choices: Choices) -> float:
-    """The impact speed that a record states; else about the one that its change of velocity tells."""
+    """About the one that the change of velocity tells, if the record states none."""
     if record.condition.speed_mps is not None:
         return record.condition.speed_mps
     channel = record.chosen(choices.channels)[0]
@@ -251,11 +250,9 @@ def rate_channels(
 ) -> pd.DataFrame:
     """Rate every channel of one ISO-MME test against the channel of the other that has the same code.
 
-    Of several channels with one code, the n-th is rated against the n-th.
-
-    The table is as that of :func:`rate_files`, with one row for each channel and window; a channel that cannot be
-    rated, or is marked as failed, has one row, with a note; one of questionable quality is noted. A DataError says that
-    one of them is no ISO-MME test, or that they have no channel in common.
+    Of several channels with one code, the n-th is rated against the n-th. The table is as that of :func:`rate_files`,
+    with one row for each channel and window; a channel that cannot be rated has one row, with a note. A DataError says
+    that one of them is no ISO-MME test, or that they have no channel in common.
 
     Parameters
     ----------
@@ -268,24 +265,23 @@ def rate_channels(
         found = "codes that occur in one of them only"
         raise DataError(Problem(comparison.name, f"channels of {reference.name}", found, "rate their pulses instead"))
     rows: list[dict[str, object]] = []
-    for key in [key for key in sides[0] if key in sides[1]] + [key for key in sides[0] if key not in sides[1]]:
-        one, other = sides[0][key], sides[1].get(key)
-        name = key[0] if key[1] == 1 else f"{key[0]} ({key[1]})"
+    for code, n in sorted(sides[0], key=lambda key: key not in sides[1]):
+        name = code if n == 1 else f"{code} ({n})"
+        if (code, n) not in sides[1]:
+            rows.append({"channel": name, "note": "only in the reference"})
+            continue
         try:
-            rows += [{"channel": name, **row} for row in _rows(one, other, windows_ms)]
+            rated = _rows(sides[0][code, n], sides[1][code, n], windows_ms)
+            rows += [{"channel": name, **row} for row in rated]
         except DataError as error:
             rows.append({"channel": name, "note": _reason(error)})
     rows += [{"channel": key[0], "note": "only in the comparison"} for key in sides[1] if key not in sides[0]]
     return _ratings_table(rows).assign(reference=str(reference), comparison=str(comparison))
 
 
-def _rows(one: Channel, other: Channel | None, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:
-    if other is None:
-        yield {"note": "only in the reference"}
-        return
+def _rows(one: Channel, other: Channel, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:
     if one.unit != other.unit:
-        expected = f"the reference's unit, {one.unit or 'none'}"
-        raise DataError(Problem(one.code, expected, other.unit or "none", "convert"))
+        raise DataError(Problem(one.code, f"the unit {one.unit or 'none'}", other.unit or "none", "convert"))
     sides = (("reference", one.status), ("comparison", other.status))
     doubts = [(doubt_of(status), side, status) for side, status in sides]
     note = "; ".join(f"the {side} marks it {printable(status)!r}" for doubt, side, status in doubts if doubt)

@@ -45,24 +45,14 @@ def is_archive(name: str) -> bool:
 
 
 def members_of(name: str, content: bytes, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
-    """List the files of an archive in memory; a DataError if it is invalid, unsafe or exceeds the limits."""
+    """The files of an archive in memory."""
     if is_tar(name):
         return tar_members(io.BytesIO(content), name, limits)
     return members_of_zip(name, content, limits)
 
 
 def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
-    """Lay uploads out as a source that :func:`crashfuse.importing.read_records` reads.
-
-    Parameters
-    ----------
-    uploads : sequence of (str, bytes)
-        Files and archives; each archive is unpacked into a folder named after it. A DataError says that a name is
-        unsafe, an archive invalid, or a limit exceeded.
-    into : Path
-        An existing folder, which the caller must delete. The return value is the single file or folder in it, or a
-        folder with all of them.
-    """
+    """Lay uploads out in an existing folder, archives unpacked; return the single thing in it, or a folder with all."""
     check_uploads(uploads, limits)
     home = into / "upload"
     home.mkdir()
@@ -71,10 +61,15 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
             budget = Budget(limits, len(content))
             if archive := _ARCHIVE.fullmatch(PurePosixPath(name).name):
                 folder = home / (archive[1].strip(". ") or "archive")
-                for member in members_of(name, content, limits):
-                    _unpack(member, folder, budget)
+                members = members_of(name, content, limits)
             else:
-                _unpack(in_memory(name, content), home, budget)
+                folder, members = home, [in_memory(name, content)]
+            for member in members:
+                try:
+                    member.write_to(folder / member.path, budget)
+                except (FileExistsError, NotADirectoryError):
+                    found = "another file of this name"
+                    raise DataError(Problem(member.where, "names that differ", found, "rename one")) from None
     except BaseException:
         shutil.rmtree(home)
         raise
@@ -82,42 +77,17 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
     return single[0] if len(single) == 1 else home
 
 
-def _unpack(member: Member, folder: Path, budget: Budget) -> None:
-    try:
-        member.write_to(folder / member.path, budget)
-    except (FileExistsError, NotADirectoryError):
-        raise DataError(Problem(member.where, "names that differ", "another file of this name", "rename one")) from None
-
-
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Options for reading a source.
+    """Options for reading a source."""
 
-    Parameters
-    ----------
-    source : Path
-        A file, a folder (of one test or run, or of several), a zip or tar archive of it, or a folder of such archives.
-    fmt : str, optional
-        A key of :data:`crashfuse.readers.formats.FORMATS`; by default the result of :func:`format_of`.
-    columns : tuple of ColumnChoice
-        For tables: column assignments, used in every table with these columns; the rest are as proposed.
-    together : bool
-        For tables: treat the columns of one file as channels of one record.
-    conditions : Path, optional
-        A table with the conditions of the records by id; it may have foreign headers, too.
-    record_id : str, optional
-        Id for the one record in the source, also in the table of conditions.
-    travel : str, optional
-        The direction of travel in the file's own axes; by default found from the motion.
-    """
-
-    source: Path
-    fmt: str | None = None
-    columns: tuple[ColumnChoice, ...] = ()
-    together: bool = False
-    conditions: Path | None = None
-    record_id: str | None = None
-    travel: Travel | None = None
+    source: Path  # a file, a folder of one test or of several, a zip or tar archive of it, or a folder of archives
+    fmt: str | None = None  # a key of FORMATS; by default the result of format_of
+    columns: tuple[ColumnChoice, ...] = ()  # in every table with these columns; the rest are as proposed
+    together: bool = False  # the columns of one table are channels of one record
+    conditions: Path | None = None  # a table with the conditions of the records by id
+    record_id: str | None = None  # for the one record in the source, also in the table of conditions
+    travel: Travel | None = None  # in the file's own axes; by default found from the motion
 
     def __post_init__(self) -> None:
         if self.travel is not None:
@@ -129,10 +99,7 @@ class Reading:
 
 
 def format_of(source: Path) -> str:
-    """The format of a file, folder or zip, detected from the file names in it.
-
-    A DataError says that there is nothing in a known format, or that there are files of several formats besides tables.
-    """
+    """The format of a file, folder or zip, by the file names in it; a DataError for none, or several besides tables."""
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
     found = formats_of(_names(source)) or formats_of(name for inner in _archives(source) for name in _names(inner))
@@ -142,16 +109,13 @@ def format_of(source: Path) -> str:
         broken = "".join(f"; {sentence.rstrip('.')}" for sentence in BROKEN_FORMATS.values())
         raise DataError(Problem(source.name, all_formats(), "none of these", f"choose another source{broken}"))
     if len(set(found) - {TABLES}) > 1:
-        advice = "import one after the other (--format), or keep them in folders of their own"
+        advice = "import one after the other (--format)"
         raise DataError(Problem(source.name, "records of one format", " and ".join(found), advice))
     return found[0]
 
 
 def read_records(reading: Reading) -> tuple[Record, ...]:
-    """Read all records of a source, or raise a DataError with every problem of every record.
-
-    A UsageError says that the format or a mapped column does not exist, or that one id is given for several records.
-    """
+    """Read all records of a source, or raise a DataError with every problem of every record."""
     problems: list[Problem] = []
     records = tuple(iter_records(reading, problems))
     refuse(problems, reading.source.name)
@@ -169,7 +133,7 @@ def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]
 
 
 def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
-    """Yield the records of a source one by one, read as by :func:`read_records`; append problems to ``problems``."""
+    """Yield the records of a source one by one; append problems to ``problems``."""
     source = reading.source
     fmt = reading.fmt or format_of(source)
     if fmt in BROKEN_FORMATS:
@@ -179,10 +143,12 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         raise UsageError("Only tables have columns to map.")
     if reading.travel is not None and not FORMATS[fmt].axes:
         raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
-    unpacked = [source] if _has_to_be_unpacked(source, fmt) else _archives(source)
-    if unpacked:
+    if archives := [source] if _has_to_be_unpacked(source, fmt) else _archives(source):
+        if sum(archive.stat().st_size for archive in archives) > DEFAULT_LIMITS.total_bytes:
+            raise too_much(source.name, DEFAULT_LIMITS)
         with TemporaryDirectory() as scratch:  # the tables in it tell of which format they are
-            yield from iter_records(replace(reading, source=_unpacked(unpacked, Path(scratch))), problems)
+            unpacked = lay_out_source([(path.name, path.read_bytes()) for path in archives], Path(scratch))
+            yield from iter_records(replace(reading, source=unpacked), problems)
         return
     extra = [] if reading.conditions is None else [reading.conditions]
     paths = tables_of(source) if fmt == TABLES else []
@@ -195,36 +161,29 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         found = "; ".join(tables.neither) or "conditions alone"
         expected = "a column of time and one of acceleration"
         raise DataError(Problem(source.name, expected, found, "map the columns (--column COLUMN=ROLE:UNIT)"))
-    whole, ids = not problems, list[str]()
-    unread = [] if fmt == TABLES or not source.is_dir() else _unread_tables(source, extra)
+    whole, ids, notes = not problems, list[str](), list[str]()
+    if fmt == TABLES and tables.neither:
+        notes.append(f"Left out, as neither pulse nor conditions: {'; '.join(tables.neither[:_LISTED])}.")
+    elif fmt != TABLES and source.is_dir():
+        read = {path.resolve() for path in extra}
+        others = (path for path in tables_of(source) if path.resolve() not in read and not is_time_history_csv(path))
+        if unread := [path.name for path in others]:
+            notes.append(f"Careful: tables in the source are left out, {listed(unread)}; import them by themselves.")
     for record in tables.records if fmt == TABLES else _of_homes(source, fmt, reading.travel, problems):
         if reading.record_id is not None:
             if ids:
                 raise UsageError(f"One id is not enough: {source.name} holds several records.")
             record = replace(record, id=reading.record_id)
-        if unread and not ids:
-            note = f"Careful: tables in the source are left out, {listed(unread)}; import them by themselves."
-            record = replace(record, steps=(*record.steps, note))
-        if fmt == TABLES and tables.neither and not ids:
-            note = f"Left out, as neither pulse nor conditions: {'; '.join(tables.neither[:_LISTED])}."
-            record = replace(record, steps=(*record.steps, note))
+        record = replace(record, steps=(*record.steps, *([] if ids else notes)))
         ids.append(record.id)
-        yield _with_safe_id(tables.given_to(record), reading)
+        record = tables.given_to(record)
+        name = safe_id(record.id)
+        if reading.record_id is None and name != record.id:
+            note = f"Its id is {name}, because {printable(record.id, 60)!r} cannot name a file on every system."
+            record = replace(record, id=name, steps=(*record.steps, note))
+        yield record
     if whole:  # else ids of unreadable records may be missing
         tables.check_ids(ids)
-
-
-def _with_safe_id(record: Record, reading: Reading) -> Record:
-    name = safe_id(record.id)
-    if reading.record_id is not None or name == record.id:
-        return record
-    note = f"Its id is {name}, because {printable(record.id, 60)!r} cannot name a file on every system."
-    return replace(record, id=name, steps=(*record.steps, note))
-
-
-def _unread_tables(folder: Path, read: Sequence[Path]) -> list[str]:
-    resolved = {path.resolve() for path in read}
-    return [path.name for path in tables_of(folder) if path.resolve() not in resolved and not is_time_history_csv(path)]
 
 
 def tables_of(source: Path) -> list[Path]:
@@ -243,24 +202,16 @@ def _names(source: Path) -> Iterable[PurePath]:
 
 
 def _has_to_be_unpacked(source: Path, fmt: str) -> bool:
-    """Whether a source is a tar, or a zip of tables or of several tests in a format whose reader takes only one."""
-    return (source.is_file() and is_archive(source.name)) and (
-        is_tar(source.name)
-        or fmt == TABLES
-        or (FORMATS[fmt].one_a_file and sum(map(FORMATS[fmt].has, _names(source))) > 1)
-    )
+    if not source.is_file() or not is_archive(source.name):
+        return False
+    has_several = FORMATS[fmt].one_a_file and sum(map(FORMATS[fmt].has, _names(source))) > 1
+    return is_tar(source.name) or fmt == TABLES or has_several
 
 
 def _archives(folder: Path) -> list[Path]:
-    """The archives in a folder that holds nothing else to import, as laboratories offer them for download."""
+    """As laboratories offer tests for download, in a folder with nothing else to import."""
     files = _files(folder, lambda path: is_archive(path.name))
     return [] if files and formats_of(_names(folder)) else files
-
-
-def _unpacked(archives: Sequence[Path], into: Path) -> Path:
-    if sum(archive.stat().st_size for archive in archives) > DEFAULT_LIMITS.total_bytes:
-        raise too_much(archives[0].parent.name if len(archives) > 1 else archives[0].name, DEFAULT_LIMITS)
-    return lay_out_source([(archive.name, archive.read_bytes()) for archive in archives], into)
 
 
 def _of_homes(source: Path, fmt: str, travel: Travel | None, problems: list[Problem]) -> Iterator[Record]:

@@ -15,7 +15,7 @@ from crashfuse.readers.format import Travel
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_headers import ColumnRole, likelihood
 from crashfuse.readers.table_mapping import Mapping, apply_conditions, apply_mapping, mapping_steps, propose
-from crashfuse.readers.table_sheet import Sheet, is_unnamed
+from crashfuse.readers.table_sheet import Sheet
 from crashfuse.readers.tables import read_sheets
 
 _HEAD = 3  # rows
@@ -37,13 +37,10 @@ class ColumnChoice:
         """Read ``COLUMN=ROLE`` or ``COLUMN=ROLE:UNIT``, as in ``Zeit=time:ms``; a UsageError if it is neither."""
         column, _, use = text.rpartition("=")
         name, _, unit = use.partition(":")
-        roles: tuple[ColumnRole, ...] = get_args(ColumnRole)
-        role = next((role for role in roles if role == name), None)
-        if not column or role is None:
-            raise UsageError(
-                f"A column is mapped as COLUMN=ROLE or COLUMN=ROLE:UNIT, not {text!r}; roles are {', '.join(roles)}."
-            )
-        return cls(column, role, unit or None)
+        roles: dict[str, ColumnRole] = {role: role for role in get_args(ColumnRole)}
+        if not column or name not in roles:
+            raise UsageError(f"A column is mapped as COLUMN=ROLE[:UNIT], not {text!r}; roles are {', '.join(roles)}.")
+        return cls(column, roles[name], unit or None)
 
 
 class OneCrashOrSeveral(DataError):
@@ -52,14 +49,10 @@ class OneCrashOrSeveral(DataError):
 
 @dataclass
 class _TableSet:
-    """The content of several tables, by their files and names.
-
-    ``conditions`` are ids as written, conditions and how they were read, by ids in lower case.
-    """
-
     of_table: dict[tuple[Path, str], list[Record]] = field(default_factory=dict)
     with_ids: set[tuple[Path, str]] = field(default_factory=set)  # tables that identify their own records
     parted: set[tuple[Path, str]] = field(default_factory=set)  # tables that stood side by side and were split
+    # by ids in lower case: ids as written, conditions, and how they were read
     conditions: dict[str, tuple[str, PartialCondition, tuple[str, ...]]] = field(default_factory=dict)
     neither: list[str] = field(default_factory=list)  # a sentence for each table with neither pulses nor conditions
     unread: list[Problem] = field(default_factory=list)  # problems of tables of conditions
@@ -94,7 +87,6 @@ class _TableSet:
             self.neither.append(f"{sheet.name} with the columns {listed(sheet.columns)}{because}")
 
     def given_to(self, record: Record) -> Record:
-        """The record with the condition of its id (case ignored); if there is none, it says so of its speed."""
         if record.id.casefold() not in self.conditions:
             there = {other.id.casefold() for other in self.records} or self.conditions.keys()
             if idle := [run_id for key, (run_id, *_) in self.conditions.items() if key not in there]:
@@ -105,7 +97,6 @@ class _TableSet:
         return replace(record, condition=record.condition.overruled(condition), steps=steps)
 
     def check_ids(self, ids: Sequence[str]) -> None:
-        """Refuse conditions that match no record, and several accelerations without ids or conditions for each."""
         if self.conditions and not self.conditions.keys() & set(map(str.casefold, ids)):
             found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
             raise DataError(Problem("conditions", f"conditions for {listed(ids)}", found, "make the ids the same"))
@@ -122,23 +113,16 @@ class _TableSet:
 
 
 def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, parted: bool) -> Problem:
-    """What several accelerations are, of which those in ``without`` have no conditions."""
     if len(without) < len(records):  # crashes, as the conditions of the others say
         found = f"those of {listed(record.id for record in records if record.id not in without)}"
         advice = "add a row for each to the table of conditions, or leave its column out (--column COLUMN=ignored)"
         return Problem(table, f"conditions for {listed(without)}", found, advice)
     best_first = sorted(records, key=lambda record: likelihood(record.channels[0].name))
-    one = f"average them (--id ID) or choose among them (--channel {shlex.quote(best_first[0].channels[0].name)})"
+    one = f"average them (--id ID) or choose (--channel {shlex.quote(best_first[0].channels[0].name)})"
     one = "leave out the others (--column COLUMN=ignored)" if parted else one
-    crashes = "give a table of their conditions (--conditions TABLE)"
-    advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"
-    expected = "one acceleration of the vehicle, or conditions for each"
-    found = listed(record.id for record in best_first)
-    if parted:
-        found += ", each with a time of its own"
-    elif all(is_unnamed(record.id) for record in records):
-        found += ", without names"
-    return Problem(table, expected, found, advice)
+    advice = f"if they are sensors of one crash, {one}; if crashes, give their conditions (--conditions TABLE)"
+    found = f"{listed(record.id for record in best_first)}{', each with a time of its own' if parted else ''}"
+    return Problem(table, "one acceleration of the vehicle, or conditions for each", found, advice)
 
 
 def read_tables(
@@ -149,12 +133,7 @@ def read_tables(
     together: bool,
     travel: Travel | None = None,
 ) -> _TableSet:
-    """Read tables, each according to its columns; append the problems of each to ``problems``.
-
-    ``columns``, ``together`` and ``travel`` are as in :class:`crashfuse.importing.sources.Reading`. A table of
-    conditions that cannot be read raises a DataError, as no record can be judged without it; a mapped column that is in
-    none of the tables a UsageError.
-    """
+    """Read tables, each according to its columns; a table of conditions must be readable, its columns there."""
     tables = _TableSet()
     there: set[str] = set()
     faults: list[Problem] = []
@@ -174,7 +153,7 @@ def read_tables(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TableForm:
-    """Tables with the same headers: their names, and the proposed mapping and first rows of the first table."""
+    """Tables with the same headers; the proposed mapping and first rows of the first."""
 
     names: tuple[str, ...]
     proposed: Mapping
@@ -193,11 +172,7 @@ class TableForm:
     def choices(
         self, picked: abc.Mapping[ColumnRole, Sequence[str]], units: abc.Mapping[ColumnRole, str | None]
     ) -> tuple[ColumnChoice, ...]:
-        """The user's column assignments where they differ from the proposal.
-
-        ``picked`` holds the columns chosen for each role on offer; a column proposed for such a role but not picked is
-        ignored.
-        """
+        """The user's assignments where they differ from the proposal: columns picked for each role; others ignored."""
         role_of = {column: role for role in picked for column in picked[role]}
         choices = []
         for use in self.proposed.uses:

@@ -43,18 +43,16 @@ from crashfuse.readers.vocabulary import (
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence
 
-NO_VALUE = "NOVALUE"
-"""The format's marker for an unknown value."""
+NO_VALUE = "NOVALUE"  # the format's marker for an unknown value
 
-Pairs = Sequence[tuple[str, str]]
-"""Descriptors as name and value pairs."""
+Pairs = Sequence[tuple[str, str]]  # descriptors as name and value pairs
 
 _MOST_LINES = 2_000_000  # per file: 100 s at 20 kHz
 _MOST_DESCRIPTORS = 10_000
 _UNEVEN = 0.02  # of a step, in a time channel
 
+# size limits of a test; 300 channels of 60,000 samples are within them
 ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
-"""Size limits of a test; 300 channels of 60,000 samples are within them."""
 
 _ABOUT_THE_TEST = ("Type of the test", "Subtype of the test", "Title")
 _OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
@@ -62,42 +60,23 @@ _OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """A recorded or computed signal, in the words of the file; what is unknown is empty or None.
-
-    Parameters
-    ----------
-    unit : str
-        In ISO-MME's spelling (``m/(s*s)``).
-    values : ndarray, shape (n,)
-        NaN where a sample has no value.
-    interval_s : float or None
-        Sampling interval; None if the file gives no even time.
-    source : str
-        ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
-    status : str
-        ``ok``, ``channel failed``, ``questionable data`` …
-    filter_class : str
-        The channel filter class as a number (``60``).
-    """
+    """A recorded or computed signal, in the words of the file; what is unknown is empty or None."""
 
     code: str
     name: str
-    unit: str
-    values: FloatArray
-    interval_s: float | None
+    unit: str  # in ISO-MME's spelling: m/(s*s)
+    values: FloatArray  # NaN where a sample has no value
+    interval_s: float | None  # None if the file gives no even time
     start_s: float | None = 0.0
     comments: tuple[str, ...] = ()
-    source: str = ""
-    filter_class: str = ""
-    status: str = ""
+    source: str = ""  # transducer, calculation, camera, simulation or parameter
+    filter_class: str = ""  # as a number: 60
+    status: str = ""  # ok, channel failed, questionable data …
 
 
 @dataclass(frozen=True, eq=False)
 class IsommeTest:
-    """One test: its descriptors and channels.
-
-    ``descriptors`` are the lines of the ``.mme`` file in order that have a value; a name may occur more than once.
-    """
+    """One test: its channels, and in order the descriptors of its ``.mme`` file that have a value."""
 
     name: str
     descriptors: Pairs
@@ -113,12 +92,7 @@ def _first_of(pairs: Pairs, name: str) -> str | None:
 
 
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
-    """Read one ISO-MME test: its descriptors and all its channels.
-
-    The path is its folder, its ``.mme`` file or a zip; films and pictures are skipped. A channel that is marked as
-    failed and cannot be read has no samples. A DataError says that it is not an ISO-MME test, or which other channels
-    contradict their headers.
-    """
+    """Read one ISO-MME test: its folder, its ``.mme`` file or a zip. A failed channel may have no samples."""
     with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():
             members = [m for m in members if m.path.suffix.lower() != ".mme" or m.path == PurePosixPath(path.name)]
@@ -137,12 +111,10 @@ def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
         for member in files
         if (folder := member.path.parent) == home or (folder.parent == home and folder.name.lower() == "channel")
     ]
-    listed = [
-        pair
-        for member in near
-        if member.path.suffix.lower() == ".chn"
-        for pair in _descriptors(_lines_in(member, budget), member.where)
-    ]
+    listed: list[tuple[str, str]] = []
+    for member in near:
+        if member.path.suffix.lower() == ".chn":
+            listed += _descriptors(_lines_in(member, budget), member.where)
     problems: list[Problem] = []
     channels: list[tuple[Channel, str | None]] = []
     clocks: dict[str, Channel] = {}
@@ -167,7 +139,11 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     status = _first_of(header, "Data status") or ""
     values: FloatArray = np.empty(0)
     with suppress(DataError) if doubt_of(status) == Doubt.FAILED else nullcontext():
-        values = _samples(lines[end:], header, where)
+        samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
+        if count not in (None, samples.size):
+            expected = f"{count:g} samples, as its header says"
+            raise DataError(Problem(where, expected, f"{samples.size}", "export the channel again"))
+        values = samples
     interval = _seconds_in(header, "Sampling interval", where)
     if interval is not None and interval <= 0:
         raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))
@@ -187,16 +163,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     return channel, None if implicit else _first_of(header, "Reference channel name")
 
 
-def _samples(lines: list[str], header: Pairs, where: str) -> FloatArray:
-    values, count = _numbers(lines, where), _number_in(header, "Number of samples", where)
-    if count is not None and count != values.size:
-        expected = f"{count:g} samples, as its header says"
-        raise DataError(Problem(where, expected, f"{values.size}", "export the channel again"))
-    return values
-
-
 def _timed(channel: Channel, clock: Channel | None) -> Channel:
-    """The channel with the sampling of its time channel, if that is even and of equal length."""
     if clock is None or clock.values.shape != channel.values.shape or clock.values.size < 2:
         return channel
     time_s = clock.values * UNITS["time"][unit_named(clock.unit, "time") or "s"]
@@ -216,8 +183,7 @@ def _lines_in(member: Member, budget: Budget) -> list[str]:
 
 def _descriptors(lines: list[str], where: str) -> list[tuple[str, str]]:
     if len(lines) > _MOST_DESCRIPTORS:
-        expected = f"at most {_MOST_DESCRIPTORS} descriptors"
-        raise DataError(Problem(where, expected, f"{len(lines)}", "export the test again"))
+        raise DataError(Problem(where, f"at most {_MOST_DESCRIPTORS} descriptors", "more", "export the test again"))
     parts = [line.partition(":") for line in lines if ":" in line]
     if not parts:
         raise DataError(Problem(where, "lines of the form Name :value", "none", "export the test again"))
@@ -229,12 +195,11 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
     cells = (cell for line in lines if (cell := line.strip()))
     try:
         values = np.array([np.nan if cell.upper() == NO_VALUE else float(cell) for cell in cells], dtype=np.float64)
+        found = "an infinite one" if np.isinf(values).any() else ""
     except ValueError as error:
         found = printable(str(error).rpartition(":")[2].strip())
-        expected = "one number a line after the header"
-        raise DataError(Problem(where, expected, found, "export the channel again")) from None
-    if np.isinf(values).any():
-        raise DataError(Problem(where, "finite numbers", "an infinite one", "export the channel again"))
+    if found:
+        raise DataError(Problem(where, "one number a line after the header", found, "export the channel again"))
     return values
 
 
@@ -265,16 +230,12 @@ def _is_text(path: PurePath) -> bool:
 
 
 def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
-    """Read one ISO-MME test as a record.
-
-    The X accelerations at the rear seat are proposed, else the vehicle's own, else those of tunnel, sills or B-pillars:
-    of what is measured and sound, by ``Data source`` and ``Data status``.
-    """
+    """Read one ISO-MME test as a record."""
     return (record_of(read_isomme(path, limits), path.name),)
 
 
 def record_of(test: IsommeTest, source: str) -> Record:
-    """The record of a test with the channels that could be the pulse, best placed and least filtered first."""
+    """The record of a test, its channels best placed and least filtered first."""
     on_vehicles = [(code, channel) for channel in test.channels if (code := _on_a_vehicle(channel))]
     if not on_vehicles:
         expected = "an X acceleration of the vehicle (a code such as 10VEHC000000ACXD)"
@@ -282,14 +243,29 @@ def record_of(test: IsommeTest, source: str) -> Record:
     objects = {code.test_object for code, _ in on_vehicles}
     vehicle = min({code.test_object for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.test_object == vehicle])
-    timed = {name: one for name, one in named.items() if one[1].interval_s is not None and one[1].values.size >= 2}
-    expected, advice = "an even time, as long as the channel", "export its sampling interval"
-    untimed = {name: Problem(f"{source}, {name}", expected, "none such", advice) for name in named if name not in timed}
-    if not timed:
+    texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
+    origin = next(filter(is_simulated, texts), "") or statement_of_simulation(value for _, value in test.descriptors)
+    recorded: dict[str, RecordedChannel] = {}
+    untimed: dict[str, Problem] = {}
+    for name, (code, channel) in named.items():
+        if channel.interval_s is None or channel.values.size < 2:
+            expected, advice = "an even time, as long as the channel", "export its sampling interval"
+            untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
+            continue
+        time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
+        recorded[name] = RecordedChannel(
+            name,
+            printable(channel.name or name),
+            time_s,
+            channel.values,
+            unit_named(channel.unit, "acceleration"),
+            code.cutoff_hz,
+            origin=channel.source or origin,
+            status=channel.status,
+        )
+    if not recorded:
         raise DataError(list(untimed.values()))
-    origin = _origin(test)
-    recorded = {name: _recorded(name, code, channel, origin) for name, (code, channel) in timed.items()}
-    chosen, why = proposal(recorded, lambda names: propose_by_code({name: timed[name][0] for name in names}))
+    chosen, why = proposal(recorded, lambda names: propose_by_code({name: named[name][0] for name in names}))
     condition, notes = _condition(test, vehicle)
     if objects != {"1"}:
         others = " and ".join(sorted(objects - {vehicle}))
@@ -298,11 +274,12 @@ def record_of(test: IsommeTest, source: str) -> Record:
     if untimed:
         notes = (*notes, f"Left out for lack of an even time: {', '.join(untimed)}.")
     zero = "0 is time zero of the test, by the format's definition"
-    if any(timed[name][1].start_s is None for name in chosen or timed):
-        notes = (*notes, "No time of the first sample is in the file, so that time zero has to be found.")
+    if any(named[name][1].start_s is None for name in chosen or recorded):
+        notes = (*notes, "The file has no time of the first sample, so that time zero has to be found.")
         zero = ""
-    steps = (*notes, *why)
-    channels, other = tuple(recorded.values()), _other_setup(test, vehicle)
+    side = test.descriptor(f"Impact side test object {vehicle}") or ""
+    other = other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
+    steps, channels = (*notes, *why), tuple(recorded.values())
     return Record(test.name, source, condition, channels, chosen, steps, zero, unread=untimed, other_setup=other)
 
 
@@ -314,7 +291,6 @@ def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
 
 
 def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[ChannelCode, Channel]]:
-    """Channels by code as written, numbered if several share one; best placed and least filtered first."""
     ordered = sorted(channels, key=lambda pair: pair[0].order)
     times, seen = Counter(channel.code for _, channel in channels), Counter[str]()
     named = {}
@@ -322,19 +298,6 @@ def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[C
         seen[channel.code] += 1
         named[channel.code if times[channel.code] == 1 else f"{channel.code}#{seen[channel.code]}"] = code, channel
     return named
-
-
-def _origin(test: IsommeTest) -> str:
-    texts = (test.descriptor(name) or "" for name in _ABOUT_THE_TEST)
-    return next(filter(is_simulated, texts), "") or statement_of_simulation(value for _, value in test.descriptors)
-
-
-def _recorded(name: str, code: ChannelCode, channel: Channel, origin: str) -> RecordedChannel:
-    assert channel.interval_s is not None  # noqa: S101 - channels without it were left out
-    time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
-    label, unit = printable(channel.name or name), unit_named(channel.unit, "acceleration")
-    origin, status = channel.source or origin, channel.status
-    return RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, origin=origin, status=status)
 
 
 def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[str, ...]]:
@@ -345,26 +308,17 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
     notes = [f"ISO-MME test, {printable(test.descriptor('Title') or test.name)}."]
     if kind := test.descriptor("Type of the test"):
         notes.append(f"Type of the test: {printable(kind)}.")
-    if speed_mps:
-        notes.append(Sentence("Speed {} from the .mme file.", speed(speed_mps, form=".4g")))
-    else:
-        notes.append(f"The .mme file has no speed of {its}.")
+    told = Sentence("Speed {} from the .mme file.", speed(speed_mps or 0.0, form=".4g"))
+    notes.append(told if speed_mps else f"The .mme file has no speed of {its}.")
     if front and rear:
         notes.append(Sentence("Front weight {} and rear weight {} from the .mme file.", weight(front), weight(rear)))
     elif mass:
-        template = "Mass {} from the .mme file, which does not say what each axle carries."
-        notes.append(Sentence(template, weight(mass)))
+        notes.append(Sentence("Mass {} from the .mme file, without axle weights.", weight(mass)))
     return PartialCondition(speed_mps, mass, front, rear), tuple(notes)
 
 
-def _other_setup(test: IsommeTest, vehicle: str) -> str:
-    texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
-    side = test.descriptor(f"Impact side test object {vehicle}") or ""
-    return other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
-
-
 def _quantity(test: IsommeTest, names: Sequence[str], quantity: str, default: str) -> float | None:
-    """Return the first descriptor with one of these names in SI; its unit is the format's unless it states one."""
+    """In SI; the unit is the format's unless the descriptor states one."""
     text = next((value for name in names if (value := test.descriptor(name))), "")
     number, unit = number_and_unit(text) or (0.0, "")
     named = unit_named(unit, quantity) if unit else default

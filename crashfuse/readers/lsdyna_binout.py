@@ -38,12 +38,11 @@ _MOST_WANTED, _MOST_FOLDERS = 2_000_000, 300_000
 _MOST_BYTES = 64 << 20  # per variable
 _LONGEST_RECORD = 4096  # bytes, for a path or a name
 _BLOCK = 1 << 20  # bytes of a symbol table in memory
+_AGAIN = "copy it again from the run"
 
-_Folder = tuple[str, ...]
-"""A folder's path: ``("nodout", "d000001")``."""
+_Folder = tuple[str, ...]  # A folder's path: ("nodout", "d000001")
 
-_Shards = Sequence[tuple[IO[bytes], str]]
-"""Seekable files, and their names in messages."""
+_Shards = Sequence[tuple[IO[bytes], str]]  # seekable files, and their names in messages
 
 _DATABASES = {
     "nodouthf": ("{}_acceleration", "{}_velocity"),
@@ -63,9 +62,7 @@ _SAMPLED = 20  # states
 class _LsdaFile:
     """An LSDA file with its symbol tables read and its data read on demand; a DataError if damaged or not LSDA.
 
-    However many symbols a file lists, only the wanted ones are kept: a long list costs time, not memory.
-
-    ``stream`` is seekable and must stay open; ``wanted`` maps a folder's path to the wanted names in it.
+    ``wanted`` maps a folder's path to the names in it that are kept: a long list of symbols costs time, not memory.
     """
 
     def __init__(self, stream: IO[bytes], where: str, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
@@ -92,14 +89,12 @@ class _LsdaFile:
         numbers = np.dtype(f"{self._order}{_TYPES[kind]}")
         label = name.encode("latin-1")
         ahead = self._record.size + self._kind.size + len(label)
-        if count * numbers.itemsize > _MOST_BYTES:
-            raise self._damaged(f"no data of {name} where they should be")
-        content = self._exactly(ahead + count * numbers.itemsize, offset)
-        command = self._record.unpack_from(content)[1]
-        found, _ = self._kind.unpack_from(content, self._record.size)
-        if (command, found) != (_DATA, kind) or content[ahead - len(label) : ahead] != label:
-            raise self._damaged(f"no data of {name} where they should be")
-        return np.frombuffer(content, numbers, offset=ahead)
+        if count * numbers.itemsize <= _MOST_BYTES:
+            content = self._exactly(ahead + count * numbers.itemsize, offset)
+            head = self._record.unpack_from(content)[1], self._kind.unpack_from(content, self._record.size)[0]
+            if head == (_DATA, kind) and content[ahead - len(label) : ahead] == label:
+                return np.frombuffer(content, numbers, offset=ahead)
+        raise self._damaged(f"no data of {name} where they should be")
 
     def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
         if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
@@ -115,19 +110,17 @@ class _LsdaFile:
             seen.add(offset)
             for command, body in self._table(offset):
                 left -= self._record.size + len(body)
+                if left < 0:
+                    raise self._damaged("symbol tables that overlap")
                 if command == _CD:
                     folder = _changed(folder, body.decode("latin-1"))
                     names = wanted(folder)
-                elif command == _VARIABLE:
-                    if names:
-                        self._list(folder, names, body)
-                elif command == _END_TABLE and len(body) == self._offset.size:
+                elif command == _VARIABLE and names:
+                    self._list(folder, names, body)
+                elif command == _END_TABLE:
                     offset = self._offset.unpack(body)[0]
-                if left < 0:
-                    raise self._damaged("symbol tables that overlap")
 
     def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
-        """Yield the commands of a symbol table with what they say, the last one with the offset of the next table."""
         length, command = self._record.unpack(self._exactly(self._record.size, offset))
         if command != _BEGIN_TABLE:
             raise self._damaged("no symbol table where it should be")
@@ -162,7 +155,7 @@ class _LsdaFile:
         self.folders.setdefault(folder, {})[name] = len(self._listed)
         self._listed.extend((kind, count, offset))
         if len(self._listed) > 3 * _MOST_WANTED or len(self.folders) > _MOST_FOLDERS:
-            expected = f"at most {_MOST_FOLDERS:,} states with {_MOST_WANTED:,} variables of nodes and energies"
+            expected = f"at most {_MOST_FOLDERS:,} states with {_MOST_WANTED:,} variables"
             raise DataError(Problem(self._where, expected, "more", "write fewer states (DT in *DATABASE_NODOUT)"))
 
     def _exactly(self, count: int, offset: int | None = None) -> bytes:
@@ -174,7 +167,7 @@ class _LsdaFile:
         return content
 
     def _damaged(self, found: str) -> DataError:
-        return DataError(Problem(self._where, "a sound binout file of LS-DYNA", found, "copy it again from the run"))
+        return DataError(Problem(self._where, "a sound binout file of LS-DYNA", found, _AGAIN))
 
 
 def _changed(folder: _Folder, path: str) -> _Folder:
@@ -195,9 +188,6 @@ class _Metadata:
     ids: npt.NDArray[np.integer[Any]]
     titles: dict[str, str]
 
-    def labels(self, database: str) -> list[str]:
-        return [f"{_PREFIX.get(database, '')}{int(number)}" for number in self.ids[:MOST_NODES]]
-
 
 @dataclass
 class _Part:
@@ -212,20 +202,19 @@ class _Part:
     time: FloatArray
 
     def value(self, state: _Folder, name: str) -> npt.NDArray[Any] | None:
-        """A variable of all nodes in a state; None if it was not written."""
         values = self.file.read(state, name)
         if values is None and self.after is not None and name in self._torn(state):
             values = self.after.read(state, name)
         if values is not None and values.size != self.of.ids.size:
-            expected, found = f"{name} of {self.of.ids.size} nodes in each state", f"{values.size} in {state[1]}"
-            raise DataError(Problem(self.where, expected, found, "copy it again from the run"))
+            expected = f"{name} of {self.of.ids.size} nodes in each state"
+            raise DataError(Problem(self.where, expected, f"{values.size} in {state[1]}", _AGAIN))
         return values
 
     def names(self, state: _Folder) -> set[str]:
         return {*self.file.folders[state], *self._torn(state)}
 
     def _torn(self, state: _Folder) -> Collection[str]:
-        """Names of the variables of a state that went into the next file."""
+        """Variables of a state that went into the next file."""
         variables = () if self.after is None else self.after.folders.get(state, ())
         return () if "time" in variables else variables
 
@@ -238,10 +227,7 @@ class _Part:
 
 
 def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -> tuple[Histories, States, States]:
-    """Read a run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing.
-
-    If there are more than ``most`` nodes, those with a title are kept first.
-    """
+    """A run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing."""
     glstat: States = {}
     matsum: States = {}
     parts: list[_Part] = []
@@ -278,12 +264,10 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
 def _states_of(file: _LsdaFile, database: str) -> States:
     states: States = {}
     for folder, names in file.folders.items():
-        if folder[0] != database or (time := file.read(folder, "time")) is None or not time.size:
-            continue
-        values = {name: file.read(folder, name) for name in names if name != "time"}
-        states[float(time[0])] = {
-            name: float(value.sum(dtype=np.float64)) for name, value in values.items() if value is not None
-        }
+        if folder[0] == database and (time := file.read(folder, "time")) is not None and time.size:
+            values = [(name, file.read(folder, name)) for name in names if name != "time"]
+            sums = {name: float(value.sum(dtype=np.float64)) for name, value in values if value is not None}
+            states[float(time[0])] = sums
     return states
 
 
@@ -314,8 +298,8 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
             if not states.get(database):
                 continue
             if database not in metadata:
-                expected, advice = f"the numbers of the nodes of {database} (metadata)", "copy all files of the run"
-                raise DataError(Problem(where, expected, "none", advice))
+                expected = f"the numbers of the nodes of {database} (metadata)"
+                raise DataError(Problem(where, expected, "none", "copy all files of the run"))
             times = (file.read(state, "time") for state in states[database])
             time = np.array([np.nan if values is None or values.size != 1 else float(values[0]) for values in times])
             order = [place for place in np.argsort(time, kind="stable").tolist() if np.isfinite(time[place])]
@@ -328,18 +312,16 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
 
 
 def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
-    """Raise a DataError if two families hold the same nodes at the same time: they are of two runs."""
     for part in parts:
         for other in others:
             at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
             if part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size:
-                expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
-                advice = "put each run into a folder of its own, or name its job (run1.binout0000)"
-                raise DataError(Problem(other.where, expected, found, advice))
+                found, advice = f"the same nodes as in {part.where}", "put each run into a folder of its own"
+                raise DataError(Problem(other.where, f"{part.database} of one run in a folder", found, advice))
 
 
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
-    """How the nodes set out, shape (3, n_nodes), and the largest speed along each axis in some of the states."""
+    """Velocities at the start, shape (3, n_nodes), and the largest speed along each axis in some states."""
     first: dict[tuple[str, bytes], _Part] = {}
     fastest = np.zeros(3)
     for part in sorted(parts, key=lambda part: float(part.time[0])):
@@ -351,7 +333,7 @@ def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
 
 
 def _histories(part: _Part, axis: str, most: int) -> list[History]:
-    labels = part.of.labels(part.database)
+    labels = [f"{_PREFIX.get(part.database, '')}{int(number)}" for number in part.of.ids[:MOST_NODES]]
     chosen = nodes_to_keep(labels, part.of.titles, most)
     places = [place for place, label in enumerate(labels) if label in chosen]
     values = np.full((2, len(places), len(part.states)), np.nan)
@@ -362,8 +344,8 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
                 if row is not None:
                     of[:, place] = row[places]
                 elif place + 1 < len(part.states):
-                    found, advice = f"none in {state[1]}", "copy it again from the run"
-                    raise DataError(Problem(part.where, f"{name.format(axis)} in each state", found, advice))
+                    expected = f"{name.format(axis)} in each state"
+                    raise DataError(Problem(part.where, expected, f"none in {state[1]}", _AGAIN))
     return [
         History(labels[place], part.of.titles.get(labels[place], ""), part.time, accel, velocity)
         for place, accel, velocity in zip(places, *values, strict=True)
@@ -389,7 +371,7 @@ def _text(file: _LsdaFile, folder: _Folder, name: str) -> str:
 
 
 def _joined(pieces: Sequence[History]) -> History:
-    """Join one node's data from several files; if a restart repeats a time, the later file takes precedence."""
+    """If a restart repeats a time, the later file takes precedence."""
     ordered = sorted(pieces, key=lambda piece: float(piece.time[0]))
     ends = [float(piece.time[0]) for piece in ordered[1:]] + [np.inf]
     kept = [piece.time < end for piece, end in zip(ordered, ends, strict=True)]

@@ -65,7 +65,7 @@ def read_all(items: Iterable[Item], read: Callable[[Item], Result], source: str)
 
 
 def files_below(folder: Path) -> Iterator[Path]:
-    """Yield all files in a folder and its subfolders; an unreadable one raises a DataError, as its files would lack."""
+    """Yield all files in a folder and its subfolders; a DataError for an unreadable one."""
 
     def refuse(error: OSError) -> None:
         found, advice = error.strerror or str(error), "ask for the right to read it, or move it elsewhere"

@@ -11,7 +11,7 @@ wheelbase it gives the axle weights.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
@@ -35,8 +35,8 @@ _SETUPS = {"VTV": "vehicle into vehicle (VTV)", "ITV": "impactor into vehicle (I
 _REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
 _REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
 
+# size limits of a test; 1000 channels of 10,000 samples are within them
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
-"""Size limits of a test; 1000 channels of 10,000 samples are within them."""
 
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
 _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
@@ -64,13 +64,13 @@ class Sensor:
 
     @property
     def is_of_the_vehicle(self) -> bool:
-        """Whether it could measure the pulse: an X accelerometer on the vehicle, not on a dummy or the barrier."""
+        """Whether it is an X accelerometer on the vehicle, not on a dummy or the barrier."""
         on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
         return self.sensor == "AC" and self.axis.startswith("X") and on_it
 
     @property
     def quality(self) -> str:
-        """The data status in words, or its code where the words are not ours."""
+        """The data status in words, else its code."""
         return _STATUS.get(self.status, self.status)
 
     @property
@@ -80,7 +80,7 @@ class Sensor:
 
     @property
     def is_at_the_rear(self) -> bool:
-        """Whether it is on the floor behind the crush zone, where both sides follow the motion of the whole vehicle."""
+        """Whether it is on the floor behind the crush zone."""
         label = self.comment.upper()
         return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
 
@@ -94,15 +94,12 @@ def number_in(value: str | float) -> float:
     return number if 0 < number < math.inf else 0.0
 
 
-def speed_step(speed_kph: float, where: str) -> str:
-    """A sentence on the speed; 0 means unknown."""
+def condition_steps(speed_kph: float, mass_kg: float, where: str) -> Iterator[str]:
+    """Sentences on speed, and on mass without axle weights; 0 means unknown."""
     sentence = Sentence("Speed {} from {}.", speed(speed_kph * KPH, form=".4g"), where)
-    return sentence if speed_kph else f"{where} has no speed of the vehicle."
-
-
-def mass_step(mass_kg: float, where: str) -> str:
-    """A sentence on the mass of a vehicle whose axle weights are unknown."""
-    return Sentence("Weight {} from {}, which does not say what each axle carried.", weight(mass_kg), where)
+    yield sentence if speed_kph else f"{where} has no speed of the vehicle."
+    if mass_kg:
+        yield Sentence("Weight {} from {}, which does not say what each axle carried.", weight(mass_kg), where)
 
 
 def other_configuration(setup: str, angle_deg: float) -> str:
@@ -116,7 +113,7 @@ def nhtsa_record(
     source: str,
     sensors: Mapping[Sensor, Callable[[], RecordedChannel]],
     condition: PartialCondition,
-    condition_steps: Sequence[str],
+    notes: Sequence[str],
     other_setup: str,
 ) -> Record:
     """Read the channels of one vehicle into a record, proposing those at the best location.
@@ -136,11 +133,21 @@ def nhtsa_record(
         refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
     left_out = (f"Left out as damaged or empty: {', '.join(entry.shown for entry in damaged)}.",) if damaged else ()
     proposed, why = _proposed(channels)
-    zero, steps = "0 is first contact, by the format's definition", (*condition_steps, *left_out, *why)
-    best_first = tuple(channels[sensor] for sensor in sorted(channels, key=_likelihood))
-    unread = {str(entry.number): problem for entry, problem in damaged.items()}
+    steps = (*notes, *left_out, *why)
+
+    def likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
+        return bool(doubt_of(sensor.quality)), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
+
     return Record(
-        stem.lstrip("vV"), source, condition, best_first, proposed, steps, zero, unread=unread, other_setup=other_setup
+        stem.lstrip("vV"),
+        source,
+        condition,
+        tuple(channels[sensor] for sensor in sorted(channels, key=likelihood)),
+        proposed,
+        steps,
+        "0 is first contact, by the format's definition",
+        unread={str(entry.number): problem for entry, problem in damaged.items()},
+        other_setup=other_setup,
     )
 
 
@@ -150,27 +157,18 @@ def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
     return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
 
 
-def _likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
-    return bool(doubt_of(sensor.quality)), not sensor.is_at_the_rear, sensor.attachment != _CENTRE
-
-
 def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    named = {str(entry.number): (entry, channel) for entry, channel in channels.items()}
+    sensors = {str(sensor.number): sensor for sensor in channels}
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
-        long = (
-            entry
-            for entry, channel in map(named.__getitem__, names)
-            if channel.time_s[-1] >= _LONGEST_S - 2 * (channel.time_s[1] - channel.time_s[0])
-        )
-        chosen, what = _at_best_place(list(long))
+        times = {sensors[name]: channels[sensors[name]].time_s for name in names}
+        chosen, what = _at_best_place([one for one, t in times.items() if t[-1] >= _LONGEST_S - 2 * (t[1] - t[0])])
         if not chosen:
             return (), "No channel lies on the rear floor or at the centre of gravity; choose one."
-        average = "their average is the pulse" if len(chosen) > 1 else "it is the pulse"
-        why = f"Channels {what}: {', '.join(entry.shown for entry in chosen)}; {average}."
-        return tuple(str(entry.number) for entry in chosen), why
+        why = f"Channels {what}, averaged: {', '.join(sensor.shown for sensor in chosen)}."
+        return tuple(str(sensor.number) for sensor in chosen), why
 
-    return proposal({name: channel for name, (_, channel) in named.items()}, at_best_place)
+    return proposal({name: channels[sensor] for name, sensor in sensors.items()}, at_best_place)
 
 
 def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
@@ -181,11 +179,7 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
 
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
-    """Read the conditions and the vehicle's X accelerations of one NHTSA test: its folder, its ``.EV5`` file, or a zip.
-
-    The rear crossmember's channels are proposed, else those at the centre of gravity; channels that the test engineers
-    marked as failed can be chosen but are never proposed.
-    """
+    """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
     kind = "an NHTSA folder or zip with a .EV5 file"
     with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
         specification = _specification(members, path)
@@ -259,7 +253,7 @@ def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
 
 def _samples(text: str, where: str) -> tuple[FloatArray, FloatArray]:
     lines = [line for line in text.split("\n") if line.strip()]
-    expected, advice = "time and value on each line", "download the channel again"
+    advice = "download the channel again"
     if not 2 <= len(lines) <= _MOST_SAMPLES:
         raise DataError(Problem(where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", advice))
     try:
@@ -267,7 +261,7 @@ def _samples(text: str, where: str) -> tuple[FloatArray, FloatArray]:
     except ValueError:
         table = np.empty((0, 0))
     if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
-        raise DataError(Problem(where, expected, "something else", advice))
+        raise DataError(Problem(where, "time and value on each line", "something else", advice))
     return table[:, 0].copy(), table[:, 1].copy()
 
 
@@ -279,18 +273,15 @@ def _condition(
     speed, mass, wheelbase, behind = (
         number_in(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
     )
-    notes = [f"NHTSA test, {printable(_field(test, _TITLE))}.", speed_step(speed, where)]
     front = rear = None
-    if mass and wheelbase and 0 < behind < wheelbase:
+    has_axles = mass and wheelbase and 0 < behind < wheelbase
+    notes = [f"NHTSA test, {printable(_field(test, _TITLE))}."]
+    notes += condition_steps(speed, 0.0 if has_axles else mass, where)
+    if has_axles:
         rear = mass * behind / wheelbase
         front = mass - rear
-        template = (
-            "Weight {} from {}: {} in front and {} at the rear, from the centre of gravity "
-            f"{behind:g} mm behind the front axle and the wheelbase {wheelbase:g} mm."
-        )
+        template = "Weight {} from {}: {} in front and {} at the rear, by wheelbase and centre of gravity."
         notes.append(Sentence(template, weight(mass), where, weight(front), weight(rear)))
-    elif mass:
-        notes.append(mass_step(mass, where))
     return PartialCondition(speed * KPH or None, mass or None, front, rear), tuple(notes)
 
 

@@ -5,11 +5,10 @@ for each state its time, the global histories, those of parts and subsets, and t
 and codes are those of the solver's own writer (``hist1.F``, ``hist2.F``, ``hm_read_thgrou.F``) and converter. Forces
 (of walls, sections, interfaces, rigid bodies) are written as impulses since the start of the run; they are not read.
 
-Three things in the CSV mislead. The labels of the global histories are those of one version of the solver, whatever
-was written: where their number is another, all labels after them stand over the wrong columns, so labels are counted
-from the right. Of the variables of a node it says only ``var 33``, unless the run wrote its titles (``/TH/TITLE``).
-And forces are impulses, unless it had those titles. Labels may hold stray control characters, and the last row may be
-cut.
+The CSV misleads: its labels of global histories are those of one version of the solver, whatever was written. Where
+their number is another, all later labels stand over the wrong columns, so labels are counted from the right. Variables
+of a node are called ``var 33``, unless the run wrote its titles (``/TH/TITLE``). Labels may hold stray control
+characters, and the last row may be cut.
 """
 
 import csv
@@ -45,7 +44,7 @@ from crashfuse.readers.radioss_history import (
 from crashfuse.readers.record import Record
 from crashfuse.signals.pulse import FloatArray
 
-_BINARY_KIND = "a time history of Radioss (T01, IEEE binary)"
+_KIND = "a time history of Radioss (T01), or the CSV of it"
 _NODES, _ACCELEROMETERS = 0, 108
 _VARIABLES: Mapping[int, Mapping[int, str]] = {
     _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
@@ -53,8 +52,7 @@ _VARIABLES: Mapping[int, Mapping[int, str]] = {
 }  # names of the variables that are read, by the kind of a group and their codes
 _FORCES = {101: "interfaces", 102: "rigid walls", 103: "rigid bodies", 104: "sections", 105: "joints"}
 _MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
-_DEFAULT = "write the time history in Radioss's default form (/TFILE, or /TFILE/4) or convert it to CSV (th_to_csv)"
-_CSV_KIND = "the CSV of a time history of Radioss (th_to_csv)"
+_DEFAULT = "write it in Radioss's default form (/TFILE, or /TFILE/4), or convert it to CSV (th_to_csv)"
 _BEGINS = re.compile(rb'\s*"?time"?\s*,\s*"?INTERNAL ENERGY"?\s*,\s*"?KINETIC ENERGY', re.IGNORECASE)
 _UNNAMED = re.compile(r"(.*\S)\s+var\s+(\d{1,9})")
 _NAMED = re.compile(r"(.*\S)\s+(\S+)")
@@ -63,27 +61,24 @@ _WIDTHS = (100, 80, 40)  # of titles
 _CURVE_NAME = re.compile(r"[DVA][XYZ]|W[XYZ]")
 _LONGEST_LABELS, _LONGEST_LABEL, _MOST_COLUMNS = 16 << 20, 1000, 20_000
 _IMPORT = "import the time history itself (T01)"
-_KIND = "a time history of Radioss (T01), or the CSV of it"
 _NAME = re.compile(
     r"(?P<run>.*[^.])T(?P<part>\d\d)(?P<more>[a-i]?)|(?P<new_run>.+)_(?P<new_part>\d{4})(_(?P<new_more>[a-i]))?\.thy",
     re.IGNORECASE | re.DOTALL,
 )
 _HEAD = 200  # bytes
+_CUT = "The last state is cut short and left out."
 
 
 def read_binary(content: bytes, where: str) -> TimeHistory:
     """Read a binary time history; a DataError if it is none, is in another of Radioss's forms, or is damaged."""
-    if advice := _other_form(content):
-        raise DataError(Problem(where, _BINARY_KIND, advice, _DEFAULT))
+    other_forms = {
+        "Fortran's own binary (/TFILE/1)": content[:4] in (struct.pack("<i", 84), struct.pack("<i", 164)),
+        "text (/TFILE/3)": b" FORMAT" in content[:120] and b"ZZZZZEOR" in content[:300],
+        "a compressed file": content[:2] == b"\x1f\x8b",
+    }
+    if form := next((form for form, is_it in other_forms.items() if is_it), ""):
+        raise DataError(Problem(where, _KIND, form, _DEFAULT))
     return _BinaryFile(content, where).time_history()
-
-
-def _other_form(content: bytes) -> str:
-    if content[:4] in (struct.pack("<i", 84), struct.pack("<i", 164)):
-        return "Fortran's own binary (/TFILE/1)"
-    if b" FORMAT" in content[:120] and b"ZZZZZEOR" in content[:300]:
-        return "text (/TFILE/3)"
-    return "a compressed file" if content[:2] == b"\x1f\x8b" else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,23 +119,12 @@ class _BinaryFile:
 
     def time_history(self) -> TimeHistory:
         time = self._block(0)[:, 0].astype(np.float64)
-        notes = ("The last state is cut short and left out.",) if self._left_over else ()
-        factors = (
-            self._factors if len(self._factors) == 3 and all(0 < factor < 1e6 for factor in self._factors) else None
-        )
-        return TimeHistory(
-            self.title,
-            time,
-            self._model(),
-            self._watched(time),
-            tuple(dict.fromkeys(f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES)),
-            (factors[0], factors[1], factors[2]) if factors else None,
-            notes,
-        )
-
-    def _model(self) -> dict[str, FloatArray]:
         codes = {name: code for code, name in enumerate(GLOBAL, start=1) if code in self._codes}
-        return {name: self._block(1)[:, self._codes.index(code)].astype(np.float64) for name, code in codes.items()}
+        model = {name: self._block(1)[:, self._codes.index(code)].astype(np.float64) for name, code in codes.items()}
+        unread = dict.fromkeys(f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES)
+        factors = self._factors if all(0 < factor < 1e6 for factor in self._factors) else ()
+        notes = (_CUT,) if self._left_over else ()
+        return TimeHistory(self.title, time, model, self._watched(time), tuple(unread), factors, notes)
 
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
         found: dict[str, dict[str, FloatArray]] = {}
@@ -151,7 +135,7 @@ class _BinaryFile:
             columns = {name: group.codes.index(code) for code, name in names.items() if code in group.codes}
             curves += len(columns) * group.elements
             if curves > _MOST_CURVES or curves * len(time) > MOST_VALUES:
-                expected = f"at most {_MOST_CURVES:,} variables of nodes, and {MOST_VALUES:,} values of them"
+                expected = f"at most {_MOST_CURVES:,} variables of nodes with {MOST_VALUES:,} values"
                 raise DataError(Problem(self._where, expected, "more", "watch fewer nodes (/TH/NODE)"))
             values = self._block(at).reshape(len(time), group.elements, len(group.codes))
             for place, (number, title) in enumerate(group.names):
@@ -167,7 +151,7 @@ class _BinaryFile:
         return self._states[:, start : start + self._blocks[number]]
 
     def _data(self, content: bytes) -> tuple[npt.NDArray[np.float32], bool]:
-        """All whole states with the frames of their records, shape (n_states, words of a state); and is there more."""
+        """All whole states with the frames of their records, and whether there is more."""
         words = self._places[-1]
         states, left_over = divmod(len(content) - self._at, 4 * words)
         if not states:
@@ -207,7 +191,6 @@ class _BinaryFile:
         return _Group(kind, elements, names, _ints(self._next(records)) if variables else ())
 
     def _records(self, content: bytes) -> Iterator[bytes]:
-        """Yield the records of the header; ``_at`` is where the next one begins."""
         self._at = 0
         for _ in range(_MOST_RECORDS):
             if self._at + 8 > len(content):
@@ -233,7 +216,7 @@ class _BinaryFile:
         return found
 
     def _damaged(self, found: str) -> DataError:
-        return DataError(Problem(self._where, _BINARY_KIND, found, "copy it again from the run"))
+        return DataError(Problem(self._where, _KIND, found, "copy it again from the run"))
 
 
 def _text(title: bytes) -> str:
@@ -257,19 +240,18 @@ def read_converted(content: bytes, where: str) -> TimeHistory:
     others = labels[first:]
     count = table.shape[1] - 1 - len(others)  # global histories that were written
     if count < 0:
-        expected = f"at least {1 + len(others)} columns, as the header has"
-        raise DataError(Problem(where, expected, f"{table.shape[1]}", _IMPORT))
+        raise DataError(Problem(where, f"at least {1 + len(others)} columns", f"{table.shape[1]}", _IMPORT))
     time = table[:, 0]
     if not np.isfinite(time).all() or (np.diff(time) <= 0).any():
-        row = int(np.argmin(np.diff(time) > 0)) if np.isfinite(time).all() else 0
-        found = f"{time[row + 1]:g} after {time[row]:g}" if time.size > row + 1 else "no number"
-        raise DataError(Problem(where, "a time that increases from row to row", found, _IMPORT, "time", row + 3))
+        row = int(np.argmin(np.diff(time, prepend=-np.inf) > 0))
+        raise DataError(Problem(where, "a time that increases", f"{time[row]:g}", _IMPORT, "time", row + 2))
     model = {name: table[:, 1 + i] for i, name in enumerate(GLOBAL[:count])}
     watched, unread = _watched_of_csv(table, others, 1 + count, where)
-    notes = ["The last row is cut short and left out."] if cut else []
+    notes = [_CUT] if cut else []
     if count != first - 1:
-        misplaced = f"{first - 1} labels of global histories stand over {count} columns"
-        notes.insert(0, f"{misplaced}, so labels are counted from the right.")
+        notes.insert(
+            0, f"{first - 1} labels of global histories for {count} columns: labels are counted from the right."
+        )
     return TimeHistory("", time, model, watched, unread, notes=tuple(notes))
 
 
@@ -298,20 +280,20 @@ def _watched_of_csv(
 
 
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
-    """The labels, without stray characters, and where the numbers begin; a label may hold a line break."""
+    """The labels, and where the numbers begin; a label may hold a line break."""
     if _BEGINS.match(content[:200]) is None:
-        raise DataError(Problem(where, _CSV_KIND, "another kind of file", _IMPORT))
+        raise DataError(Problem(where, _KIND, "another kind of file", _IMPORT))
     end, quotes, breaks = 0, 0, 0
     while not end or quotes % 2:  # to the first line break outside quotes
         begin, end, breaks = end, content.find(b"\n", end, _LONGEST_LABELS) + 1, breaks + 1
         if not end or breaks > _MOST_COLUMNS:
-            raise DataError(Problem(where, _CSV_KIND, "no numbers", _IMPORT))
+            raise DataError(Problem(where, _KIND, "no numbers", _IMPORT))
         quotes += content.count(b'"', begin, end)
     text = _STRAY.sub("", content[:end].decode("latin-1"))
     try:
         labels = next(csv.reader(io.StringIO(text)), [])
     except csv.Error as error:
-        raise DataError(Problem(where, _CSV_KIND, str(error), _IMPORT)) from error
+        raise DataError(Problem(where, _KIND, str(error), _IMPORT)) from error
     while labels and not labels[-1].strip():
         labels.pop()
     if max(len(labels), content[end : end + _LONGEST_LABELS].partition(b"\n")[0].count(b",")) > _MOST_COLUMNS:
@@ -336,16 +318,14 @@ def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
     short = np.isnan(table).any(axis=1)
     if short[:-1].any():
         row = int(short.argmax())
-        found = f"{int((~np.isnan(table[row])).sum())}"
-        raise DataError(Problem(where, f"{width} numbers", found, _IMPORT, row=row + 2))
+        raise DataError(Problem(where, f"{width} numbers", "fewer", _IMPORT, row=row + 2))
     return (table[:-1], True) if short[-1] else (table, cut)
 
 
 def _object_and_variable(label: str, place: int, where: str) -> tuple[str, str]:
-    """The object and the variable that a label names; ``var 33`` of column 33 if it names none."""
     if found := _UNNAMED.fullmatch(label):
         if int(found[2]) != place:
-            expected = f"the label of column {found[2]} over that column"
+            expected = f"this label over column {found[2]}"
             raise DataError(Problem(where, expected, f"it over column {place}", _IMPORT, label))
         return found[1], f"var {place}"
     found = _NAMED.fullmatch(label)
@@ -353,18 +333,14 @@ def _object_and_variable(label: str, place: int, where: str) -> tuple[str, str]:
 
 
 def _split(label: str) -> tuple[str, str, str] | None:
-    """Group, number and title of an object; None of a part or subset, which has no number."""
+    """Group, number and title; None of a part or subset, which has no number."""
     forms = (*(rf"(.{{{width}}}) (\d{{1,10}})(?: (.*))?" for width in _WIDTHS), r"(.*?)\s+(\d{1,10})(?:\s+(.*))?")
     found = next((match for form in forms if (match := re.fullmatch(form, label))), None)
     return None if found is None else (found[1].strip(), found[2], (found[3] or "").strip())
 
 
 def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFAULT_LIMITS) -> tuple[Record, ...]:
-    """Read Radioss runs: the accelerations of their nodes and accelerometers along the axis of travel.
-
-    The path is a time history, its CSV, a folder of one run or of many, or a zip. The parts of a run that was
-    restarted (``T01``, ``T02`` …) and its additional files (``T01a`` …) are one record.
-    """
+    """Read Radioss runs (a time history, its CSV, a folder of one or of many, a zip), their parts joined."""
     with opened_members(path, _belongs, _KIND, limits) as (members, budget):
         runs = _runs(members, path)
         if not runs:
@@ -397,22 +373,19 @@ def _parts_of_name(name: str) -> tuple[str, int, str]:
 
 
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
-    """Files by run; of a file that was chosen, only its run. A CSV beside its original is left out."""
-    chosen = path.is_file() and path.suffix.lower() != ".zip"
-    original = {member.path for member in members if FORMATS["radioss"].has(member.path)}
+    """A CSV beside its original is left out."""
+    has = FORMATS["radioss"].has
+    chosen = (not has(path), _parts_of_name(path.name)[0])
+    original = {member.path for member in members if has(member.path)}
     found: defaultdict[tuple[str, str], list[Member]] = defaultdict(list)
     for member in members:
         run, copied = _parts_of_name(member.path.name)[0], member.path not in original
-        if chosen:
-            if (
-                len(member.path.parts) > 1
-                or copied == FORMATS["radioss"].has(path)
-                or run != _parts_of_name(path.name)[0]
-            ):
-                continue
-        elif copied and member.path.with_suffix("") in original:
-            continue
-        found["-".join(member.path.parts[:-1]), run].append(member)
+        if path.is_file() and path.suffix.lower() != ".zip":
+            is_wanted = len(member.path.parts) == 1 and (copied, run) == chosen
+        else:
+            is_wanted = not (copied and member.path.with_suffix("") in original)
+        if is_wanted:
+            found["-".join(member.path.parts[:-1]), run].append(member)
     alone = len({run for _, run in found}) == len(found)
     return {run if alone or not folder else f"{folder}-{run}": files for (folder, run), files in found.items()}
 
@@ -427,15 +400,12 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
         parts = sorted(by_file[more], key=lambda part: (part[0], part[1].where))
         numbers, names = [number for number, _ in parts], [file.path.name for _, file in parts]
         if numbers != list(range(1, len(parts) + 1)):
-            expected = "every part of the run once, from the first (T01) on"
-            advice = "add those that are missing, or import each run on its own"
+            expected, advice = "every part of the run once, from the first (T01) on", "add those that are missing"
             raise DataError(Problem(names[0], expected, " and ".join(names), advice))
-        histories.append(join_parts([_parsed(file, budget) for _, file in parts], names))
+        read: list[TimeHistory] = []
+        for (_, file), name in zip(parts, names, strict=True):
+            content = file.content(budget)
+            is_csv = _is_converted(file.path, content[:_HEAD])
+            read.append(read_converted(content, name) if is_csv else read_binary(content, name))
+        histories.append(join_parts(read, names))
     return with_names(join_files(histories))
-
-
-def _parsed(file: Member, budget: Budget) -> TimeHistory:
-    content, name = file.content(budget), file.path.name
-    if _is_converted(file.path, content[:_HEAD]):
-        return read_converted(content, name)
-    return read_binary(content, name)

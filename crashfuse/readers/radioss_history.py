@@ -8,48 +8,42 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.format import AXES, Travel
-from crashfuse.readers.record import PartialCondition, Record
+from crashfuse.readers.record import Record
 from crashfuse.readers.solver_run import (
     FASTEST_MPS,
     LONGEST_S,
     Energies,
     History,
+    Units,
     axis_of_travel,
-    channel_of,
     departure,
     initial_speed,
     integral,
-    is_aliased,
     is_on_a_dummy,
-    quality_sentence,
+    run_record,
     titled_nodes,
     units_of,
     vehicle_mass_kg,
 )
-from crashfuse.readers.vocabulary import speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
-from crashfuse.wording import Sentence
 
+# the global histories in the order of their codes, 1 first, as the solver's converter calls them
 GLOBAL = (
     "INTERNAL ENERGY", "KINETIC ENERGY", "X-MOMENTUM", "Y-MOMENTUM", "Z-MOMENTUM", "MASS", "TIME STEP",
     "ROTATION ENERGY", "EXTERNAL WORK", "SPRING ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY",
     "ELASTIC CONTACT ENERGY", "FRICTIONAL CONTACT ENERGY", "DAMPING CONTACT ENERGY", "PLASTIC WORK", "ADDED MASS",
     "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY", "OUTLET ENERGY",
 )  # fmt: skip
-"""The global histories in the order of their codes, 1 first, as the solver's converter calls them."""
 
-MOST_VALUES = 40_000_000
-"""Limit of states times values kept of a file."""
+MOST_VALUES = 40_000_000  # limit of states times values kept of a file
 
-ACCELEROMETER = "accelerometer "
-"""What the names of accelerometers begin with; those of nodes are numbers."""
+ACCELEROMETER = "accelerometer "  # what the names of accelerometers begin with; those of nodes are numbers
 
-LEAST_CHANGE, MOST_CHANGE = 0.8, 1.6
-"""ΔV of a vehicle that stops, as a multiple of its initial velocity."""
-
+_LEAST_CHANGE, _MOST_CHANGE = 0.8, 1.6  # ΔV of a vehicle that stops, as a multiple of its initial velocity
 _STEPS = 5.5  # of output: a longer gap between two parts of a run is one
 _LARGEST_SHARE = 1e-3  # of a momentum, below which a direction counts as none
 _SAME_VELOCITY = 1e-3  # of the initial velocity
@@ -79,16 +73,6 @@ class Watched:
         """Whether it measures in a skew of its own."""
         return self.name.startswith(ACCELEROMETER)
 
-    def before(self, end: float) -> "Watched":
-        """What was written before a time."""
-        early = self.time < end
-        return replace(self, time=self.time[early], curves={name: of[early] for name, of in self.curves.items()})
-
-    def followed_by(self, later: "Watched") -> "Watched":
-        """What was written until and since a restart."""
-        curves = {name: np.concatenate([of, later.curves[name]]) for name, of in self.curves.items()}
-        return replace(self, time=np.concatenate([self.time, later.time]), curves=curves)
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TimeHistory:
@@ -99,7 +83,7 @@ class TimeHistory:
     model: Mapping[str, FloatArray]  # those of GLOBAL that were written, shape (n,)
     watched: tuple[Watched, ...]  # nodes and accelerometers
     unread: tuple[str, ...] = ()  # what else the file holds, for display: rigid walls, sections …
-    unit_factors: tuple[float, float, float] | None = None  # to SI, of mass, length and time
+    unit_factors: tuple[float, ...] = ()  # to SI, of mass, length and time
     notes: tuple[str, ...] = ()  # what was joined, aligned or left out
 
     @property
@@ -116,10 +100,7 @@ class TimeHistory:
 
     @property
     def initial_velocity(self) -> FloatArray | None:
-        """Velocity along X, Y, Z of all that moves at the first state, shape (3,); None if that is not told.
-
-        Twice the kinetic energy over the momentum: what is at rest, as a barrier is, counts in neither.
-        """
+        """Of all that moves, along X, Y, Z, shape (3,): twice the kinetic energy over the momentum."""
         needed = ("KINETIC ENERGY", *(f"{axis}-MOMENTUM" for axis in "XYZ"))
         if any(name not in self.model or not self.model[name].size for name in needed):
             return None
@@ -132,33 +113,31 @@ class TimeHistory:
         velocity = 2 * kinetic * np.array(momentum) / size**2
         return np.where(np.abs(velocity) > _LARGEST_SHARE * np.abs(velocity).max(), velocity, 0.0)
 
-    def before(self, end: float) -> "TimeHistory":
-        """The states before a time."""
-        kept = self.time < end
-        model = {name: values[kept] for name, values in self.model.items()}
-        return replace(self, time=self.time[kept], model=model, watched=tuple(one.before(end) for one in self.watched))
-
 
 def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistory:
-    """One time history of a run that was stopped and restarted; a later part replaces what it computed anew.
-
-    A DataError says that the first part or time between two is missing, or that they watch different things.
-    """
+    """A run that was stopped and restarted; a later part replaces what it computed anew."""
     whole = parts[0]
     for part, name in zip(parts[1:], names[1:], strict=True):
         if _watched_curves(part) != _watched_curves(whole):
-            expected, advice = f"the nodes and accelerometers of {names[0]}", "import the parts one by one, each in a"
-            raise DataError(Problem(name, expected, "others", f"{advice} folder of its own"))
+            expected, advice = f"nodes and accelerometers as in {names[0]}", "import each part from a folder of its own"
+            raise DataError(Problem(name, expected, "others", advice))
         start = float(part.time[0])
-        whole = whole.before(start)
-        steps = np.diff(whole.time[-3:])
-        if not whole.time.size or (steps.size and start - whole.time[-1] > _STEPS * steps.max()):
-            expected = f"states from {whole.time[-1]:g} on" if whole.time.size else "states after those before it"
+        early = whole.time < start
+        last = whole.time[early][-3:]
+        steps = np.diff(last)
+        if not last.size or (steps.size and start - last[-1] > _STEPS * steps.max()):
+            expected = f"states from {last[-1]:g} on" if last.size else "states after those before it"
             raise DataError(Problem(name, expected, f"the first at {start:g}", "add the file that lies between"))
-        watched = tuple(early.followed_by(late) for early, late in zip(whole.watched, part.watched, strict=True))
-        model = {key: np.concatenate([of, part.model[key]]) for key, of in whole.model.items() if key in part.model}
-        notes = tuple(dict.fromkeys((*whole.notes, *part.notes)))
-        whole = replace(whole, time=np.concatenate([whole.time, part.time]), model=model, watched=watched, notes=notes)
+        watched = []
+        for one, later in zip(whole.watched, part.watched, strict=True):
+            kept = one.time < start
+            curves = {key: np.concatenate([of[kept], later.curves[key]]) for key, of in one.curves.items()}
+            watched.append(replace(one, time=np.concatenate([one.time[kept], later.time]), curves=curves))
+        model = {
+            key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in part.model
+        }
+        time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
+        whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes))
     if len(parts) > 1:
         whole = replace(whole, notes=(f"Joined from {', '.join(names)}.", *whole.notes))
     return whole
@@ -169,20 +148,19 @@ def _watched_curves(history: TimeHistory) -> list[tuple[str, list[str]]]:
 
 
 def join_files(histories: Sequence[TimeHistory]) -> TimeHistory:
-    """The main file of a run with the nodes of its additional ones (``T01a`` …), which repeat no global histories."""
-    main = histories[0]
+    """The main file of a run with the nodes of its additional ones (``T01a`` …)."""
     return replace(
-        main,
+        histories[0],
         model=next((history.model for history in histories if history.model), {}),
         watched=tuple({one.name: one for history in reversed(histories) for one in history.watched}.values()),
         unread=tuple(dict.fromkeys(name for history in histories for name in history.unread)),
-        unit_factors=next((history.unit_factors for history in histories if history.unit_factors), None),
+        unit_factors=next((history.unit_factors for history in histories if history.unit_factors), ()),
         notes=tuple(dict.fromkeys(note for history in histories for note in history.notes)),
     )
 
 
 def with_names(history: TimeHistory) -> TimeHistory:
-    """Name the curves of the nodes and accelerometers that have no names; those that cannot be told go unread."""
+    """Name the curves that have no names; those that cannot be told go unread."""
     watched, unread, guessed = [], list(history.unread), False
     for one in history.watched:
         if not any(name.startswith("var ") for name in one.curves):
@@ -193,19 +171,13 @@ def with_names(history: TimeHistory) -> TimeHistory:
             watched.append(replace(one, name=one.name if is_node else f"{ACCELEROMETER}{one.name}", curves=curves))
         else:
             unread.append(f"unnamed columns of {one.title or 'node'} ({one.name})")
-    note = (
-        "The file does not name the variables of its nodes; they are told by the run's initial velocity (twice the "
-        "kinetic energy over the momentum) and by what is whose integral."
-    )
+    note = "The file does not name the variables of its nodes; the initial velocity and integrals tell them."
     notes = (*history.notes, note) if guessed else history.notes
     return replace(history, watched=tuple(watched), unread=tuple(unread), notes=notes)
 
 
 def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
-    """The velocity of a node, its displacement and acceleration, which stand around it; or that of an accelerometer.
-
-    Empty if they cannot be told apart without doubt, or the run sets out at rest or along no axis.
-    """
+    """Empty if curves cannot be told apart without doubt, or the run sets out at rest or along no axis."""
     initial = history.initial_velocity
     if initial is None or np.count_nonzero(initial) != 1:
         return {}
@@ -224,29 +196,26 @@ def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
         if abs(column[0] - speed) <= _SAME_VELOCITY * abs(speed)
         and np.abs(column - vehicle).max() <= _NEAR * abs(speed)
     ]
-    if len(velocities) == 1:
-        place = velocities[0]
-        velocity = alive[place]
-        found = {f"V{letter}": velocity}
-        travel = integral(velocity, time)
-        for before in alive[:place]:
-            if np.abs(before - before[0] - travel).max() <= _INTEGRAL * np.ptp(travel):
-                found[f"D{letter}"] = before
-        for after in alive[place + 1 :]:
-            if np.abs(integral(after, time) - (velocity - velocity[0])).max() <= _ALIASED * np.ptp(velocity):
-                found[f"A{letter}"] = after
-        return found
-    if velocities:
+    if not velocities:
+        stopping = [column for column in alive if _stops(column, vehicle, time)]
+        return {f"A{letter}": stopping[0]} if len(stopping) == 1 else {}
+    if len(velocities) > 1:
         return {}
-    stopping = [column for column in alive if _stops(column, vehicle, time)]
-    return {f"A{letter}": stopping[0]} if len(stopping) == 1 else {}
+    place = velocities[0]
+    velocity = alive[place]
+    found = {f"V{letter}": velocity}
+    travel = integral(velocity, time)
+    for before in alive[:place]:
+        if np.abs(before - before[0] - travel).max() <= _INTEGRAL * np.ptp(travel):
+            found[f"D{letter}"] = before
+    for after in alive[place + 1 :]:
+        if np.abs(integral(after, time) - (velocity - velocity[0])).max() <= _ALIASED * np.ptp(velocity):
+            found[f"A{letter}"] = after
+    return found
 
 
 def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> bool:
-    """Whether a column, in either sign, is the acceleration of something that moves with the vehicle.
-
-    The impulse of a force grows as the velocity falls, which no acceleration does.
-    """
+    """The impulse of a force grows as the velocity falls, which no acceleration of a vehicle does."""
     if np.ptp(vehicle) > 0 and abs(np.corrcoef(acceleration, vehicle)[0, 1]) > _ALIKE:
         return False
     speed = vehicle[0]
@@ -254,11 +223,11 @@ def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> b
     change = -change if change[-1] * speed > 0 else change
     largest = float(-(change / speed).min())
     near = bool(np.abs(speed + change - vehicle).max() <= _NEAR * abs(speed))
-    return near and LEAST_CHANGE <= largest <= MOST_CHANGE
+    return near and _LEAST_CHANGE <= largest <= _MOST_CHANGE
 
 
 def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None) -> Record:
-    """Make the record of a run; a DataError if nothing in it tells a pulse, or travels as a vehicle does."""
+    """The record of a run; a DataError if nothing in it tells a pulse."""
     start, fastest = _motion(run)
     axis = axis_of_travel(start, travel)
     initial = run.initial_velocity
@@ -267,44 +236,27 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
         raise _nothing(run, axis, source)
     proposed, why = _proposed(nodes, initial)
     chosen = proposed or nodes
-    per_second, unit, units_sentence = units = _units(run, chosen, source)
-    steps = [f"Radioss run{f', {run.title}' if run.title else ''}.", *run.notes, units_sentence]
+    units = _units(run, chosen, source)
+    steps = [f"Radioss run{f', {run.title}' if run.title else ''}.", *run.notes, units[2]]
     set_out = initial_speed(chosen)  # in the units of the run
     speed_mps, no_speed = None, "accelerometers alone, whose initial velocity the file does not tell"
     if np.isfinite(set_out):
         speed_mps, no_speed, travels = departure(chosen, units, (start, fastest), travel, source)
         steps.append(travels)
     steps.append(why)
-    if any(map(is_aliased, proposed)):
-        steps.append("Accelerations that do not add up to the velocity are taken from the velocity.")
-    mass, mass_of = _mass(run, set_out, source)
-    if speed_mps is not None:
-        steps.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
-    if mass is not None:
-        steps.append(Sentence(f"Mass {{}}, {mass_of}.", weight(mass)))
     if run.unread:
-        steps.append(f"Not read: {_listed(run.unread)}.")
+        steps.append(f"Not read: {listed(run.unread)}.")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
     if len(kept) < len(nodes):
         steps.append(f"{len(kept)} of {len(nodes)} nodes are kept, those with a title first.")
-    quality = run.energies.quality
-    steps.append(quality_sentence(quality, "global histories"))
-    return Record(
-        run_id,
-        source,
-        PartialCondition(speed_mps, mass),
-        tuple(channel_of(node, per_second, unit) for node in kept),
-        tuple(node.name for node in proposed),
-        tuple(steps),
-        no_speed=no_speed,
-        quality=quality,
-    )
+    mass, quality = _mass(run, set_out, source), run.energies.quality
+    speed_or_why = speed_mps, no_speed
+    return run_record(run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps)
 
 
 def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
     """Velocities when the run begins, shape (3, n_nodes), or of all that moves; the largest along each axis, (3,)."""
-    letters = AXES.upper()
-    velocities = [[one.curves.get(f"V{letter}") for letter in letters] for one in run.watched]
+    velocities = [[one.curves.get(f"V{letter}") for letter in "XYZ"] for one in run.watched]
     velocities = [row for row in velocities if any(of is not None for of in row)]
     if not velocities:
         initial = run.initial_velocity
@@ -316,24 +268,21 @@ def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
 
 
 def _along(one: Watched, axis: int, initial: FloatArray | None) -> History | None:
-    """A node or accelerometer along the axis of travel; None if nothing was written of it.
-
-    An accelerometer measures in a skew of its own: of its directions that with the largest ΔV is read, turned to where
-    the vehicle travels.
-    """
-    letter = AXES[axis].upper()
+    """An accelerometer has its own skew: read is the direction of largest ΔV, turned to where the vehicle travels."""
+    letter = "XYZ"[axis]
     accel, velocity = one.curves.get(f"A{letter}"), one.curves.get(f"V{letter}")
     if one.is_accelerometer:
         accelerations = [of for name, of in one.curves.items() if name[0] == "A"]
         accel = max(accelerations, key=lambda of: float(np.abs(integral(of, one.time)).max()), default=None)
+    unknown = np.full(one.time.size, np.nan)
     if velocity is not None:
         if accel is None:
-            accel = np.gradient(velocity, one.time) if one.time.size > 1 else np.full(one.time.size, np.nan)
+            accel = np.gradient(velocity, one.time) if one.time.size > 1 else unknown
         return History(one.name, one.title, one.time, accel, velocity)
     if accel is None:
         return None
     if initial is None:
-        return History(one.name, one.title, one.time, accel, np.full(one.time.size, np.nan))
+        return History(one.name, one.title, one.time, accel, unknown)
     change = integral(accel, one.time)
     speeds_up = change[np.abs(change).argmax()] * initial[axis] > 0
     turned = -1.0 if one.is_accelerometer and speeds_up else 1.0
@@ -348,20 +297,20 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
         return titled
     node = max([node for node in stopping if not is_on_a_dummy(node)] or stopping, key=_behind)
     name = node.name if node.name.startswith(ACCELEROMETER) else f"node {node.name}"
-    shown = f"{name[0].upper()}{name[1:]}{f' ({node.title})' if node.title else ''}"
-    if len(nodes) == 1:
-        return [node], f"{shown} is the only one: it is the pulse, wherever it is."
     left = f"; {len(nodes) - len(stopping)} left out, whose ΔV is no vehicle's" if len(stopping) < len(nodes) else ""
-    return [node], f"{shown} of {len(nodes)} stops last and rebounds least, as what lies behind the crush does{left}."
+    why = (
+        f"{name.capitalize()} of {len(nodes)} stops last and rebounds least, as what lies behind the crush does{left}."
+    )
+    return [node], why
 
 
 def _may_be_the_pulse(node: History, initial: FloatArray | None) -> bool:
-    """Whether it moves with the vehicle; an accelerometer must also stop as one does, which crossed columns do not."""
+    """An accelerometer must stop as a vehicle does, which crossed columns do not."""
     if not node.name.startswith(ACCELEROMETER) or initial is None or not initial.any():
         return True
     at_start = float(np.abs(node.velocity[0]))
     change = float(np.abs(node.velocity - node.velocity[0]).max())
-    return LEAST_CHANGE * at_start <= change <= MOST_CHANGE * at_start
+    return _LEAST_CHANGE * at_start <= change <= _MOST_CHANGE * at_start
 
 
 def _behind(node: History) -> tuple[float, float]:
@@ -371,9 +320,8 @@ def _behind(node: History) -> tuple[float, float]:
     return late, float(forward.min()) if np.isfinite(forward).all() else -np.inf
 
 
-def _units(run: TimeHistory, nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
-    """The unit of time in s, the unit of acceleration, and a sentence; those that the run states, if they can be."""
-    if run.unit_factors is not None:
+def _units(run: TimeHistory, nodes: Sequence[History], source: str) -> Units:
+    if run.unit_factors:
         _, length, second = run.unit_factors
         stated = (system for factors, system in _SYSTEMS.items() if np.allclose(factors, (length, second), rtol=1e-3))
         system = next(stated, None)
@@ -392,9 +340,8 @@ def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, 
     if initial is not None and initial.any():
         at_start = float(np.linalg.norm(initial))
         moving = 2 * float(run.model["KINETIC ENERGY"][0]) / at_start**2
-        if (
-            abs(set_out - at_start) <= _SAME * at_start and moving < (1 - _SAME) * mass
-        ):  # else something moves otherwise
+        # else something moves otherwise
+        if abs(set_out - at_start) <= _SAME * at_start and moving < (1 - _SAME) * mass:
             mass, what = moving, f"of what moves at the start (2 × kinetic energy / speed²), of {mass:.5g} in all"
     mass_kg = vehicle_mass_kg(mass)
     if mass_kg is None:
@@ -403,18 +350,11 @@ def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, 
     return mass_kg, what
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-
-
 def _nothing(run: TimeHistory, axis: int, source: str) -> DataError:
     letter = AXES[axis].upper()
-    expected = f"velocities or accelerations of nodes along {AXES[axis]}, or accelerometers"
-    advice = f"ask the solver for V{letter} and A{letter} of the node (/TH/NODE)"
-    found = _listed(sorted({name for one in run.watched for name in one.curves}) or run.unread) or "none"
+    found = listed(sorted({name for one in run.watched for name in one.curves}) or run.unread) or "none"
     if not run.watched and run.initial_velocity is not None and not run.initial_velocity.any():
-        expected, found = "a model that sets out as a vehicle does", "one at rest when the run begins"
-        advice = "choose the run of a vehicle, or the time history itself (T01)"
-    elif not run.watched and run.unread:
-        advice = "import the time history itself (T01), or ask the solver for titles (/TH/TITLE) and convert it again"
+        found = "a model at rest when the run begins"
+    expected = f"velocities or accelerations of nodes along {AXES[axis]}, or accelerometers"
+    advice = f"import the T01 itself, or ask the solver for V{letter} and A{letter} of the node (/TH/NODE, /TH/TITLE)"
     return DataError(Problem(source, expected, found, advice))

@@ -16,7 +16,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, joined
 
 _UNEQUAL = 0.01  # of the mass: allowed for rounding and scale errors
-_LISTED = 260  # characters of a list of channels in a message
+_LISTED = 5  # channels in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +34,7 @@ class AxleWeights:
         return sum(value is not None for value in (self.mass_kg, self.front_kg, self.rear_kg, self.front_share))
 
     def overruled(self, by: "AxleWeights") -> "AxleWeights":
-        """Return the weights with the values of ``by`` taking precedence; values that contradict them are dropped.
-
-        Two values determine all. A mass alone keeps the front-axle share, a share alone keeps the mass, and the weight
-        of one axle keeps that of the other.
-        """
+        """These weights, less what contradicts ``by``: two values tell all; one keeps share, mass or other axle."""
         if by.n_stated == 0:
             return self
         if by.n_stated > 1:
@@ -75,22 +71,18 @@ class AxleWeights:
             return ""
         whole = front + rear
         if self.mass_kg is not None and (min(front, rear) <= 0 or abs(self.mass_kg - whole) > _UNEQUAL * whole):
-            axles = ((self.front_kg, "in front"), (self.rear_kg, "at the rear"))
-            loads = [Sentence("{} {}", weight(value), where) for value, where in axles if value is not None]
-            return Sentence("{} with a mass of {}", joined(loads, " and "), weight(self.mass_kg))
+            loads = [Sentence("{}", weight(value)) for value in (self.front_kg, self.rear_kg) if value is not None]
+            return Sentence("{} on the axles with a mass of {}", joined(loads, " and "), weight(self.mass_kg))
         if self.front_share is not None and abs(self.front_share - front / whole) > _UNEQUAL:
-            share = f"a front share of {100 * self.front_share:.3g} %"
-            return f"{100 * front / whole:.3g} % of the mass in front with {share}"
+            return f"{100 * front / whole:.3g} % of the mass in front, and {100 * self.front_share:.3g} %"
         return ""
 
-    def single_value(self) -> str:
-        """The one value that is stated, in words; "none" if there is none."""
-        if self.front_share is not None:
-            return f"a front share of {100 * self.front_share:.4g} % alone"
-        for name, value in (("mass", self.mass_kg), ("front weight", self.front_kg), ("rear weight", self.rear_kg)):
-            if value is not None:
-                return Sentence("a {} of {} alone", name, weight(value))
-        return "none"
+    @property
+    def stated(self) -> str:
+        """The names of the values that are stated; "none" if there are none."""
+        names = ("mass_kg", "mass"), ("front_kg", "front weight"), ("rear_kg", "rear weight"), ("front_share",) * 2
+        present = [name.replace("_", " ") for field, name in names if getattr(self, field) is not None]
+        return f"the {' and the '.join(present)} alone" if present else "none"
 
 
 def _other_axle(mass: float | None, one: float, share: float | None) -> float | None:
@@ -143,10 +135,8 @@ class RecordedChannel:
         Name to choose it by, unique in its record: a channel's number or code, a node, a column's header.
     label : str
         The file's own description, for display.
-    time_s : ndarray, shape (n,)
-        The file's own time in s, increasing in even steps, with any zero.
-    values : ndarray, shape (n,)
-        As found: not filtered or cropped by the reader, sign and unit as in the file.
+    time_s, values : ndarray, shape (n,)
+        As found: the file's own time in s, increasing in even steps, with any zero; no filter, sign and unit as there.
     unit : str or None
         As :func:`crashfuse.readers.vocabulary.acceleration_unit` takes it; None if the file does not state it.
     cutoff_hz : float, optional
@@ -154,8 +144,7 @@ class RecordedChannel:
     unit_from : str
         What states the unit, in words.
     origin : str
-        What the file says of its source ("transducer", "simulation", "parameter"); its label if that alone says that
-        it is simulated; empty if nothing does.
+        What the file says of its source ("transducer", "simulation"), else its label if that says so; empty if nothing.
     status : str
         What the file says of its quality ("ok", "channel failed", "questionable data"); empty if nothing.
     """
@@ -176,12 +165,9 @@ class RecordedChannel:
         if not self.origin and is_simulated(self.label):
             object.__setattr__(self, "origin", self.label)
 
-    def __repr__(self) -> str:
-        return f"<RecordedChannel {self.shown}: {self.values.size:,} samples in {self.unit or 'an unknown unit'}>"
-
     @property
     def shown(self) -> str:
-        """The name, the label where it says more, and what speaks against it, as messages print it."""
+        """The name, the label where it says more, and what speaks against it."""
         name, label = printable(self.name), printable(self.label)
         more = ", ".join(filter(None, ("" if label in name else label, self.remark)))
         return f"{name} ({more})" if more else name
@@ -207,11 +193,7 @@ class RecordedChannel:
 def proposal(
     channels: Mapping[str, RecordedChannel], propose: Callable[[Sequence[str]], tuple[tuple[str, ...], str]]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Propose channels to average, by what the file says of their source and quality: their names, and sentences.
-
-    What is simulated is proposed only where nothing is measured, what is doubtful only where nothing sound is proposed,
-    what has failed never. ``propose`` chooses among the channels with some names, by where they sit, and says why.
-    """
+    """Channels to average, and sentences: measured before simulated, sound before doubtful, failed never."""
     measured = [name for name, one in channels.items() if not one.is_simulated]
     candidates = measured or list(channels)
     chosen, why = propose([name for name in candidates if not channels[name].doubt])
@@ -243,10 +225,9 @@ class Record:
     steps : tuple of str
         Sentences: what was found and where, why these channels are proposed, what was joined or left out.
     own_time_zero : str, optional
-        Why 0 in the file's time is first contact ("time zero of the test, by the format's definition"); empty
-        if the file does not say so and first contact has to be detected.
+        Why 0 in the file's time is first contact; empty if the file does not say so.
     no_speed : str, optional
-        Why no speed could be read although the file has something like one ("nodes at 612 a second, …").
+        Why no speed could be read although the file has something like one.
     unread : mapping of str to Problem, optional
         Channels that could be the pulse but are damaged, with the problem of each.
     quality : RunQuality
@@ -267,9 +248,6 @@ class Record:
     quality: RunQuality = field(default_factory=RunQuality)
     other_setup: str = ""
 
-    def __repr__(self) -> str:
-        return f"<Record {self.id!r} of {printable(self.source)}: channels {self.listed}>"
-
     @property
     def is_simulated(self) -> bool:
         """Whether it says of itself that nothing in it, or nothing that is proposed, was measured."""
@@ -277,19 +255,13 @@ class Record:
 
     @property
     def listed(self) -> str:
-        """The channels as messages list them: those proposed, the likeliest, as many as fit, and how many more."""
+        """The channels as messages list them: those proposed, the likeliest, and how many more."""
         shown = [channel.shown for channel in sorted(self.channels, key=lambda one: one.name not in self.proposed)]
-        fitting = 1
-        while fitting < len(shown) and len(", ".join(shown[: fitting + 1])) <= _LISTED:
-            fitting += 1
-        rest = f" and {len(shown) - fitting} more" if len(shown) > fitting else ""
-        return f"{', '.join(shown[:fitting])}{rest}"
+        rest = f" and {len(shown) - _LISTED} more" if len(shown) > _LISTED else ""
+        return f"{', '.join(shown[:_LISTED])}{rest}"
 
     def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
-        """The channels with these names, spelt as in the file or as messages print them; by default the proposed ones.
-
-        A UsageError says that there is none of a name, a DataError that it could not be read.
-        """
+        """The channels with these names, as in the file or as messages print them; by default those proposed."""
         if damaged := [self.unread[name] for name in names if name in self.unread]:
             raise DataError(damaged)
         found = {name: self._named(name) for name in names or self.proposed}

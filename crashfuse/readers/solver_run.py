@@ -11,13 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
+from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.format import AXES, Travel
-from crashfuse.readers.record import RecordedChannel
-from crashfuse.readers.vocabulary import ACCELERATION_UNITS
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
-from crashfuse.wording import number
+from crashfuse.wording import Sentence, number
 
 _ALIASED = 0.05  # of the velocity
 _ALIKE = 0.1  # of the median travel
@@ -36,11 +37,10 @@ _OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
 LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
 _SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run that ended at once
 FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
-_OF = {
-    "energy_change": "the energy at the start",
-    "hourglass_share": "the largest internal energy",
-    "added_mass_share": "the mass at the start",
-}
+_SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass at the start")  # by QUALITIES
+
+# of a run: its unit of time in s, the unit of acceleration (None: not known), and a sentence
+Units = tuple[float, str | None, str]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,13 +52,6 @@ class History:
     time: FloatArray
     acceleration: FloatArray
     velocity: FloatArray  # all NaN if the file has none
-
-
-def channel_of(node: History, per_second: float, unit: str | None) -> RecordedChannel:
-    """The acceleration of a node as a channel, or the slope of its velocity (:func:`is_aliased`)."""
-    values = np.gradient(node.velocity, node.time) if is_aliased(node) else node.acceleration
-    label = node.title or ("rigid body" if node.name.startswith("body") else "node")
-    return RecordedChannel(node.name, label, per_second * node.time, values, unit)
 
 
 def is_aliased(node: History) -> bool:
@@ -76,12 +69,12 @@ def integral(values: FloatArray, time: FloatArray) -> FloatArray:
 
 
 def titled_nodes(nodes: Sequence[History]) -> tuple[list[History], str] | None:
-    """The nodes whose titles say that they are where accelerometers are, and the reason; None if no title does."""
+    """The nodes whose titles name a place of accelerometers, and the reason; None if no title does."""
     for words, where in _PLACES:
         named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not is_on_a_dummy(node)]
         if named:
             named = _finest(named)
-            return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
+            return named, f"Nodes {where}, averaged: {_listed(named)}."
     return None
 
 
@@ -96,28 +89,23 @@ def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
         return titled
     nodes = _finest(nodes)
     travels = np.array([np.abs(integral(node.velocity, node.time)).max() for node in nodes])
-    if len(nodes) == 1 or not np.isfinite(travels).any():
-        return list(nodes), f"No titles say which nodes are accelerometers; {_listed(nodes)}: {_average(nodes)}."
-    middle = np.nanmedian(travels)
-    alike = [n for n, travel in zip(nodes, travels, strict=True) if abs(travel - middle) <= _ALIKE * middle]
-    chosen = alike or list(nodes)
-    why = f"No titles say which nodes are accelerometers; {len(chosen)} of {len(nodes)} travel alike"
-    return chosen, f"{why} ({_listed(chosen)}): {_average(chosen)}. Choose others if some lie in the crush."
+    chosen = nodes
+    if len(nodes) > 1 and np.isfinite(travels).any():
+        middle = np.nanmedian(travels)
+        alike = [n for n, travel in zip(nodes, travels, strict=True) if abs(travel - middle) <= _ALIKE * middle]
+        chosen = alike or nodes
+    why = f"No titles say which nodes are accelerometers; averaged are {len(chosen)} of {len(nodes)} that travel alike"
+    return chosen, f"{why}: {_listed(chosen)}. Choose others if some lie in the crush."
 
 
 def _finest(nodes: Sequence[History]) -> list[History]:
-    """The nodes that were written most often (``nodouthf``), since only nodes of one clock can be averaged."""
+    """Only nodes of one clock can be averaged: those that were written most often (``nodouthf``)."""
     most = max(node.time.size for node in nodes)
     return [node for node in nodes if node.time.size == most]
 
 
 def _listed(nodes: Sequence[History]) -> str:
-    shown = ", ".join(f"{node.name}{f' ({node.title})' if node.title else ''}" for node in nodes[:6])
-    return f"{shown} and {len(nodes) - 6} more" if len(nodes) > 6 else shown
-
-
-def _average(nodes: Sequence[History]) -> str:
-    return "their average is the pulse" if len(nodes) > 1 else "it is the pulse"
+    return listed(f"{node.name}{f' ({node.title})' if node.title else ''}" for node in nodes)
 
 
 def _words(title: str) -> str:
@@ -125,97 +113,31 @@ def _words(title: str) -> str:
 
 
 def axis_of_travel(start: FloatArray, travel: Travel | None = None) -> int:
-    """The number of the axis: the one given, else that along which the nodes set out fastest on average.
-
-    ``start`` are velocities along x, y and z when the run begins, shape (3, n_nodes); nodes at rest do not matter.
-    """
+    """The axis given, else along which nodes set out fastest on average; velocities have the shape (3, n_nodes)."""
     if travel is not None:
         return AXES.index(travel[-1])
     return int(np.abs(_finite(start)).mean(axis=1).argmax())
-
-
-def checked_travel(
-    start: FloatArray,
-    speeds: tuple[float, float],
-    fastest: FloatArray,
-    per_mps: float | None,
-    travel: Travel | None,
-    source: str,
-) -> tuple[str, bool]:
-    """The sentence on the direction of travel, and whether the nodes set out with the speed of the impact.
-
-    A DataError says that nothing sets out as a vehicle does, or in another direction than the user says.
-
-    Parameters
-    ----------
-    speeds : (float, float)
-        Speed of the nodes of the pulse along the axis when the run begins, and the largest of theirs in the run.
-    fastest : ndarray, shape (3,)
-        Largest speed of any node along each axis.
-    per_mps : float, optional
-        Factor from the file's velocities to m/s; None if its unit of length is unknown.
-    """
-    axis, start = axis_of_travel(start, travel), _finite(start)
-    found = f"{'-' if start[axis].sum() < 0 else ''}{AXES[axis]}"
-    initial, largest = speeds
-    is_fast = initial > 0 and initial >= _LEAST_OF_FASTEST * largest
-    moves = is_fast and (per_mps is None or initial * per_mps >= _SLOWEST_MPS)
-    at_start, at_most = _by_axis(np.abs(start).max(axis=1), per_mps), _by_axis(fastest, per_mps)
-    if travel is not None:
-        if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
-            expected, advice = f"nodes that move along {travel}, as given", "check the direction (--travel)"
-            raise DataError(Problem(source, expected, f"at most {at_most}", advice))
-        if moves and found != travel:
-            expected = f"nodes that set out along {travel}, as given"
-            raise DataError(Problem(source, expected, f"along {found}", f"check the direction (--travel {found})"))
-        if _aslant(start, axis):
-            return f"Careful: travel along {travel}, given by the user, but nodes set out at {at_start} at most.", moves
-        return f"Travel along {travel}, given by the user.", moves
-    if not moves:
-        expected = "nodes that travel like a vehicle's, fastest when they set out"
-        advice = "choose the run of a vehicle; if it is struck at rest, give axis and speed (--travel, --speed-kph)"
-        raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
-    if _aslant(start, axis):
-        expected = "a vehicle that travels along one axis"
-        advice = "write the nodes in axes of the vehicle, or give the axis to be read (--travel)"
-        raise DataError(Problem(source, expected, f"nodes that set out at {at_start}", advice))
-    return f"Travel along {found}, as the nodes set out.", moves
-
-
-def _aslant(start: FloatArray, axis: int) -> bool:
-    """Whether half of the nodes set out along another axis, too; of a wheel's, not all do."""
-    middle = np.median(np.abs(start), axis=1)
-    return bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
 
 
 def _finite(start: FloatArray) -> FloatArray:
     return np.nan_to_num(start, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def _by_axis(speeds: FloatArray, per_mps: float | None) -> str:
-    scaled = (speeds * (per_mps or 1.0)).tolist()
-    speeds_text = ", ".join(f"{axis} {speed:.3g}" for axis, speed in zip(AXES, scaled, strict=True))
-    return f"{speeds_text} {'in the unit of the file' if per_mps is None else 'm/s'}"
-
-
-def units_of(nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
-    """The unit of time in s, the unit of acceleration, and a sentence."""
+def units_of(nodes: Sequence[History], source: str) -> Units:
+    """The units of a run, by how long it lasts and how fast its nodes are."""
     end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
     if not 0 < end <= _LONGEST_MS:
-        expected = "a crash in seconds or milliseconds"
-        raise DataError(Problem(source, expected, f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI"))
+        found = f"a run that ends at {end:g}"
+        raise DataError(Problem(source, "a crash in s or ms", found, "choose a run in mm, ms, kg or SI"))
     step = end / max(nodes[0].time.size - 1, 1)
-    seconds = end <= LONGEST_S and (step <= _SLOWEST_S or fastest >= _SLOWEST_MMPS)
-    lasts = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
-    if not seconds:
-        return MS, "mm/ms²", f"Units mm and ms: {lasts}."
-    if not fastest > 0:  # at rest, or no velocities
-        return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
-    if fastest <= FASTEST_MPS:
-        return 1.0, "m/s²", f"SI units: {lasts}."
-    if fastest < _SLOWEST_MMPS:
-        return 1.0, None, f"Unit of length unknown: {lasts}, too fast for m and too slow for mm."
-    return 1.0, "mm/s²", f"Units mm and s: {lasts}."
+    told = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
+    if end > LONGEST_S or (step > _SLOWEST_S and not fastest >= _SLOWEST_MMPS):
+        return MS, "mm/ms²", f"Units mm and ms: {told}."
+    if 0 < fastest <= FASTEST_MPS:
+        return 1.0, "m/s²", f"SI units: {told}."
+    if fastest >= _SLOWEST_MMPS:
+        return 1.0, "mm/s²", f"Units mm and s: {told}."
+    return 1.0, None, f"Unit of length unknown: {told}."
 
 
 def initial_speed(nodes: Sequence[History]) -> float:
@@ -225,31 +147,94 @@ def initial_speed(nodes: Sequence[History]) -> float:
 
 def departure(
     nodes: Sequence[History],
-    units: tuple[float, str | None, str],
+    units: Units,
     motion: tuple[FloatArray, FloatArray],
     travel: Travel | None,
     source: str,
 ) -> tuple[float | None, str, str]:
-    """The speed in m/s at which nodes set out, why it is unknown, and a sentence on the direction of travel.
+    """The speed in m/s at which the nodes set out, why it is unknown, and a sentence on their direction.
 
-    ``units`` are as from :func:`units_of`, ``motion`` are ``start`` and ``fastest`` of :func:`checked_travel`.
+    ``motion`` are velocities of all nodes at the start, shape (3, n_nodes), and the largest along each axis.
     """
     per_second, unit, units_sentence = units
     per_mps = None if unit is None else ACCELERATION_UNITS[unit] * per_second  # of a velocity
     initial = initial_speed(nodes)
     largest = max(float(np.nan_to_num(np.abs(node.velocity)).max()) for node in nodes)
-    start, fastest = motion
-    sentence, moves = checked_travel(start, (initial, largest), fastest, per_mps, travel, source)
+    axis, start = axis_of_travel(motion[0], travel), _finite(motion[0])
+    found = f"{'-' if start[axis].sum() < 0 else ''}{AXES[axis]}"
+    is_fast = initial > 0 and initial >= _LEAST_OF_FASTEST * largest
+    moves = is_fast and (per_mps is None or initial * per_mps >= _SLOWEST_MPS)
+    at_start, at_most = _by_axis(np.abs(start).max(axis=1), per_mps), _by_axis(motion[1], per_mps)
+    # whether half of the nodes set out along another axis, too; of a wheel's, not all do
+    middle = np.median(np.abs(start), axis=1)
+    is_aslant = bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
+    if travel is None and (not moves or is_aslant):
+        expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
+        advice = "choose the run of a vehicle in its own axes, or give axis and speed (--travel, --speed-kph)"
+        raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
+    if travel is not None:
+        if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
+            expected = f"nodes that move along {travel}, as given"
+            raise DataError(Problem(source, expected, f"at most {at_most}", "check the direction (--travel)"))
+        if moves and found != travel:
+            advice = f"check the direction (--travel {found})"
+            raise DataError(Problem(source, f"nodes that set out along {travel}", f"along {found}", advice))
+    sentence = f"Travel along {travel or found}, {'as the nodes set out' if travel is None else 'given by the user'}."
+    if is_aslant:
+        sentence = f"Careful: travel along {travel}, given by the user, but nodes set out at {at_start} at most."
     if not moves:
-        return None, f"nodes at rest along {AXES[axis_of_travel(start, travel)]} at the start", sentence
+        return None, f"nodes at rest along {AXES[axis]} at the start", sentence
     if per_mps is None or not np.isfinite(initial):
         return None, f"a {units_sentence[0].lower()}{units_sentence[1:].rstrip('.')}", sentence
     return initial * per_mps, "", sentence
 
 
+def _by_axis(speeds: FloatArray, per_mps: float | None) -> str:
+    scaled = (speeds * (per_mps or 1.0)).tolist()
+    speeds_text = ", ".join(f"{axis} {speed:.3g}" for axis, speed in zip(AXES, scaled, strict=True))
+    return f"{speeds_text} {'in the unit of the file' if per_mps is None else 'm/s'}"
+
+
 def vehicle_mass_kg(mass: float) -> float | None:
     """A mass in kg if it is that of a vehicle in t, kg or g; its size tells which."""
     return next((kg for unit in (1.0, 1e3, 1e-3) if 300 <= (kg := mass * unit) <= 60_000), None)
+
+
+def run_record(
+    run_id: str,
+    source: str,
+    nodes: Sequence[History],
+    proposed: Sequence[History],
+    units: Units,
+    speed_or_why: tuple[float | None, str],
+    mass_and_source: tuple[float | None, str],
+    quality: RunQuality,
+    steps: Sequence[str],
+) -> Record:
+    """The record of a run: its nodes as channels, and what its quantities add to the steps."""
+    per_second, unit, _ = units
+    (speed_mps, no_speed), (mass_kg, mass_of) = speed_or_why, mass_and_source
+    told = list(steps)
+    if any(map(is_aliased, proposed)):
+        told.append("Accelerations that do not add up to the velocities are taken from the velocities.")
+    if speed_mps is not None:
+        told.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
+    if mass_kg is not None:
+        told.append(Sentence(f"Mass {{}}, {mass_of}.", weight(mass_kg)))
+    values = [getattr(quality, name) for name in QUALITIES]
+    shares = [
+        f"{label} not recorded" if value is None else f"{label} {number(100 * value, '.3g')} % of {whole}"
+        for label, value, whole in zip(QUALITIES.values(), values, _SHARE_OF, strict=True)
+    ]
+    told.append(f"Run quality: {', '.join(shares)}.")
+    channels = []
+    for node in nodes:
+        accel = np.gradient(node.velocity, node.time) if is_aliased(node) else node.acceleration
+        label = node.title or ("rigid body" if node.name.startswith("body") else "node")
+        channels.append(RecordedChannel(node.name, label, per_second * node.time, accel, unit))
+    names = tuple(node.name for node in proposed)
+    condition = PartialCondition(speed_mps, mass_kg)
+    return Record(run_id, source, condition, tuple(channels), names, tuple(told), no_speed=no_speed, quality=quality)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -278,23 +263,6 @@ class Energies:
         if not np.isfinite(change).all():
             return None
         return float(change[np.abs(change).argmax()] / self.total[0])
-
-
-def complete_quality(quality: RunQuality, by: RunQuality) -> RunQuality:
-    """Quality with what is not recorded taken from another source."""
-    pairs = {name: (getattr(quality, name), getattr(by, name)) for name in QUALITIES}
-    return RunQuality(**{name: other if value is None else value for name, (value, other) in pairs.items()})
-
-
-def quality_sentence(quality: RunQuality, source: str) -> str:
-    """What a source says of a run."""
-    parts = [
-        f"{QUALITIES[name]} {number(100 * value, '.3g')} % of {of}"
-        if (value := getattr(quality, name)) is not None
-        else f"{QUALITIES[name]} not recorded"
-        for name, of in _OF.items()
-    ]
-    return f"Run quality ({source}): {', '.join(parts)}."
 
 
 def _largest(values: FloatArray | None) -> float | None:

@@ -12,13 +12,12 @@ from crashfuse.readers.format import AXES
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
 from crashfuse.signals.pulse import FloatArray
 
+# reasons why an acceleration is not the pulse
 ColumnRole = Literal[
     "id", "time", "acceleration", "speed", "mass", "front_weight", "rear_weight", "front_share", "factor", "ignored"
-]
-"""The roles of a column."""
+]  # the roles of a column
 
-OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's, not the vehicle's", "a limit, no signal"
-"""Reasons why an acceleration is not the pulse."""
+OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's", "a limit, no signal"
 _LIMIT = re.compile(r"(upper|lower|ober\w*|unter\w*)( (bound|limit|band|grenze|schranke))?")
 _WORDS: dict[ColumnRole, str] = {
     "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"
@@ -91,10 +90,7 @@ class ColumnUse:
 
 
 def use_of(column: str, unit_cell: str) -> ColumnUse:
-    """The role of a column according to its header and the cell below it in a row of units.
-
-    A column that is not recognised is ignored, without a reason.
-    """
+    """The role of a column by its header and the cell below it in a row of units; unrecognised, without a reason."""
     unit = _name_and_unit(column, unit_cell)[1]
     plain, code = place_of(column), _code_of(column)
     why = f"its unit is {unit}" if unit else "its name says so"
@@ -126,13 +122,12 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
 
 def _acceleration(use: ColumnUse, plain: str, unit_cell: str) -> ColumnUse:
     other = _other_unit(use.column, unit_cell)
-    if why_not := why_not_the_vehicle(use.column):
-        return ColumnUse(use.column, "ignored", use.unit, why_not)
-    if _LIMIT.fullmatch(plain) or names_a_parameter(plain):
-        return ColumnUse(use.column, "ignored", use.unit, A_LIMIT)
-    if use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
-        return ColumnUse(use.column, "ignored", None, f"its unit is {other}")
-    return use
+    why_not = why_not_the_vehicle(use.column)
+    if not why_not and (_LIMIT.fullmatch(plain) or names_a_parameter(plain)):
+        why_not = A_LIMIT
+    if not why_not and use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
+        why_not = f"its unit is {other}"
+    return ColumnUse(use.column, "ignored", use.unit, why_not) if why_not else use
 
 
 def why_no_acceleration(column: str, unit_cell: str) -> str:
@@ -146,7 +141,7 @@ def why_no_acceleration(column: str, unit_cell: str) -> str:
 
 
 def why_not_the_vehicle(name: str) -> str:
-    """The reason why the acceleration of this name, or below this title, is not the vehicle's along X; else empty."""
+    """Why the acceleration of this name or title is not the vehicle's along X; else empty."""
     code = _code_of(name)
     if _OTHER_AXIS.fullmatch(place_of(name)) or (code and not code.is_along_x):
         return OTHER_DIRECTION
@@ -154,7 +149,7 @@ def why_not_the_vehicle(name: str) -> str:
 
 
 def names_a_dummy(column: str) -> bool:
-    """Whether a header names a dummy or a part of it, also as one of several words written as one."""
+    """Whether a header names a dummy or a part of it."""
     return any(_DUMMY.search(place_of(spelling)) for spelling in (column, _HUMP.sub(" ", column)))
 
 
@@ -194,14 +189,14 @@ def _code_of(column: str) -> ChannelCode | None:
 
 
 def place_of(column: str) -> str:
-    """The sensor location: a header's plain words without unit and filter, equal for raw and filtered signals."""
+    """The plain words of a header without unit and filter, equal for raw and filtered signals."""
     if (code := _code_of(column)) is not None:
         return code.sensor.lower()
     return " ".join(_FILTER.sub("", _plain(bare_name(column))).split())
 
 
 def is_ahead(column: str) -> bool:
-    """Whether a header names a part ahead of the passenger cell, which stops before the vehicle does."""
+    """Whether it names a part ahead of the passenger cell, which stops first."""
     return _AHEAD.search(place_of(column)) is not None
 
 
@@ -218,7 +213,7 @@ def filter_order(column: str) -> float:
 
 
 def likelihood(column: str) -> tuple[int, bool, int, bool, float]:
-    """Sort key of accelerations, the likeliest pulse first: by its code's place, by words, the least filtered first."""
+    """Sort key of accelerations, the likeliest pulse first."""
     code = _code_of(column)
     by_code = (UNPLACED, False, 0) if code is None else code.order
     return *by_code, _OF_THE_VEHICLE.search(_plain(column)) is None, filter_order(column)
@@ -265,29 +260,20 @@ def exchange_axes(header: str, axis: str) -> str:
 def axis_by_motion(
     accelerations: Mapping[str, tuple[str, ...]], values: Callable[[str], FloatArray]
 ) -> tuple[str, str]:
-    """The axis of travel, by the changes of velocity, and a sentence if it is not plainly x.
-
-    ``accelerations`` are columns by the axis that their headers name, ``values`` gives the numbers of a column.
-    """
+    """The axis of travel, of columns by the axis that their headers name, and a sentence if it is not plainly x."""
     if set(accelerations) <= {"x"}:
         return "x", ""
-    gains = {
-        axis: float(np.median([_gain(values(column)) for column in columns])) for axis, columns in accelerations.items()
-    }
-    best = max(gains, key=gains.__getitem__)
-    if "x" not in gains:
-        return best, f"Careful: travel along {best}; no column is along x. Give --travel if that is wrong."
-    if best == "x" or not gains[best] > _MANY_TIMES * gains["x"]:
+    gains = {"x": 0.0}
+    for axis, columns in accelerations.items():
+        gains[axis] = float(np.median([_gain(values(column)) for column in columns]))
+    best = max(accelerations, key=gains.__getitem__)
+    if best == "x" or ("x" in accelerations and not gains[best] > _MANY_TIMES * gains["x"]):
         return "x", ""
-    times = f"{gains[best] / gains['x']:.3g} times that along x" if gains["x"] > 0 else "while it is none along x"
-    return best, f"Careful: travel along {best}, by its change of velocity, {times}. Give --travel if that is wrong."
+    return best, f"Careful: travel along {best}, by the change of velocity. Give --travel if that is wrong."
 
 
 def _gain(values: FloatArray) -> float:
-    """The largest change of velocity in either direction, of samples at even times.
-
-    Gravity or an offset that is there from the beginning is no motion, and neither is what is small beside the peak.
-    """
+    """The largest change of velocity, without an offset from the beginning and what is small."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return 0.0

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -51,7 +51,7 @@ _FEWEST_NUMBERS = 10  # numbers of each kind needed to tell thousands separators
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """The roles of all columns of a sheet, in order, and what has to be told of the direction of travel."""
+    """The roles of all columns of a sheet, in order, and a sentence on the direction of travel."""
 
     uses: tuple[ColumnUse, ...]
     travel: str = ""
@@ -62,60 +62,45 @@ class Mapping:
 
     @property
     def kind(self) -> Literal["pulses", "conditions", "neither"]:
-        """The content of the sheet: pulses if it has a time, else conditions if it has a speed or a weight."""
+        """Pulses if it has a time, else conditions if it has a speed or a weight."""
         if self.of("time") and self.of("acceleration"):
             return "pulses"
         return "conditions" if any(self.of(role) for role in _OF_CONDITIONS) else "neither"
 
     def overruled(self, column: str, role: ColumnRole, unit: str | None = None) -> "Mapping":
-        """Return the mapping with one column assigned by the user; its unit is kept if it still fits.
-
-        A UsageError says that there is no such column, role, or unit.
-        """
-        if column not in [use.column for use in self.uses]:
-            have = ", ".join(printable(use.column, 40) for use in self.uses[:20])
-            raise UsageError(f"There is no column {column!r}; there are {have}.")
-        if role not in get_args(ColumnRole):
-            raise UsageError(f"A column can be {', '.join(get_args(ColumnRole))}, not {role!r}.")
+        """The mapping with a column assigned by the user, its unit kept if it fits; a UsageError for an unfit unit."""
         quantity = QUANTITIES.get(role)
+        units = {} if quantity is None else UNITS[quantity]
         named = None if unit is None or quantity is None else unit_named(unit, quantity)
         if unit is not None and named is None:
-            units = "no unit" if quantity is None else ", ".join(UNITS[quantity])
-            raise UsageError(f"A column that is {role} has {units}, not {unit!r}.")
+            raise UsageError(f"A column that is {role} has {', '.join(units) or 'no unit'}, not {unit!r}.")
 
         def changed(use: ColumnUse) -> ColumnUse:
             if use.column != column:
                 return use
-            kept = use.unit if quantity is not None and use.unit in UNITS[quantity] else None
-            return ColumnUse(column, role, named or kept, "chosen by the user")
+            return ColumnUse(column, role, named or (use.unit if use.unit in units else None), "chosen by the user")
 
         return replace(self, uses=tuple(map(changed, self.uses)))
 
 
 def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
-    """Propose the role of each column from its header, its unit, and the other columns of the sheet.
-
-    An unrecognised column is ignored in a table with a time, and a factor in a table of conditions. If several columns
-    could be one quantity, all of them are proposed, and rejected on reading. The direction of travel, if it is not
-    given, is along x unless the change of velocity along another axis says otherwise.
-    """
+    """Propose the role of each column; travel is along x unless given or told by the change of velocity."""
     if travel is not None:
         return replace(_along(sheet, travel[-1]), travel=f"Travel along {travel}, given by the user.")
     plain = _along(sheet, "x")
     if plain.kind == "conditions":
         return plain
     of_x = {use.column for use in plain.of("acceleration")}
-    by_axis = {"x": plain} | {
-        axis: _along(sheet, axis)
-        for axis in "yz"
-        if any(exchange_axes(name, axis) != name for name in (*sheet.columns, *sheet.titles))
-    }
-    columns = {
-        axis: tuple(use.column for use in found.of("acceleration") if axis == "x" or use.column not in of_x)
-        for axis, found in by_axis.items()
-        if found.kind == "pulses"
-    }
-    axis, travels = axis_by_motion({axis: names for axis, names in columns.items() if names}, sheet.parsed)
+    by_axis = {"x": plain}
+    for axis in "yz":
+        if any(exchange_axes(name, axis) != name for name in (*sheet.columns, *sheet.titles)):
+            by_axis[axis] = _along(sheet, axis)
+    columns = {}
+    for axis, found in by_axis.items():
+        names = tuple(use.column for use in found.of("acceleration") if axis == "x" or use.column not in of_x)
+        if names and found.kind == "pulses":
+            columns[axis] = names
+    axis, travels = axis_by_motion(columns, sheet.parsed)
     return replace(by_axis[axis], travel=travels)
 
 
@@ -126,7 +111,9 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
         for column, unit in zip(sheet.columns, sheet.units, strict=True)
     ]
     if not any(use.role in _OF_CONDITIONS for use in uses):
-        uses = [_unless_it_counts(sample, use) for use in uses]
+        for place, use in enumerate(uses):
+            if (use.is_unknown or use.role == "id") and numbers_rows(sample.column(use.column)):
+                uses[place] = ColumnUse(use.column, "ignored", None, "it numbers the rows")
     times = _clocks(sample, uses)
     if not times:
         return Mapping(tuple(_of_conditions(uses)))
@@ -141,13 +128,8 @@ def _along(sheet: Sheet, axis: str) -> Mapping:
     return Mapping(tuple(_of_pulses(uses, times)))
 
 
-def _unless_it_counts(sample: Sheet, use: ColumnUse) -> ColumnUse:
-    is_count = (use.is_unknown or use.role == "id") and numbers_rows(sample.column(use.column))
-    return ColumnUse(use.column, "ignored", None, "it numbers the rows") if is_count else use
-
-
 def _beside_clock(sheet: Sheet, sample: Sheet, use: ColumnUse, unit_cell: str, axis: str) -> ColumnUse:
-    """The use of a column beside the time, if it has numbers; the title above tells what its name does not."""
+    """The title above tells what a column's name does not."""
     if not use.is_unknown and use.role != "acceleration":
         return use
     begun = next((part for part in (sample, sheet) if part.filled(use.column)), None)
@@ -207,7 +189,11 @@ def _runs_evenly(values: FloatArray) -> bool:
 
 def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUse]:
     least_filtered: dict[tuple[str, str], ColumnUse] = {}
-    clock_of = _clock_of([use.column for use in uses], times)
+    # the time of each column: the nearest to its left; none for columns before the first of several
+    clock_of, clock = {}, times[0] if len(times) == 1 else ""
+    for use in uses:
+        clock = use.column if use.column in times else clock
+        clock_of[use.column] = clock
     by_filter = sorted((use for use in uses if use.role == "acceleration"), key=lambda use: filter_order(use.column))
     for use in by_filter:
         least_filtered.setdefault((clock_of[use.column], place_of(use.column)), use)
@@ -229,15 +215,6 @@ def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUs
     return settled
 
 
-def _clock_of(columns: Sequence[str], times: Sequence[str]) -> dict[str, str]:
-    """The time column of each column: the nearest to its left; none for columns before the first of several."""
-    clocks, clock = {}, times[0] if len(times) == 1 else ""
-    for column in columns:
-        clock = column if column in times else clock
-        clocks[column] = clock
-    return clocks
-
-
 def _of_conditions(uses: Sequence[ColumnUse]) -> list[ColumnUse]:
     settled: list[ColumnUse] = []
     for use in uses:
@@ -252,12 +229,7 @@ def _of_conditions(uses: Sequence[ColumnUse]) -> list[ColumnUse]:
 
 
 def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: bool = False) -> tuple[Record, ...]:
-    """Read the records of a sheet of pulses: one per id if there is an id column.
-
-    ``record_id`` is the id for a sheet with a single pulse; ``together``, several columns are channels of one record,
-    by default each is a record. A DataError says that there is not one time with at least one acceleration, that a cell
-    is not a number, or that the rows are of several records without ids.
-    """
+    """The records of a sheet of pulses: one per id, else one per column, or of all columns ``together``."""
     times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
     wanted: dict[ColumnRole, bool] = {"time": len(times) == 1, "acceleration": bool(accelerations), "id": len(ids) <= 1}
     if not all(wanted.values()):
@@ -265,26 +237,33 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     time, time_steps = _seconds(sheet, times[0])
     values = {use.column: _decimal(sheet, use.column) for use in accelerations}
 
+    others = [f"{printable(use.column, 60)} ({use.why})" for use in mapping.of("ignored") if use.why]
+    more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
+    left_out = f"Left out: {', '.join(others[:_LISTED])}{more}." if others else ""
+    is_dummy = names_a_dummy(sheet.name.partition(": ")[2] or sheet.name)
+    doubt = f"Careful: by the name of {sheet.name} it is a dummy's." if is_dummy else ""
+
     def channel(use: ColumnUse, rows: _Rows) -> RecordedChannel:
         column, unit = use.column, use.unit if use.unit in UNITS["acceleration"] else None
         kept = rows[np.isfinite(values[column][rows])]
-        _check_duplicates(sheet, times[0], time, kept)
+        _refuse_duplicates(sheet, times[0], time, kept)
         origin, accel = _origin(sheet, column), values[column][kept]
         return RecordedChannel(column, bare_name(column), time[kept], accel, unit, cutoff_of(column), origin=origin)
 
     def record(name: str, uses: tuple[ColumnUse, ...], rows: _Rows) -> Record:
         channels = {use.column: channel(use, rows) for use in uses}
         averaged, why = proposal(channels, _behind)
-        by_name = names_a_dummy(sheet.name.partition(": ")[2] or sheet.name)
-        doubt = f"Careful: by the name of {sheet.name} it is a dummy's." if by_name else ""
-        notes = filter(None, (_left_out(mapping), mapping.travel, doubt, *why))
+        notes = filter(None, (left_out, mapping.travel, doubt, *why))
         steps = (*sheet.steps, *_role_sentences((*times, *ids, *uses)), *notes, *time_steps)
         return Record(name, sheet.name, PartialCondition(), tuple(channels.values()), averaged, steps)
 
     rows = np.flatnonzero(np.isfinite(time))
     if ids:
-        return tuple(record(name, accelerations, of) for name, of in _groups(sheet.text(ids[0].column), rows))
-    _check_order(sheet, times[0], time, rows)
+        names, groups = sheet.text(ids[0].column), dict[str, list[int]]()
+        for row in rows.tolist():
+            groups.setdefault(names[row], []).append(row)
+        return tuple(record(name, accelerations, np.array(of)) for name, of in groups.items() if name)
+    _refuse_disorder(sheet, times[0], time, rows)
     if together or len(accelerations) == 1:
         return (record(record_id, accelerations, rows),)
     return tuple(record(bare_name(use.column), (use,), rows) for use in accelerations)
@@ -297,14 +276,7 @@ def _behind(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
     return behind or tuple(ahead), left if ahead and behind else ""
 
 
-def _left_out(mapping: Mapping) -> str:
-    others = [f"{printable(use.column, 60)} ({use.why})" for use in mapping.of("ignored") if use.why]
-    more = f" and {len(others) - _LISTED} more" if len(others) > _LISTED else ""
-    return f"Left out: {', '.join(others[:_LISTED])}{more}." if others else ""
-
-
 def _origin(sheet: Sheet, column: str) -> str:
-    """What says that it was not measured: the lines above, the columns that our predictions have, its name or title."""
     if "approach" in sheet.columns or {"lower_g", "upper_g"} <= set(sheet.columns):
         return "prediction"
     names = set(map(bare_name, sheet.columns))
@@ -321,17 +293,16 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     if len(ids) != 1:
         raise DataError(_one_column(sheet, "id", ids))
     if len(sheet.cells) > MOST_ROWS:
-        expected, found = f"conditions in at most {MOST_ROWS:,} rows", f"{len(sheet.cells):,}"
-        raise DataError(Problem(sheet.name, expected, found, "leave out what is not needed"))
+        expected = f"conditions in at most {MOST_ROWS:,} rows"
+        raise DataError(Problem(sheet.name, expected, "more", "leave out what is not needed"))
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
     if times != 1:
         found = f"{printable(name, 40)!r} {times} times" if times else "none"
         raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
-    roles: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
     values: dict[ColumnRole, FloatArray | None] = {}
     problems: list[Problem] = []
-    for role in (*roles, "front_share"):
+    for role in (*_OF_CONDITIONS, "front_share"):
         with collecting(problems):
             values[role] = _quantity(sheet, mapping, role)
     if problems:
@@ -357,11 +328,12 @@ def mapping_steps(mapping: Mapping) -> tuple[str, ...]:
 
 def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
     have = ", ".join(printable(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
-    return Problem(sheet.name, f"one column that is the {role}", have, "map the columns (--column COLUMN=ROLE:UNIT)")
+    advice = "map the columns (--column COLUMN=ROLE:UNIT, of others COLUMN=factor)"
+    return Problem(sheet.name, f"one column that is the {role}", have, advice)
 
 
 def _decimal(sheet: Sheet, column: str) -> FloatArray:
-    """The numbers of a column; reject thousands separators (``-441.234`` among ``119``, never ``-44.1``: −441 234)."""
+    """A DataError for thousands separators: ``-441.234`` among ``119``, never ``-44.1``."""
     numbers = sheet.numbers(column)
     finite = numbers[np.isfinite(numbers)]
     broken = finite[finite != np.round(finite)]
@@ -370,31 +342,30 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
         cells = [cell for cell in sheet.text(column) if cell]
         grouped = re.compile(rf"[-+]?\d{{1,3}}({re.escape(sheet.decimal)}\d{{3}})?")
         if all(map(grouped.fullmatch, cells)):
-            found = f"numbers such as {next(cell for cell in cells if sheet.decimal in cell)} among whole ones"
-            advice = "these are thousands separators; export without them"
-            raise DataError(Problem(sheet.name, "a decimal sign that is one", found, advice, printable(column)))
+            found = f"thousands separators, as in {next(cell for cell in cells if sheet.decimal in cell)}"
+            raise DataError(Problem(sheet.name, "decimal signs", found, "export without them", printable(column)))
     return numbers
 
 
-def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
-    """Raise a DataError if time decreases: without ids, the rows may be several records one below the other."""
+def _refuse_disorder(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
     back = np.flatnonzero(np.diff(time[rows]) < 0)
     if back.size:
-        before, after = (sheet.text(use.column)[row] for row in rows[back[0] : back[0] + 2].tolist())
-        expected, found = "time that increases from row to row", f"{printable(after, 20)} after {printable(before, 20)}"
         advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"
-        row = int(rows[back[0] + 1]) + sheet.first_row
-        raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), row))
+        raise _misplaced(sheet, use, "time that increases from row to row", rows[back[0] : back[0] + 2], advice)
 
 
-def _check_duplicates(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
+def _refuse_duplicates(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
     twice = np.flatnonzero(np.diff(time[rows]) == 0)
     if twice.size:
-        first, second = rows[twice[0] : twice[0] + 2].tolist()
-        found = f"duplicate times: {printable(sheet.text(use.column)[first], 20)} in row {first + sheet.first_row} too"
-        found += f", and {twice.size - 1} more" if twice.size > 1 else ""
-        expected, advice = "each time once", "delete the duplicates, or export time with more digits"
-        raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), second + sheet.first_row))
+        advice = f"delete the duplicates ({twice.size} in all), or export time with more digits"
+        raise _misplaced(sheet, use, "each time once", rows[twice[0] : twice[0] + 2], advice)
+
+
+def _misplaced(sheet: Sheet, use: ColumnUse, expected: str, pair: _Rows, advice: str) -> DataError:
+    texts = sheet.text(use.column)
+    before, after = (printable(texts[row], 20) for row in pair.tolist())
+    row, column = int(pair[1]) + sheet.first_row, printable(use.column)
+    return DataError(Problem(sheet.name, expected, f"{after} after {before}", advice, column, row))
 
 
 def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:
@@ -411,9 +382,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     if not uses:
         return None
     if len(uses) > 1:
-        found = " and ".join(printable(use.column, 40) for use in uses)
-        advice = "say which one it is by mapping the others (--column COLUMN=factor)"
-        raise DataError(Problem(sheet.name, f"one column that is the {role}", found, advice))
+        raise DataError(_one_column(sheet, role, uses))
     use, quantity = uses[0], QUANTITIES[role]
     values = sheet.numbers(use.column)
     if quantity == "share" and use.unit != "1":  # Excel keeps 58 % as 0.58
@@ -424,16 +393,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     raise DataError(Problem(sheet.name, expected, "none", "give its unit (--column COLUMN=ROLE:UNIT)", use.column))
 
 
-def _groups(names: list[str], rows: _Rows) -> Iterator[tuple[str, _Rows]]:
-    groups: dict[str, list[int]] = {}
-    for row in rows.tolist():
-        groups.setdefault(names[row], []).append(row)
-    yield from ((name, np.array(indices)) for name, indices in groups.items() if name)
-
-
 def _role_sentences(uses: Iterable[ColumnUse]) -> Iterator[str]:
     for (role, unit, why), alike in groupby(uses, lambda use: (use.role, use.unit, use.why)):
-        names = [printable(use.column, 60) for use in alike]
-        columns = f"{'Each of the columns' if len(names) > 1 else 'Column'} {read_out(names)}"
-        in_unit = f" in {unit}" if unit else ""
-        yield f"{columns} is the {role.replace('_', ' ')}{in_unit}: {why}."
+        names = read_out([printable(use.column, 60) for use in alike])
+        yield f"Read as {role.replace('_', ' ')}{f' in {unit}' if unit else ''}: {names} ({why})."

@@ -2,9 +2,8 @@
 
 The data start where the numbers start. The row above them is the header, or a row of units with the header above it.
 
-A workbook (Excel 2007 and later) is an untrusted zip of XML. Before it is parsed, its true size is counted, and so are
-its elements, each of which takes many times its bytes; while it is parsed, rows and cells count by their positions,
-empty ones too.
+A workbook (Excel 2007 and later) is an untrusted zip of XML. Its size and its elements, each of which takes many times
+its bytes, are counted before it is parsed; its rows and cells while it is, by their positions, empty ones too.
 """
 
 import re
@@ -14,7 +13,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
-from xml.parsers import expat
+from typing import NamedTuple
 from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
@@ -27,11 +26,9 @@ from crashfuse.readers.table_headers import use_of
 from crashfuse.readers.vocabulary import statement_of_simulation, unit_named
 from crashfuse.signals.pulse import FloatArray
 
-SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)
-"""Size limits of a table."""
+SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)  # size limits of a table
 
-SAMPLE = 400
-"""Rows examined to detect the layout of a table."""
+SAMPLE = 400  # rows examined to detect the layout of a table
 
 _MOST_COLUMNS, _LONGEST_HEADER, _LONGEST_PREAMBLE = 2000, 200, 200
 _RUN = 5  # rows of data
@@ -39,8 +36,7 @@ _MOST = 0.9
 _GROUPED = {
     ".": r"[-+]?\d{1,3}(?:(?:,\d{3})+\.\d+|(?:,\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:\.\d+)?)",
     ",": r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:\.\d{3}){2,}|(?:['’ \u00a0\u202f]\d{3})+(?:,\d+)?)",
-}
-"""Numbers with thousands separators that can be nothing else, by the decimal sign."""
+}  # numbers with thousands separators that can be nothing else, by the decimal sign
 _NUMBER = {
     sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)}\d+)([eE][-+]?\d+)?|{grouped}")
     for sign, grouped in _GROUPED.items()
@@ -50,6 +46,7 @@ _MOST_CELLS, _MOST_CELLS_IN_ALL, _MOST_SHEETS = 500_000, 2_000_000, 500  # of a 
 _MOST_MARKS = {"xl/worksheets/": 4_000_000, "": 500_000}  # angle brackets, or equality signs, in a part
 _LONGEST_TAG = 50_000  # bytes; a parser that waits for its end begins anew with each block
 _ENDLESS = re.compile(rb"<[^<>]{%d}" % _LONGEST_TAG)
+_FOREIGN = re.compile(rb"""<!DOCTYPE|\0|<\?xml[^>]*encoding\s*=\s*["'](?!utf-8|us-ascii)""", re.IGNORECASE)
 _AGAIN = "save it again as .xlsx or CSV"
 _NO_VALUE = re.compile(rb"<f\b[^<]*(?:/>|</f>)\s*(?:</c>|<v\s*/>|<v></v>)")
 
@@ -74,13 +71,6 @@ class Sheet:
         rows = (self.columns, self.units, self.titles)
         columns, units, titles = (tuple(row[number] for number in numbers) for row in rows)
         return replace(self, columns=columns, units=units, titles=titles, cells=self.cells.iloc[:, list(numbers)])
-
-    @property
-    def layout(self) -> str:
-        """A sentence on where the data begin, and on the columns."""
-        row_of_units = ", a row of units" if any(self.units) else ""
-        names = ", ".join(printable(name, 40) for name in self.columns[:12]) + (" …" if len(self.columns) > 12 else "")
-        return f"Data from row {self.first_row}{row_of_units}, columns: {names}."
 
     def column(self, name: str) -> pd.Series:
         """The cells of a column."""
@@ -123,16 +113,13 @@ class Sheet:
         wrong = np.flatnonzero(~np.isfinite(numbers) & ~cells.str.lower().isin(["", "nan"]).to_numpy())
         if wrong.size:
             row = int(wrong[0])
-            cell = cells.iloc[row]
-            found, advice = repr(printable(cell, 40)), "correct the cell, or map the column otherwise"
-            if re.fullmatch(_GROUPED[self.decimal], cell):
-                found, advice = f"{found}, with thousands separators", "export without them"
+            found = repr(printable(cells.iloc[row], 40))
+            advice = "correct the cell (export without thousands separators), or map the column otherwise"
             raise DataError(Problem(self.name, "a number", found, advice, printable(column), row + self.first_row))
         return numbers
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(NamedTuple):
     """The row of a grid where the data start (from 0), and the headers, units and titles above it."""
 
     begin: int
@@ -163,11 +150,7 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
 
 
 def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form: str) -> Sheet:
-    """A sheet with this header; the sentences in ``form`` become its first steps.
-
-    Left out are columns without header and content, as a delimiter at the end of each row makes them, and a first one
-    that numbers the rows.
-    """
+    """A sheet without idle columns and row numbers; the sentences in ``form`` become its first steps."""
     unnamed = [not title and is_unnamed(column) for column, title in zip(header.columns, header.titles, strict=True)]
     numbered = unnamed[0] and not all(unnamed) and numbers_rows(cells.iloc[:SAMPLE, 0])
 
@@ -177,8 +160,11 @@ def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form
     kept = [number for number in range(len(unnamed)) if not is_idle(number)]
     sheet = Sheet(name, header.columns, header.units, cells, decimal, header.begin + 1, titles=header.titles)
     sheet = sheet.of_columns(kept)
+    row_of_units = ", a row of units" if any(sheet.units) else ""
+    names = ", ".join(printable(name, 40) for name in sheet.columns[:12]) + (" …" if len(sheet.columns) > 12 else "")
+    layout = f"Data from row {sheet.first_row}{row_of_units}, columns: {names}."
     left_out = ["Left out: the first column, which numbers the rows."] if numbered else []
-    return replace(sheet, steps=(*form, sheet.layout, *left_out))
+    return replace(sheet, steps=(*form, layout, *left_out))
 
 
 def numbers_rows(cells: pd.Series) -> bool:
@@ -216,39 +202,34 @@ def _aligned(names: list[str], data: Sequence[Sequence[str]], decimal: str, name
     if all(increases(number + 1) for number in clocks) and (clocks or has_row_names or increases(0)):
         return ["", *names]
     found = f"{len(names)} names above {len(names) + 1} columns of numbers"
-    raise DataError(Problem(name, "a name for each column", found, "name all columns, or leave out what has no name"))
+    raise DataError(Problem(name, "a name for each column", found, "name all columns"))
 
 
-def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
-    """The first row of the largest and widest block of rows with at least half of their cells numbers, else with any.
-
-    Blocks before it are a preamble with numbers, unless only a remark or a gap in the data separates them from it.
-    """
-    for least in (0.5, 1e-9):
-        if blocks := _blocks(grid, decimal, least):
-            most = max(blocks, key=lambda block: block.numbers * len(block.numeric))
-            begin = next(block.begin for block in blocks if block is most or block.goes_on_in(most, grid))
-            return begin + (use_of(grid[begin][0], "").role == "time")  # a header whose other names are numbers
-    return None
-
-
-@dataclass(frozen=True, slots=True)
-class _Block:
-    """Consecutive rows with numbers; ``numeric`` marks the columns where most cells are numbers."""
-
+class _Block(NamedTuple):
     begin: int
     end: int
     numbers: int
     numeric: tuple[bool, ...]
 
-    def goes_on_in(self, other: "_Block", grid: Sequence[Sequence[str]]) -> bool:
-        width = len(other.numeric)
-        between = [sum(map(bool, row)) for row in grid[self.end : other.begin]]
-        return self.numeric == other.numeric or (len(self.numeric) == width and max(between) < width - 1)
+
+def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
+    """Of the largest and widest block of rows with numbers; a remark or a gap in the data does not end it."""
+    blocks = _blocks(grid, decimal, 0.5) or _blocks(grid, decimal, 1e-9)
+    if not blocks:
+        return None
+    most = max(blocks, key=lambda block: block.numbers * len(block.numeric))
+    width = len(most.numeric)
+
+    def goes_on(block: _Block) -> bool:
+        between = [sum(map(bool, row)) for row in grid[block.end : most.begin]]
+        return block.numeric == most.numeric or (len(block.numeric) == width and max(between) < width - 1)
+
+    begin = next(block.begin for block in blocks if block is most or goes_on(block))
+    return begin + (use_of(grid[begin][0], "").role == "time")  # a header whose other names are numbers
 
 
 def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
-    """The blocks of at least five rows, or fewer at the end of the grid; rows with gaps in them are part of a block."""
+    """Of at least five rows, or fewer at the end of the grid; rows with gaps are part of a block."""
     found: list[_Block] = []
     rows: list[list[bool | None]] = []
     begin: int | None = None
@@ -305,11 +286,6 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
     with path.open("rb") as stream:
         budget = Budget(limits, path.stat().st_size)
         uncalculated = [_examined(member, budget) for member in zip_members(stream, path.name, limits)]
-    with warnings.catch_warnings(action="ignore"):  # what openpyxl leaves out is no table
-        return _sheets(path, calculated=not any(uncalculated))
-
-
-def _sheets(path: Path, *, calculated: bool) -> tuple[Sheet, ...]:
     try:
         from openpyxl import load_workbook
     except ImportError:
@@ -318,76 +294,55 @@ def _sheets(path: Path, *, calculated: bool) -> tuple[Sheet, ...]:
     problems: list[Problem] = []
     found, cells = list[Sheet](), 0
     try:
-        with closing(load_workbook(path, read_only=True, data_only=True)) as book:
-            if len(book.worksheets) > _MOST_SHEETS:
-                expected, advice = f"at most {_MOST_SHEETS} sheets", "leave out the others"
-                raise DataError(Problem(path.name, expected, f"{len(book.worksheets)}", advice))
-            shown_sheets = [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"]
-            hidden = [printable(sheet.title, 40) for sheet in book.worksheets if sheet not in shown_sheets]
-            for sheet in shown_sheets:
-                name = path.name if len(book.worksheets) == 1 else f"{path.name}: {printable(sheet.title)}"
+        with (
+            warnings.catch_warnings(action="ignore"),  # what openpyxl leaves out is no table
+            closing(load_workbook(path, read_only=True, data_only=True)) as book,
+        ):
+            sheets = book.worksheets
+            if len(sheets) > _MOST_SHEETS:
+                expected = f"at most {_MOST_SHEETS} sheets"
+                raise DataError(Problem(path.name, expected, f"{len(sheets)}", "leave out the others"))
+            hidden = [printable(sheet.title, 40) for sheet in sheets if sheet.sheet_state != "visible"]
+            for sheet in sheets:
+                if sheet.sheet_state != "visible":
+                    continue
+                name = path.name if len(sheets) == 1 else f"{path.name}: {printable(sheet.title)}"
                 sheet.reset_dimensions()  # what the file declares may be far more than it holds
                 rows = _grid(sheet.iter_rows(values_only=True), name, min(_MOST_CELLS, _MOST_CELLS_IN_ALL - cells))
                 cells += sum(map(len, rows))
-                if any(any(row) for row in rows):
-                    try:
-                        found.append(_grid_sheet(rows, name, hidden))
-                    except DataError as error:
-                        problems.extend(_explained(problem, rows, calculated=calculated) for problem in error.problems)
+                try:
+                    found += [_grid_sheet(rows, name, hidden)] if any(map(any, rows)) else []
+                except DataError as error:
+                    problems += [_explained(problem, rows, uncalculated) for problem in error.problems]
     except (BadZipFile, KeyError, ValueError, TypeError, AttributeError, IndexError, SyntaxError, OSError) as error:
         reason = printable(" ".join(str(error).split()), 150) or type(error).__name__
         raise DataError(Problem(path.name, "a sound workbook", reason, _AGAIN)) from None
     if not found:
-        none = f"hidden ones alone ({', '.join(hidden)})" if hidden and not problems else "none"
+        none = f"hidden ones alone ({', '.join(hidden)})" if hidden else "none"
         raise DataError(problems or Problem(path.name, "a sheet with a table", none, "export the data again"))
     return tuple(found)
 
 
 def _examined(member: Member, budget: Budget) -> bool:
-    """Whether a part has formulas without values; a DataError if it is too large to be parsed, or defines entities."""
+    """Whether a part has formulas without values; a DataError if it is too large or may define entities."""
     name = str(member.path)
     most = next(most for start, most in _MOST_MARKS.items() if name.startswith(start))
-    is_xml = name.endswith((".xml", ".rels"))
-    prolog = _Prolog(member.where)
     marks, uncalculated, end = {b"<": 0, b"=": 0}, False, b""
     for chunk in member.chunks(budget):
-        if not is_xml:
+        if not name.endswith((".xml", ".rels")):
             continue
-        prolog.feed(chunk)
         marks = {mark: count + chunk.count(mark) for mark, count in marks.items()}
-        if max(marks.values()) > most:
-            expected, advice = f"at most {most // 2} elements and {most} attributes", "save the sheets as CSV"
-            raise DataError(Problem(member.where, expected, "more", advice))
         joined = end + chunk
-        if _ENDLESS.search(joined):
-            raise DataError(Problem(member.where, "the XML of a workbook", "an element without an end", _AGAIN))
+        faults = {
+            f"more than {most // 2} elements or {most} attributes": max(marks.values()) > most,
+            "an element without an end": _ENDLESS.search(joined),
+            "a document type or an encoding of its own": _FOREIGN.search(joined),
+        }
+        if fault := next((fault for fault, is_there in faults.items() if is_there), ""):
+            raise DataError(Problem(member.where, "the XML of a workbook", fault, "save the sheets as CSV"))
         uncalculated = uncalculated or _NO_VALUE.search(joined) is not None
         end = joined[-_LONGEST_TAG:]
     return uncalculated
-
-
-class _Prolog:
-    """The part of an XML file before its first element, where entities are defined: none of a workbook is."""
-
-    def __init__(self, where: str) -> None:
-        self._parser: expat.XMLParserType | None = expat.ParserCreate()
-        self._parser.StartDoctypeDeclHandler = self._refuse
-        self._parser.StartElementHandler = self._end
-        self._where = where
-
-    def feed(self, chunk: bytes) -> None:
-        if self._parser is not None:
-            try:
-                self._parser.Parse(chunk)
-            except expat.ExpatError:
-                self._parser = None  # the workbook's parser says what is wrong
-
-    def _refuse(self, *_: object) -> None:
-        found = "a document type, which may define anything"
-        raise DataError(Problem(self._where, "the XML of a workbook", found, _AGAIN))
-
-    def _end(self, *_: object) -> None:
-        self._parser = None
 
 
 def _grid(rows: Iterator[tuple[object, ...]], name: str, most: int) -> list[list[str]]:
@@ -418,12 +373,11 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
     return replace(sheet_of(name, header, cells, decimal, *left), origin=origin)
 
 
-def _explained(problem: Problem, rows: list[list[str]], *, calculated: bool) -> Problem:
+def _explained(problem: Problem, rows: list[list[str]], uncalculated: list[bool]) -> Problem:
+    advice = "save the sheet as CSV, or turn its cells into numbers"
     if text := next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), ""):
-        advice = "turn them into numbers (in Excel: Data, Text to Columns), or save the sheet as CSV"
         return replace(problem, found=f"numbers kept as text, such as {text!r}", advice=advice)
-    if not calculated:
-        advice = "open the workbook in Excel and save it, or save the sheet as CSV"
+    if any(uncalculated):
         return replace(problem, found="formulas whose values are not in the file", advice=advice)
     return problem
 

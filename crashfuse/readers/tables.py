@@ -4,9 +4,9 @@ The file only has to hold a table: the delimiter and the decimal sign are those 
 Tables that stand side by side in one are split, so that each acceleration keeps its own time.
 
 A LabVIEW measurement file (.lvm) is a header, then segments, each with a header, names of channels, and samples. The
-rows of a segment's header say, in the column of each channel, its unit (``Y_Unit_Label``), its step (``Delta_X``) and
-when it begins (``X0`` after ``Date`` and ``Time``). Times may also stand left of the samples: of all channels
-(``X_Columns One``) or of each (``Multi``). Source: NI, Specification for the LabVIEW Measurement File (.lvm).
+rows of a segment's header give the unit (``Y_Unit_Label``), step (``Delta_X``) and begin (``X0`` after ``Date`` and
+``Time``) of each channel in its column. Times may also stand left of the samples: of all channels (``X_Columns One``)
+or of each (``Multi``). Source: NI, Specification for the LabVIEW Measurement File (.lvm).
 """
 
 import csv
@@ -16,7 +16,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import chain, islice, pairwise
 from pathlib import Path
@@ -71,11 +71,7 @@ _DIALECTS = (
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
-    """Split a sheet in which several accelerations have their own times: one sheet per time.
-
-    Each has the columns from its time to the next; columns left of the first time are in all of them. A sheet with one
-    time, or with an acceleration left of all times, is returned unchanged.
-    """
+    """One sheet per time if several accelerations have their own; columns left of the first time are in all of them."""
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]
     times = [number for number, role in enumerate(roles) if role == "time"]
@@ -84,17 +80,15 @@ def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
     blocks = [(*range(times[0]), *range(*ends)) for ends in pairwise([*times, len(roles)])]
     titles = [next(filter(None, (sheet.titles[number] for number in block)), "") for block in blocks]
     tests = len(set(titles)) == len(titles) and all(map(names_a_test, titles))
-    first = [next(number for number in block if roles[number] == "acceleration") for block in blocks]
-    names = titles if tests else [bare_name(sheet.columns[number]) for number in first]
-
-    def part(block: Sequence[int], name: str) -> Sheet:
+    parts = []
+    for block, title in zip(blocks, titles, strict=True):
+        first = next(number for number in block if roles[number] == "acceleration")
         columns = sheet.of_columns(block)
-        shown = ", ".join(printable(column, 40) for column in columns.columns)
-        note = f"One of several times side by side, with the columns right of it: {shown}."
-        part_of, steps = "" if tests else sheet.name, (*sheet.steps, note)
-        return replace(columns, name=f"{sheet.name}: {printable(name, 60)}", part_of=part_of, steps=steps)
-
-    return tuple(map(part, blocks, names))
+        note = f"One of several times side by side, with: {', '.join(printable(name, 40) for name in columns.columns)}."
+        name = f"{sheet.name}: {printable(title if tests else bare_name(sheet.columns[first]), 60)}"
+        part_of = "" if tests else sheet.name
+        parts.append(replace(columns, name=name, part_of=part_of, steps=(*sheet.steps, note)))
+    return tuple(parts)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -102,46 +96,73 @@ class _Segment:
     tags: Mapping[str, Sequence[str]]
     names: Sequence[str]
     first_row: int
-    lines: list[str]
+    decimal: str
+    lines: list[str] = field(default_factory=list)
 
+    def cell(self, tag: str, channel: int) -> str:
+        cells = self.tags.get(tag, ())
+        return cells[channel] if channel < len(cells) else ""
 
-def _is_labview(line: str) -> bool:
-    return line.startswith("LabVIEW Measurement")
+    def number(self, tag: str, channel: int) -> float:
+        with suppress(ValueError):
+            return float(self.cell(tag, channel).replace(self.decimal, "."))
+        return np.nan
+
+    def begin(self, channel: int) -> datetime | None:
+        with suppress(ValueError):
+            day = self.cell("Date", channel).replace("/", "-")
+            return datetime.fromisoformat(f"{day}T{self.cell('Time', channel)}")
+        return None
+
+    def times(self, stated_s: FloatArray, channel: int, first: int, *, is_shared: bool) -> FloatArray:
+        """Those stated left of it, if they are its own or of a channel that has the same clock."""
+        start_s, step_s = (self.number(tag, channel) for tag in ("X0", "Delta_X"))
+        clock_s = [self.number(tag, first) for tag in ("X0", "Delta_X")]
+        applies = not is_shared or np.allclose((start_s, step_s), clock_s, rtol=_SAME_S, atol=0, equal_nan=True)
+        begin, first_begin = self.begin(channel), self.begin(first)
+        late_s = (begin - first_begin).total_seconds() if begin and first_begin else 0.0
+        if applies and np.isfinite(stated_s).any():
+            return stated_s + late_s
+        return start_s + late_s + step_s * np.arange(stated_s.size)
 
 
 def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
-    """Read the samples of all segments as one table; channels that begin at other times have their own to their left.
-
-    A DataError says that there are no samples, that their times are unknown, or that segments do not continue each
-    other.
-    """
+    """All segments as one table; channels that begin at other times have their own to their left."""
     pairs = (_GAP.split(line, maxsplit=1) for line in lines[:100] if _GAP.search(line))
     entries = {name: value.strip() for name, value in pairs}
     delimiter = _DELIMITERS.get(entries.get("Separator", ""), "\t")
-    segments = _segments(lines, delimiter)
-    if not segments:
-        advice = "save the measurement again, with its headers"
-        raise DataError(Problem(name, f"samples below a row of names that begins with {_TIME}", "none", advice))
     decimal = "," if "," in entries.get("Decimal_Separator", entries.get("Time", "")) else "."
-    _check_alike(segments, name)
+    segments = _segments(lines, delimiter, decimal)
+    if not segments:
+        expected, advice = f"samples below a row of names that begins with {_TIME}", "save it with its headers"
+        raise DataError(Problem(name, expected, "none", advice))
+    width, n = len(segments[0].names), len(segments)
     lines = list(chain.from_iterable(segment.lines for segment in segments))
-    cells = _cells(lines, delimiter, len(segments[0].names), name, segments[0].first_row)
+    if width > _MOST_COLUMNS or width * n > _MOST_COLUMNS_IN_ALL or width * len(lines) > _MOST_CELLS:
+        expected = f"at most {_MOST_COLUMNS} columns ({_MOST_COLUMNS_IN_ALL} in all segments) and {_MOST_CELLS} cells"
+        raise DataError(Problem(name, expected, f"{width} columns in {n} segments", "save fewer channels"))
+    for segment in segments:
+        if segment.names != segments[0].names:
+            expected = "the same channels in all segments"
+            raise DataError(Problem(name, expected, "others", _APART, row=segment.first_row - 1))
+    cells = _cells(lines, delimiter, width, name, segments[0].first_row)
     columns: list[tuple[str, str, pd.Series]] = []
     clock_s: FloatArray | None = None
     for channel, time_s in _channels(segments, cells, decimal, name):
         if clock_s is None or not np.allclose(clock_s, time_s, rtol=0, atol=_SAME_S, equal_nan=True):
             clock_s = time_s
             _check_continues(clock_s, segments, name)
-            columns.append((_TIME, "s", _text(clock_s)))
+            texts = ["" if np.isnan(value) else repr(value) for value in clock_s.tolist()]
+            columns.append((_TIME, "s", pd.Series(texts, dtype=str)))
         columns.append(channel)
     names, units, series = zip(*columns, strict=True)
     header = Header(segments[0].first_row - 1, unique(names), units, ("",) * len(names))
-    joined = [f"{len(segments)} segments that continue each other are joined."] if len(segments) > 1 else []
+    joined = [f"{n} segments that continue each other are joined."] if n > 1 else []
     cells = pd.concat(series, axis="columns", ignore_index=True)
     return sheet_of(name, header, cells, decimal, "A LabVIEW measurement.", *joined)
 
 
-def _segments(lines: Sequence[str], delimiter: str) -> list[_Segment]:
+def _segments(lines: Sequence[str], delimiter: str, decimal: str) -> list[_Segment]:
     segments: list[_Segment] = []
     tags: dict[str, Sequence[str]] = {}
     segment: _Segment | None = None
@@ -155,7 +176,7 @@ def _segments(lines: Sequence[str], delimiter: str) -> list[_Segment]:
         elif cells[0] == "Channels":
             tags, segment = {}, None
         elif cells[0] == _TIME:
-            segment = _Segment(tags, cells, row + 1, [])
+            segment = _Segment(tags, cells, row + 1, decimal)
             segments.append(segment)
         elif segment is None:
             tags[cells[0]] = cells
@@ -167,7 +188,6 @@ def _segments(lines: Sequence[str], delimiter: str) -> list[_Segment]:
 def _channels(
     segments: Sequence[_Segment], cells: pd.DataFrame, decimal: str, name: str
 ) -> Iterator[tuple[tuple[str, str, pd.Series], FloatArray]]:
-    """Yield name, unit and samples of each channel, and its times by the clock of the first."""
     names = segments[0].names
     times = [number for number, text in enumerate(names) if text == _TIME]
     channels = [number for number, text in enumerate(names) if text != _TIME]
@@ -179,39 +199,12 @@ def _channels(
         stated = np.split(pd.to_numeric(clock, errors="coerce").to_numpy(np.float64), ends)
         pairs = zip(segments, stated, strict=True)
         is_shared = len(times) == 1
-        time_s = np.concatenate([_times(*pair, number, channels[0], decimal, is_shared=is_shared) for pair in pairs])
+        time_s = np.concatenate([one.times(of, number, channels[0], is_shared=is_shared) for one, of in pairs])
         if not np.isfinite(time_s).any():
             expected = f"times, or X0 and Delta_X, of {printable(names[number], 60)}"
             raise DataError(Problem(name, expected, "none", "save them with the samples"))
-        unit = _cell(segments[0], "Y_Unit_Label", number)
+        unit = segments[0].cell("Y_Unit_Label", number)
         yield (names[number], unit, cells.iloc[:, number].reset_index(drop=True)), time_s
-
-
-def _times(
-    segment: _Segment, stated_s: FloatArray, number: int, first: int, decimal: str, *, is_shared: bool
-) -> FloatArray:
-    """The times of a channel: those stated left of it, if they are its own or of a channel that has the same clock."""
-    start_s, step_s = (_number(segment, tag, number, decimal) for tag in ("X0", "Delta_X"))
-    clock_s = [_number(segment, tag, first, decimal) for tag in ("X0", "Delta_X")]
-    applies = not is_shared or np.allclose((start_s, step_s), clock_s, rtol=_SAME_S, atol=0, equal_nan=True)
-    stamps = _stamp(segment, number), _stamp(segment, first)
-    late_s = (stamps[0] - stamps[1]).total_seconds() if stamps[0] and stamps[1] else 0.0
-    if applies and np.isfinite(stated_s).any():
-        return stated_s + late_s
-    return start_s + late_s + step_s * np.arange(stated_s.size)
-
-
-def _check_alike(segments: Sequence[_Segment], name: str) -> None:
-    columns, n = len(segments[0].names), len(segments)
-    if columns > _MOST_COLUMNS or columns * n > _MOST_COLUMNS_IN_ALL:
-        expected = f"at most {_MOST_COLUMNS} columns, and {_MOST_COLUMNS_IN_ALL} in all segments"
-        raise DataError(Problem(name, expected, f"{columns} in {n} segments", "save fewer channels"))
-    if columns * sum(len(segment.lines) for segment in segments) > _MOST_CELLS:
-        raise DataError(Problem(name, f"at most {_MOST_CELLS} cells", "more", "save fewer channels"))
-    for segment in segments:
-        if segment.names != segments[0].names:
-            expected, found = "the same channels in all segments", "others"
-            raise DataError(Problem(name, expected, found, _APART, row=segment.first_row - 1))
 
 
 def _check_continues(time_s: FloatArray, segments: Sequence[_Segment], name: str) -> None:
@@ -220,41 +213,17 @@ def _check_continues(time_s: FloatArray, segments: Sequence[_Segment], name: str
         begin += len(one.lines)
         gap_s, step_s = time_s[begin] - time_s[begin - 1], np.diff(time_s[max(begin - 2, 0) : begin])
         if not 0 < gap_s <= _LONGEST_GAP * (step_s[0] if step_s.size else np.inf):
-            found = f"one that begins at {time_s[begin]:.6g} s, after one that ends at {time_s[begin - 1]:.6g} s"
+            found = f"one from {time_s[begin]:.6g} s on after one to {time_s[begin - 1]:.6g} s"
             raise DataError(Problem(name, "segments that continue each other", found, _APART, row=other.first_row))
 
 
-def _stamp(segment: _Segment, number: int) -> datetime | None:
-    day, clock = (_cell(segment, tag, number) for tag in ("Date", "Time"))
-    try:
-        return datetime.fromisoformat(f"{day.replace('/', '-')}T{clock}")
-    except ValueError:
-        return None
-
-
-def _number(segment: _Segment, tag: str, number: int, decimal: str) -> float:
-    try:
-        return float(_cell(segment, tag, number).replace(decimal, "."))
-    except ValueError:
-        return np.nan
-
-
-def _cell(segment: _Segment, tag: str, number: int) -> str:
-    cells = segment.tags.get(tag, ())
-    return cells[number] if number < len(cells) else ""
-
-
-def _text(values: FloatArray) -> pd.Series:
-    return pd.Series(["" if np.isnan(value) else repr(value) for value in values.tolist()], dtype=str)
-
-
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
-    """Read the tables of a text file or workbook: one per file or sheet, or one per time column in it."""
+    """The tables of a file: one per sheet, or one per time column in it."""
     if not path.is_file():
         raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
     if path.stat().st_size > limits.member_bytes:
-        expected, found = f"at most {limits.member_bytes >> 20} MiB a table", f"{path.stat().st_size >> 20} MiB"
-        raise DataError(Problem(path.name, expected, found, "export a shorter record"))
+        expected = f"at most {limits.member_bytes >> 20} MiB a table"
+        raise DataError(Problem(path.name, expected, "more", "export a shorter record"))
     if path.suffix.lower() in (".xlsx", ".xlsm"):
         return tuple(part for sheet in read_workbook(path, limits) for part in _split_by_clock(sheet))
     if path.suffix.lower() == ".xls":
@@ -272,17 +241,16 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     if max(map(len, lines)) > _LONGEST_LINE:
         raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
     sample = lines[: max(1, min(SAMPLE, _LARGEST_SAMPLE // (1 + max(map(len, lines[:SAMPLE])))))]
-    if _is_labview(lines[0]):
+    if lines[0].startswith("LabVIEW Measurement"):
         return _labview_sheet(lines, path.name)
     if lines[0].strip() == "Curveplot":
-        expected, advice = "a table with a row of names", "save the curves as CSV"
-        raise DataError(Problem(path.name, expected, "a curve file of LS-PrePost", advice))
+        raise DataError(Problem(path.name, "a table", "a curve file of LS-PrePost", "save the curves as CSV"))
     delimiter, decimal = _dialect([line for line in sample if line.strip()], path.name)
     grid = [_split(line, delimiter) for line in sample]
     if delimiter == " ":
         grid = _with_whole_names(sample, grid, decimal)
     if delimiter == "," and decimal == ".":
-        _refuse_commas_in_numbers(grid, path.name)
+        _check_commas(grid, path.name)
     names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
     form = f"Columns separated by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
     header = header_of(grid, decimal, path.name)
@@ -316,41 +284,37 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
     except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning, ValueError) as error:
         rows = ((at, _split(line, delimiter)) for at, line in enumerate(lines, start=first_row))
         longer = list(islice((row for row in rows if len(row[1]) > width), SAMPLE))
-        if delimiter == "," and longer and (broken := _commas_in_numbers(longer, name, is_ragged=True)) is not None:
-            raise DataError(broken) from None
+        if delimiter == ",":
+            _refuse_commas_in_numbers(longer, name, is_ragged=True)
         found = " ".join(str(error).split())[:160]
         advice = f"export it again (the data begin in row {first_row})"
         raise DataError(Problem(name, f"{width} cells in each row", found, advice)) from None
 
 
-def _refuse_commas_in_numbers(grid: Sequence[Sequence[str]], name: str) -> None:
+def _check_commas(grid: Sequence[Sequence[str]], name: str) -> None:
     rows = [(at, row) for at, row in enumerate(grid) if len(row) > 1 and all(is_number(c, ".") for c in row if c)]
     first = rows[0][0] if rows else 0
     names = max((sum(map(bool, row)) for row in grid[max(first - 2, 0) : first]), default=0)
     longer = [(at + 1, row) for at, row in rows if not names or len(row) > names]
-    is_ragged = bool(names) and len(longer) < len(rows)
-    if longer and (broken := _commas_in_numbers(longer, name, is_ragged=is_ragged)) is not None:
-        raise DataError(broken)
+    _refuse_commas_in_numbers(longer, name, is_ragged=bool(names) and len(longer) < len(rows))
 
 
-def _commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: str, *, is_ragged: bool) -> Problem | None:
-    """What commas in numbers do to rows, given with their numbers, that have more cells than there are names.
+def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: str, *, is_ragged: bool) -> None:
+    """Raise a DataError if commas in numbers give rows, told with their numbers, more cells than there are names.
 
     Decimal commas: -0,063 is no -0 and 063, and no cell has a point. Thousands separators: -1,234.5 is no -1 and 234.5,
     and the table is ragged, as other rows have as many cells as there are names.
     """
     broken = [(at, match[0]) for at, row in rows if (match := _GROUPED_CELLS.search(",".join(row)))]
-    what, instead = "thousands separators", "without them"
     if not is_ragged or len(broken) < len(rows):
         pairs = ((at, ",".join(pair)) for at, row in rows for pair in pairwise(row))
-        broken = [(at, pair) for at, pair in pairs if _DECIMALS.fullmatch(pair)]
-        what, instead = "decimal commas", "with decimal points"
-        if not broken or any("." in cell for _, row in rows for cell in row):
-            return None
-    at, number = broken[0]
-    found = f"{what}, as in {number}, in a table separated by commas"
-    advice = f"export it {instead}, or with semicolons or tabs between the columns"
-    return Problem(name, "a comma either between columns or in numbers", found, advice, row=at)
+        has_points = any("." in cell for _, row in rows for cell in row)
+        broken = [] if has_points else [(at, pair) for at, pair in pairs if _DECIMALS.fullmatch(pair)]
+    if broken:
+        at, number = broken[0]
+        expected, found = "a comma either between columns or in numbers", f"both, as in {number}"
+        advice = "export it with decimal points and no thousands separators, or with semicolons between the columns"
+        raise DataError(Problem(name, expected, found, advice, row=at))
 
 
 def _decoded(content: bytes, name: str) -> str:
@@ -363,7 +327,6 @@ def _decoded(content: bytes, name: str) -> str:
 
 
 def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
-    """The delimiter and decimal sign for which the most cells, and the largest share of them, are numbers."""
     best, best_score, best_width = None, 0.0, 0
     for delimiter, decimal in _DIALECTS:
         rows = [_split(line, delimiter) for line in lines]
@@ -383,10 +346,7 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
 
 
 def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: str) -> list[list[str]]:
-    """The grid of a table whose columns are separated by blanks, as names of columns may hold blanks, too.
-
-    A line of text is split as gives one name a column; if no way does, the columns have no names.
-    """
+    """Names of columns may hold blanks: a line of text is split as gives one name a column, or names none."""
     data = [2 * sum(is_number(cell, decimal) for cell in row) >= len(row) for row in grid]
     widths = Counter(len(row) for row, numeric in zip(grid, data, strict=True) if numeric and len(row) > 1)
     width = widths.most_common(1)[0][0] if widths else 0

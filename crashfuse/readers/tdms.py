@@ -5,34 +5,33 @@ NHTSA stores the content of its ASCII specification (:mod:`crashfuse.readers.nht
 and ``wf_start_offset``, and 0 is first contact. Axle weights are not included.
 
 Of other laboratories, the vehicle's accelerations are found by names and units, as columns of a table are. The IIHS
-names channels by codes of ISO-MME (``11VEHC0000__ACX_``, and ``11VEHC0000__ACXD`` for the filtered signal), or in words
-with the unit (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time (sec)``); the property ``Impact_velocity`` of the
-file is the speed, a text in km/h. Channels whose recording began at different times (``wf_start_time``) are aligned.
+names channels by codes of ISO-MME (``11VEHC0000__ACX_``), or in words with the unit (``IIWPG Acceleration (g)``, with a
+channel ``IIWPG Time (sec)``); the property ``Impact_velocity`` of the file is the speed, a text in km/h. Channels whose
+recording began at different times (``wf_start_time``) are aligned.
 """
 
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.archive import Limits, Member
+from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.nhtsa import (
     Sensor,
-    mass_step,
+    condition_steps,
     nhtsa_record,
     number_in,
     of_first_vehicle,
     other_configuration,
-    speed_step,
 )
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import (
@@ -58,17 +57,15 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 from crashfuse.wording import time_text
 
-MOST_CHANNELS = 200
-"""Limit of a test's channels that could be its pulse."""
-
+_MOST_CHANNELS = 200  # of a test that could be its pulse
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
 _MOST_CLOCKS = 1000
 _SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
 _ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
+# size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
-"""Size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB."""
 
 
 def _text_of(properties: Properties, name: str) -> str:
@@ -77,14 +74,12 @@ def _text_of(properties: Properties, name: str) -> str:
 
 
 def _number_of(properties: Properties, name: str) -> float:
-    """A property as a number above 0; otherwise 0."""
     return number_in(properties.get(name, 0.0))
 
 
-def waveform(
+def _waveform(
     file: TdmsFile, channel: TdmsChannel, name: str, label: str, where: str, clock: FloatArray | None = None
 ) -> RecordedChannel:
-    """A channel with the even time of its own properties, else with this clock; a DataError without either."""
     properties = file.properties_of(channel)
     increment, start = _number_of(properties, "wf_increment"), properties.get("wf_start_offset", 0.0)
     values = file.values(channel)
@@ -92,58 +87,44 @@ def waveform(
         unit_s = UNITS["time"][unit_named(_text_of(properties, "wf_xunit_string"), "time") or "s"]
         clock = unit_s * (start + increment * np.arange(values.size))
     if clock is None or clock.size != values.size:
-        expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples without it"
-        advice = "export it as a waveform, or with a channel of time beside it"
-        raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, found, advice))
+        expected, advice = "samples and the time between them (wf_increment)", "export it with a channel of time"
+        raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice))
     unit = unit_named(_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"), "acceleration")
-    return RecordedChannel(
-        name,
-        printable(label),
-        clock,
-        values,
-        unit,
-        _number_of(properties, "inst_prefil") or None,
-        origin=_descriptor(properties, "data source") or (channel.group if is_simulated(channel.group) else ""),
-        status=_descriptor(properties, "data status"),
+    cutoff_hz = _number_of(properties, "inst_prefil") or None
+    # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
+    origin, status = (
+        _text_of(properties, f"data {name}") or _text_of(properties, f"data_{name}") for name in ("source", "status")
     )
+    origin = origin or (channel.group if is_simulated(channel.group) else "")
+    return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, origin=origin, status=status)
 
 
-def _descriptor(properties: Properties, name: str) -> str:
-    """A descriptor of ISO-MME, which programs that convert it keep as a property, blanks or not."""
-    return _text_of(properties, name) or _text_of(properties, name.replace(" ", "_"))
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Candidate:
+class _Candidate(NamedTuple):
     channel: TdmsChannel
     properties: Properties
     use: ColumnUse
 
-    @classmethod
-    def of(cls, channel: TdmsChannel, properties: Properties) -> Self:
-        return cls(channel, properties, use_of(" ".join(channel.name.split()), _text_of(properties, "unit_string")))
-
-    @property
-    def may_be_one(self) -> bool:
-        is_unknown = self.use.is_unknown and not _text_of(self.properties, "unit_string")
-        return is_unknown and not why_no_acceleration(self.channel.name, "")
-
 
 def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
-    """The record of a file with its accelerations that could be the vehicle's along X, the likeliest first.
-
-    Those at the best place are proposed, by the codes of their names; without codes, the only acceleration. A DataError
-    says that there is none with samples and a time.
-    """
-    every = [_Candidate.of(channel, file.properties_of(channel)) for channel in file.channels]
+    """Those at the best place are proposed, by the codes of their names; without codes, the only acceleration."""
+    every = []
+    for channel in file.channels:
+        properties = file.properties_of(channel)
+        use = use_of(" ".join(channel.name.split()), _text_of(properties, "unit_string"))
+        every.append(_Candidate(channel, properties, use))
     found, what = [one for one in every if one.use.role == "acceleration"], "acceleration"
     if not found:
-        found, what = [one for one in every if one.may_be_one], "channel"
+        what, unknown = "channel", [one for one in every if one.use.is_unknown]
+        found = [
+            one
+            for one in unknown
+            if not (_text_of(one.properties, "unit_string") or why_no_acceleration(one.channel.name, ""))
+        ]
     if not found:
         expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: likelihood(one.channel.name))
-    channels, unread, began_s = _read_channels(file, found[:MOST_CHANNELS], every, where)
+    channels, unread, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
     condition, steps = _laboratory_condition(found[0].properties)
@@ -171,7 +152,7 @@ def _read_channels(
         name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
         try:
             clock = None if _number_of(one.properties, "wf_increment") else _clock_of(one, clocks, file, times)
-            read = waveform(file, channel, name, channel.name, where, clock)
+            read = _waveform(file, channel, name, channel.name, where, clock)
         except DataError as error:
             unread[name] = error.problems[0]
             continue
@@ -188,20 +169,19 @@ def _read_channels(
 def _aligned(
     channels: Mapping[str, RecordedChannel], began_s: Mapping[str, float], steps: list[str]
 ) -> dict[str, RecordedChannel]:
-    """The channels in one time, from the first sample on: zeros of their own are those of several triggers."""
+    """In one time, from the first sample on: zeros of their own are those of several triggers."""
     late_s = {name: round(start_s - min(began_s.values()), 6) for name, start_s in began_s.items()}
     times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
     first_s = min(float(time_s[0]) for time_s in times.values())
     late = ", ".join(f"{printable(name)} by {time_text(delay_s, 6)}" for name, delay_s in late_s.items() if delay_s)
-    aligned = f"Aligned by the times at which recording began (wf_start_time): {late} later"
-    steps.append(f"{aligned}; time counts from the first sample.")
+    steps.append(f"Aligned by the start of recording (wf_start_time), time 0 at the first sample: {late} later.")
     return {name: replace(channel, time_s=times[name] - first_s) for name, channel in channels.items()}
 
 
 def _clock_of(
     one: _Candidate, clocks: Sequence[_Candidate], file: TdmsFile, times: dict[str, FloatArray]
 ) -> FloatArray | None:
-    """Time in s from a channel of time of equal length, if any: of its group, and of a name that begins alike."""
+    """A channel of time of equal length, if any: of its group, and of a name that begins alike."""
     size = file.size(one.channel)
     alike = [clock for clock in clocks if file.size(clock.channel) == size >= 2]
     if not alike:
@@ -253,11 +233,7 @@ def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, lis
 
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
-    """Read TDMS files (one, a folder or a zip of them), one record each.
-
-    For an NHTSA test, the record has the vehicle's X accelerations and proposes those on the rear floor, else those at
-    the centre of gravity; for another file, it has every acceleration, proposed if it is the only one.
-    """
+    """Read TDMS files (one, a folder or a zip of them), one record each."""
     kind = "a .tdms file, or a folder or zip of them"
     of_the_format = FORMATS["tdms"].has
     with opened_members(path, of_the_format, kind, limits) as (members, budget):
@@ -265,59 +241,54 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
             members = [member for member in members if member.path.as_posix() == path.name]
         if not members:
             raise DataError(Problem(path.name, kind, "none", "check the path"))
-        return read_all(members, lambda one: _record(parse_tdms(one.content(budget), one.where), one), path.name)
+        return read_all(members, lambda member: _record(member, budget), path.name)
 
 
-def _record(file: TdmsFile, member: Member) -> Record:
+def _record(member: Member, budget: Budget) -> Record:
+    file = parse_tdms(member.content(budget), member.where)
     pairs = [(channel, file.properties_of(channel)) for channel in file.channels]
     of_nhtsa = [(channel, properties) for channel, properties in pairs if "inst_sentyp" in properties]
     if of_nhtsa:
-        return _nhtsa_record(file, of_nhtsa, member)
+        return _nhtsa_record(file, of_nhtsa, member.path.stem, member.where)
     return _laboratory_record(file, member.path.stem, member.where)
 
 
-def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]], member: Member) -> Record:
-    where = member.where
+def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]], stem: str, where: str) -> Record:
     sensors = {_sensor(place, pair[1]): pair for place, pair in enumerate(pairs, start=1)}
-    candidates = of_first_vehicle(list(sensors))[:MOST_CHANNELS]
+    candidates = of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
     if not candidates:
-        found = f"none in {len(pairs)} channels"
-        raise DataError(Problem(where, "X accelerations of the vehicle", found, "download all channels of the test"))
+        found, advice = f"none in {len(pairs)} channels", "download all channels of the test"
+        raise DataError(Problem(where, "X accelerations of the vehicle", found, advice))
 
     def read(sensor: Sensor) -> RecordedChannel:
         channel, _ = sensors[sensor]
         label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
-        return waveform(file, channel, str(sensor.number), label, where)
+        return _waveform(file, channel, str(sensor.number), label, where)
 
     test = sensors[candidates[0]][1]
+    speed = _number_of(test, "veh_vehspd") or _number_of(test, "test_clsspd")
+    mass = _number_of(test, "veh_vehtwt")
+    car = " ".join(filter(None, (_text_of(test, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
+    steps = [f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}.", *condition_steps(speed, mass, where)]
+    condition = PartialCondition(speed * KPH or None, mass or None)
     other = other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
-    return nhtsa_record(member.path.stem, where, readers, *_nhtsa_condition(test, where), other)
+    return nhtsa_record(stem, where, readers, condition, steps, other)
 
 
 def _sensor(place: int, properties: Properties) -> Sensor:
+    texts = ("sentyp", "senloc", "senatt", "axis", "dastat", "chstat")
+    sensor, occupant, attachment, axis, status, kind = (_text_of(properties, f"inst_{of}").upper() for of in texts)
     return Sensor(
         vehicle=_text_of(properties, "veh_vehno") or "1",
         number=int(_number_of(properties, "inst_curno")) or place,
-        sensor=_text_of(properties, "inst_sentyp").upper(),
-        occupant=_text_of(properties, "inst_senloc").upper(),
-        attachment=_text_of(properties, "inst_senatt").upper(),
-        axis=_text_of(properties, "inst_axis").upper(),
+        sensor=sensor,
+        occupant=occupant,
+        attachment=attachment,
+        axis=axis,
         unit=_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"),
         cutoff_hz=_number_of(properties, "inst_prefil") or None,
-        status=_text_of(properties, "inst_dastat").upper(),
-        redundant=_text_of(properties, "inst_chstat").upper() == "R",
+        status=status,
+        redundant=kind == "R",
         comment=printable(_text_of(properties, "inst_inscom")),
     )
-
-
-def _nhtsa_condition(properties: Properties, where: str) -> tuple[PartialCondition, tuple[str, ...]]:
-    speed, mass = (
-        _number_of(properties, "veh_vehspd") or _number_of(properties, "test_clsspd"),
-        _number_of(properties, "veh_vehtwt"),
-    )
-    car = " ".join(filter(None, (_text_of(properties, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
-    steps = [f"NHTSA test {_text_of(properties, 'test_tstno')}, {printable(car)}.", speed_step(speed, where)]
-    if mass:
-        steps.append(mass_step(mass, where))
-    return PartialCondition(speed * KPH or None, mass or None), tuple(steps)

@@ -12,8 +12,9 @@ package npTDMS.
 import re
 import struct
 from collections import ChainMap
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,9 +25,9 @@ _UNSCALED = 0xFFFFFFFF  # as an input: the numbers as stored
 _TYPE = re.compile(r"ni_scale\[(\d{1,4})\]_scale_type")
 _MOST_STEPS = 16  # of one channel
 _MOST_NUMBERS = 10_000  # of a polynomial or table
+_ONE_TEST, _PHYSICAL = "choose the file of one test", "export it with values in physical units"
 
-Properties = Mapping[str, str | float]
-"""Properties of a channel, its group and its file by their names in lower case."""
+Properties = Mapping[str, str | float]  # properties of a channel, its group and its file by their names in lower case
 
 _LEAD_IN = struct.Struct("<4sI")
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 3, 5, 6, 7))
@@ -41,36 +42,22 @@ _MOST_VALUES = 5_000_000  # per channel
 
 
 class _UnusableScale(ValueError):
-    """A scale that gives no acceleration, or makes no sense."""
-
-
-def apply_scales(values: FloatArray, levels: Iterable[Properties]) -> FloatArray:
-    """Values with their scales applied, by the properties of the channel, its group and its file.
-
-    Scales of a kind that no accelerometer has, without a property, or in a circle raise a ValueError.
-    """
-    for properties in levels:
-        count = _scale_count(properties)
-        if count and str(properties.get("ni_scaling_status")).lower() != "scaled":
-            return _Scales(properties).applied(count - 1, values)
-    return values
-
-
-def _scale_count(properties: Properties) -> int:
-    if "ni_number_of_scales" in properties:
-        return _whole_number(properties["ni_number_of_scales"])
-    return max((int(match[1]) + 1 for name in properties if (match := _TYPE.fullmatch(name))), default=0)
-
-
-def _whole_number(number: str | float) -> int:
-    if not isinstance(number, float) or not number.is_integer():
-        raise _UnusableScale(f"{number} for a whole number")
-    return int(number)
+    """A scale of a kind that no accelerometer has, without a property, or in a circle."""
 
 
 class _Scales:
     def __init__(self, properties: Properties) -> None:
         self._properties, self._left = properties, _MOST_STEPS
+        indices = (int(match[1]) for name in properties if (match := _TYPE.fullmatch(name)))
+        self.count = self._whole("ni_number_of_scales", float(max(indices, default=-1) + 1))
+        if str(properties.get("ni_scaling_status")).lower() == "scaled":
+            self.count = 0
+
+    def _whole(self, name: str, usual: float | None = None) -> int:
+        number = self._properties.get(name, usual)
+        if not isinstance(number, float) or not number.is_integer():
+            raise _UnusableScale(f"{name} {number}")
+        return int(number)
 
     def applied(self, index: int, values: FloatArray) -> FloatArray:
         if index == _UNSCALED:
@@ -88,14 +75,13 @@ class _Scales:
             return value
 
         def numbers(name: str, usual: float | None = None) -> FloatArray:
-            stated = number(f"{name}_size") if usual is None else self._properties.get(f"{prefix}{name}_size", usual)
-            count = _whole_number(stated)
+            count = self._whole(f"{prefix}{name}_size", usual)
             if not 0 < count <= _MOST_NUMBERS:
                 raise _UnusableScale(f"scale {index} ({kind}) with {count:,} {name}")
             return np.array([number(f"{name}[{n}]") for n in range(count)])
 
         def source(name: str = "input_source") -> FloatArray:
-            return self.applied(_whole_number(self._properties.get(prefix + name, float(_UNSCALED))), values)
+            return self.applied(self._whole(prefix + name, float(_UNSCALED)), values)
 
         match kind:
             case "Linear":
@@ -104,7 +90,10 @@ class _Scales:
                 return np.polynomial.polynomial.polyval(source(), numbers("coefficients", 4.0))
             case "Table":
                 inputs, outputs = numbers("pre_scaled_values"), numbers("scaled_values")
-                return _interpolated(source(), inputs, outputs)
+                order = -1 if inputs[0] > inputs[-1] else 1
+                if inputs.shape != outputs.shape or not (order * np.diff(inputs) > 0).all():
+                    raise _UnusableScale("a table of unlike columns, or one that neither rises nor falls")
+                return np.interp(source(), inputs[::order], outputs[::order])
             case "Add":
                 return source("left_operand_input_source") + source("right_operand_input_source")
             case "Subtract":  # the right one less the left one, as National Instruments' own programs do
@@ -114,31 +103,17 @@ class _Scales:
         raise _UnusableScale(f"scale {index} of the kind {kind}")
 
 
-def _interpolated(values: FloatArray, inputs: FloatArray, outputs: FloatArray) -> FloatArray:
-    if inputs.shape != outputs.shape:
-        raise _UnusableScale("a table of unlike columns")
-    if inputs[0] > inputs[-1]:
-        inputs, outputs = inputs[::-1], outputs[::-1]
-    if not (np.diff(inputs) > 0).all():
-        raise _UnusableScale("a table that neither rises nor falls")
-    return np.interp(values, inputs, outputs)
-
-
-@dataclass(slots=True)
-class _Layout:
-    """The data of one object in each chunk of raw data: type, count of values and size in bytes."""
+class _Layout(NamedTuple):
+    """Of one object in each chunk of raw data."""
 
     kind: int
-    count: int
+    values: int
+    width: int
     size: int
 
-    @property
-    def width(self) -> int:
-        return self.size // max(self.count, 1)
 
-
+# A channel's numbers in a segment: chunks times count, their code, offset, and strides in bytes
 _Extent = tuple[tuple[int, int], str, int, tuple[int, int]]
-"""A channel's numbers in a segment: chunks times count, their code, offset, and strides in bytes."""
 
 
 @dataclass(slots=True)
@@ -175,22 +150,23 @@ class TdmsFile:
         return sum(chunks * count for (chunks, count), *_ in channel._extents)
 
     def values(self, channel: TdmsChannel) -> FloatArray:
-        """Return the numbers of a channel, scaled; a DataError if there are too many or their scales are unusable."""
+        """The numbers of a channel, scaled; a DataError for too many or unusable scales."""
         place = f"{self._where}: {printable(channel.name)}"
         if self.size(channel) > _MOST_VALUES:
-            raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", "choose the file of one test"))
+            raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", _ONE_TEST))
         parts = [np.ndarray(shape, code, self._content, at, by).ravel() for shape, code, at, by in channel._extents]
         with np.errstate(all="ignore"):  # damaged data may hold any number
             values = np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
             try:
-                return apply_scales(values, self._levels(channel))
+                scales = next((one for one in map(_Scales, self._levels(channel)) if one.count), None)
+                return values if scales is None else scales.applied(scales.count - 1, values)
             except _UnusableScale as error:
-                expected, advice = "scales that give an acceleration", "export it with values in physical units"
-                raise DataError(Problem(place, expected, printable(str(error)), advice)) from error
+                expected = "scales that give an acceleration"
+                raise DataError(Problem(place, expected, printable(str(error)), _PHYSICAL)) from error
 
 
 def parse_tdms(content: bytes, where: str) -> TdmsFile:
-    """Read the metadata of a file; a DataError if it is no TDMS, is damaged, or stores its data in another form."""
+    """Read the metadata of a file; a DataError if it is no TDMS, or damaged."""
     reader = _Reader(content, where)
     while len(content) - reader.at >= 28:
         reader.segment()
@@ -218,14 +194,14 @@ class _Reader:
         start, size = self.at, len(self._content)
         end = size if to_next == _WITHOUT_END else start + to_next
         if contents & _DAQMX:
-            raise self._damaged("raw data of DAQmx", "export it with values in physical units")
+            raise self._damaged("raw data of DAQmx", _PHYSICAL)
         if end > size or start + to_raw > end:
             raise self._damaged("one that was cut short")
         if contents & _METADATA:
             self._read_objects(anew=bool(contents & _NEW_LIST))
         self._visits += len(self._present)
         if self._visits > _MOST_VISITS:
-            raise self._damaged("too many objects", "choose the file of one test")
+            raise self._damaged("too many objects", _ONE_TEST)
         if contents & _RAW:
             self._find_data(start + to_raw, end, interleaved=bool(contents & _INTERLEAVED))
         self.at = end
@@ -254,23 +230,22 @@ class _Reader:
     def _layout(self) -> _Layout:
         kind, dimensions, count = self._unpack("IIQ")
         if kind == _TEXT:
-            return _Layout(kind, count, self._unpack("Q")[0])
+            size = self._unpack("Q")[0]
+            return _Layout(kind, count, size // max(count, 1), size)
         if dimensions != 1 or (kind not in _NUMBERS and kind not in _OTHERS):
             raise self._damaged("a type of data that is not known", "export it as float")
         width = struct.calcsize(f"={_NUMBERS[kind]}") if kind in _NUMBERS else _OTHERS[kind]
-        return _Layout(kind, count, count * width)
+        return _Layout(kind, count, width, count * width)
 
     def _find_data(self, start: int, end: int, *, interleaved: bool) -> None:
         layouts = [(item, item._layout) for item in self._present.values() if item._layout is not None]
-        chunk = sum(layout.size for _, layout in layouts)
-        chunks = (end - start) // chunk if chunk else 0
-        row = sum(layout.width for _, layout in layouts)
-        if interleaved and len({layout.count for _, layout in layouts}) > 1:
+        chunk, row = (sum(getattr(layout, name) for _, layout in layouts) for name in ("size", "width"))
+        chunks, at = (end - start) // chunk if chunk else 0, start
+        if interleaved and len({layout.values for _, layout in layouts}) > 1:
             raise self._damaged("interleaved channels of unlike length")
-        at = start
         for item, layout in layouts:
             if layout.kind in _NUMBERS and chunks:
-                code, shape = f"{self._order}{_NUMBERS[layout.kind]}", (chunks, layout.count)
+                code, shape = f"{self._order}{_NUMBERS[layout.kind]}", (chunks, layout.values)
                 item._extents.append((shape, code, at, (chunk, row if interleaved else layout.width)))
             at += layout.width if interleaved else layout.size
 
@@ -301,7 +276,7 @@ class _Reader:
             raise self._damaged("one that was cut short")
         self._metadata_bytes += count
         if self._metadata_bytes > _MOST_METADATA:
-            raise self._damaged("too many properties", "choose the file of one test")
+            raise self._damaged("too many properties", _ONE_TEST)
         self.at += count
         return self._content[self.at - count : self.at]
 

@@ -16,7 +16,7 @@ Characters that say nothing are 0 or ?; the IIHS fills them with _, as in ``11VE
 Sources: ISO/TS 13499, related electronic document B (channel codes), 1.6.2, as quoted by the public packages pyisomme
 and sdata; the codes of NHTSA's and the IIHS's downloads. ISO/TS 13499 has ``Data source`` (transducer, camera,
 calculation, simulation, parameter) and ``Data status`` (ok, channel failed, meaningless data, no data, questionable
-data, scaling factor changed, system noise); laboratories spell them in their own ways, NHTSA has codes for them.
+data, scaling factor changed, system noise), which laboratories spell in their own ways.
 """
 
 import re
@@ -28,8 +28,8 @@ from crashfuse.errors import UsageError, printable
 from crashfuse.units import KPH, LB, MPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, Quantity
 
+# factors to m/s² of the units that occur in records; the last two are LS-DYNA's
 ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
-"""Factors to m/s² of the units that occur in records; the last two are LS-DYNA's."""
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": MS, "µs": 1e-6},
@@ -37,8 +37,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "speed": {"km/h": KPH, "mph": MPH, "m/s": 1.0},
     "mass": {"kg": 1.0, "lb": LB, "t": 1000.0},
     "share": {"%": 0.01, "1": 1.0},
-}
-"""Factors to SI by quantity and by our own unit name."""
+}  # factors to SI by quantity and by our own unit name
 
 _SPELLINGS = {
     "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
@@ -106,7 +105,7 @@ _OTHER = re.compile(
 
 
 def unit_named(text: str, quantity: str | None = None) -> str | None:
-    """Return our name of the unit spelt by a text; None if it is not a unit (of this quantity, a key of ``UNITS``)."""
+    """Our name of the unit that a text spells; None if it is none (of this quantity, a key of ``UNITS``)."""
     plain = text.strip().strip("[](){}").lower().replace("²", "2").replace("’", "'")
     name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
     known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]
@@ -187,12 +186,12 @@ class ChannelCode:
 
     @property
     def is_of_a_dummy(self) -> bool:
-        """Whether it is in a dummy: by its location, or by a kind of dummy in the last fine location (H3)."""
+        """By its location, or by a kind of dummy in the last fine location (H3)."""
         return self.text[2:6] in _DUMMY or (self.rank == UNPLACED and self.text[10:12] != "00")
 
     @property
     def rank(self) -> int:
-        """How well its place follows the motion of the whole vehicle: 0 is best, ``UNPLACED`` says nothing of it."""
+        """How well its place follows the whole vehicle: 0 is best, ``UNPLACED`` says nothing of it."""
         main, position, fine = self.text[2:6], self.text[1], (self.text[6:8], self.text[8:10])
         if main in _REAR and position == "0" and "RE" in fine:
             return 0
@@ -209,21 +208,15 @@ class ChannelCode:
         return _CUTOFF_HZ.get(self.text[15])
 
 
-UNPLACED = len(_PLACES)
-"""The rank of a place that need not follow the motion of the whole vehicle."""
+UNPLACED = len(_PLACES)  # the rank of a place that need not follow the motion of the whole vehicle
 
 
 def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], str]:
-    """The channels whose average is the pulse, by name, and the reason; none if none sits at a known place.
-
-    At the rear, where sensors are redundant, all are taken; elsewhere one, or one on either side. Raw goes before
-    filtered.
-    """
+    """The channels to average, and the reason: all at the rear, elsewhere one, or one on either side."""
     ordered = sorted(codes.items(), key=lambda pair: pair[1].order)
     rank = ordered[0][1].rank if ordered else UNPLACED
     if rank == UNPLACED:
-        why = "No X acceleration is at the rear seat, the vehicle's own, or on tunnel, sills or B-pillars; choose one."
-        return (), why
+        return (), "No X acceleration is the vehicle's, at the rear seat, on tunnel, sills or B-pillars; choose one."
     there = [(name, code) for name, code in ordered if code.rank == rank]
     rawest: dict[str, ChannelCode] = {}
     for _, code in there:
@@ -232,8 +225,7 @@ def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], 
     if rank:
         sides = [next((name for name, code in there if code.side == side), None) for side in ("LE", "RI")]
         chosen = tuple(side for side in sides if side is not None) or chosen[:1]
-    average = "; their average is the pulse" if len(chosen) > 1 else ""
-    return chosen, f"X acceleration {_PLACES[rank][1]}: {', '.join(chosen)}{average}."
+    return chosen, f"X acceleration {_PLACES[rank][1]}: {', '.join(chosen)}."
 
 
 class Doubt(IntEnum):
@@ -246,7 +238,7 @@ class Doubt(IntEnum):
 
 
 def is_simulated(origin: str) -> bool:
-    """Whether the words on a channel's source say that nobody measured it: a simulation, a limit or a parameter."""
+    """Whether words on a channel's source say that nobody measured it."""
     return names_a_simulation(origin) or names_a_parameter(origin)
 
 
@@ -261,7 +253,7 @@ def names_a_parameter(name: str) -> bool:
 
 
 def statement_of_simulation(lines: Iterable[str]) -> str:
-    """The first of the lines above a table that says that its numbers are a program's; empty if there is none."""
+    """The first of the lines above a table that says that a program computed it."""
     return next((line.strip() for line in lines if _STATEMENT.search(_plain(line))), "")
 
 
@@ -283,5 +275,5 @@ def _plain(text: str) -> str:
 
 
 def other_setup(texts: Iterable[str]) -> str:
-    """The first of these texts (title, type of the test …) that names another crash; empty if none does."""
+    """The first of these texts that names another crash; empty if none does."""
     return next((printable(text.strip(), 80) for text in texts if _OTHER.search(text[:1000])), "")

@@ -1,8 +1,9 @@
 """Fields of an import: detected values are shown in grey, values filled in take precedence."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -44,8 +45,7 @@ _CLASSES: dict[str, float | str] = {f"CFC {cfc}": float(cfc) for cfc in (60, 180
 _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positive"}
 
 
-@dataclass(frozen=True, slots=True)
-class Units:
+class Units(NamedTuple):
     """Units of the condition, in the fields and in what is read from them."""
 
     speed: str
@@ -100,25 +100,20 @@ def condition_of(source: Source, records: Sequence[Record], units: Units) -> tup
     _number(left, f"{source.key} front weight", f"Front weight ({units.weight})", fronts, kg)
     _number(right, f"{source.key} rear weight", f"Rear weight ({units.weight})", rears, kg)
     _number(left, f"{source.key} mass", f"Mass ({units.weight})", masses, kg)
-    tip = "Of the mass, on the front axle: for files that know no axle weights."
-    _number(right, f"{source.key} front share", "Front share (%)", shares, 0.01, tip)
+    _number(right, f"{source.key} front share", "Front share (%)", shares, 0.01, "Of the mass, on the front axle.")
     return given, share
 
 
 def _choose(
-    place: DeltaGenerator,
-    label: str,
-    options: Sequence[Any],
-    grey: str,
-    key: str,
-    **look: Any,  # noqa: ANN401
-) -> Any:  # noqa: ANN401 - one of the options
-    """A choice that may be left empty: in grey is what was found, or what is taken."""
-    return place.selectbox(label, options, index=None, placeholder=grey, key=key, persist_state="session", **look)
+    place: DeltaGenerator, label: str, options: Iterable[Any], grey: str | None, key: str, **look: Any,  # noqa: ANN401
+) -> Any:  # noqa: ANN401 - one of the options  # fmt: skip
+    """In grey is what was found, or what is taken."""
+    grey = grey or "to be found"
+    return place.selectbox(label, list(options), index=None, placeholder=grey, key=key, persist_state="session", **look)
 
 
 def _ask_number(place: DeltaGenerator, label: str, grey: str, key: str, tip: str | None = None) -> float | None:
-    """As :func:`_choose`; without limits: the browser would drop a number beyond them, and nothing would name it."""
+    """Without limits: the browser would drop a number beyond them, and nothing would name it."""
     return place.number_input(label, value=None, placeholder=grey, key=key, persist_state="session", help=tip)
 
 
@@ -164,17 +159,15 @@ def reading_of(source: Source) -> Reading:
     travel: Travel | None = None
     if FORMATS[source.fmt].axes:
         travel = _choose(
-            st.container(), "Direction of travel", TRAVELS, "to be found", f"{source.key} travel",
+            st.container(), "Direction of travel", TRAVELS, None, f"{source.key} travel",
             format_func=lambda travel: travel.replace("-", "−").upper(),
-            help="Along which axis of the files the vehicle drives. Found from the motion at the start, if you leave "
-            "it.",
+            help="Along which axis of the files the vehicle drives.",
         )  # fmt: skip
     tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
     if not tables:
         return Reading(source.path, source.fmt, travel=travel)
-    forms = forms_of(source)
+    forms, names = forms_of(source), list(tables)
     with_conditions = {file for form in forms if form.proposed.kind == "conditions" for file in _files(form)}
-    names = list(tables)
     name = st.selectbox(
         "Table of conditions, by id", names, placeholder="none",
         index=names.index(next(iter(with_conditions))) if len(with_conditions) == 1 else None,
@@ -195,20 +188,17 @@ def _reading_of_tables(source: Source) -> Reading:
     pulses = [[role_of.get(use.column, use.role) for use in form.proposed.uses] for form in forms]
     chosen = "each"
     if any(roles.count("acceleration") > 1 for roles in pulses):
+        # one crash taken for several tests would be predicted from itself
+        has_conditions = any(form.proposed.kind == "conditions" for form in forms)
         chosen = st.radio(
-            "Accelerations in one table are",
-            ["each", "averaged"],
-            # one crash taken for several tests would be predicted from itself
-            index=0 if any(form.proposed.kind == "conditions" for form in forms) else 1,
+            "Accelerations in one table are", ["each", "averaged"], index=0 if has_conditions else 1,
             format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
-            key=f"{source.key} together",
-            persist_state="session",
-        )
+            key=f"{source.key} together", persist_state="session",
+        )  # fmt: skip
     return Reading(source.path, source.fmt, columns, together=chosen == "averaged")
 
 
 def _files(form: TableForm) -> set[str]:
-    """The files with such a table; each has one, or several in sheets."""
     return {name.partition(": ")[0] for name in form.names}
 
 
@@ -233,7 +223,7 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
             picked[role] = _pick(place, form, role, label, key)
             if role in QUANTITIES:
                 units[role] = _choose(
-                    place, f"Unit of {role.replace('_', ' ')}", list(UNITS[QUANTITIES[role]]),
+                    place, f"Unit of {role.replace('_', ' ')}", UNITS[QUANTITIES[role]],
                     form.unit_of(picked[role]) or "?", f"{key} unit of {role}", disabled=not picked[role],
                     label_visibility="visible" if below else "collapsed", width="stretch" if below else _UNIT_PX,
                 )  # fmt: skip
@@ -258,18 +248,17 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
 def choices_of(
     source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
 ) -> tuple[Choices, Units]:
-    """Ask for what should not be detected, for all records: ``first`` is the one shown; and for the condition's units.
-
-    With ``own_class`` the campaign filters its records itself.
-    """
+    """Ask for what should not be detected, for all records (shown is ``first``), and for the condition's units."""
     channels = _channels(source, records, first)
     units = units_of(source)
     condition, share = condition_of(source, records, units)
-    detected = _found(first, Choices(channels=channels, condition=condition, front_share=share), role)
+    detected: Settled | None = None
+    with suppress(DataError, UsageError):
+        detected = settle(first, Choices(channels=channels, condition=condition, front_share=share), role=role)
     left, right = st.columns(2)
-    unit = _field(left, "Unit", list(ACCELERATION_UNITS), detected.unit if detected else None, source)
+    unit = _choose(left, "Unit", ACCELERATION_UNITS, detected.unit if detected else None, f"{source.key} Unit")
     detected_sign = f"Deceleration {detected.deceleration_sign}" if detected else None
-    sign = _field(right, "Sign", list(_SIGNS), detected_sign, source)
+    sign = _choose(right, "Sign", _SIGNS, detected_sign, f"{source.key} Sign")
     left, right = st.columns(2)
     zero = "to be found" if detected is None else f"{detected.time_zero_s / MS:.4g}"
     tip = "First contact, in the file's own time."
@@ -280,7 +269,7 @@ def choices_of(
     else:
         own_filter = detected.channel_filter_class if detected else None
         detected_filter = f"CFC {own_filter:g}" if own_filter is not None else "Not filtered"
-        name = _field(right, "Filter", list(_CLASSES), detected_filter if detected else None, source)
+        name = _choose(right, "Filter", _CLASSES, detected_filter if detected else None, f"{source.key} Filter")
         cfc = _CLASSES[name] if name else None
     gap_mm = None
     if role == "cae":
@@ -288,17 +277,9 @@ def choices_of(
             "Gap before the barrier (mm)", value=None, min_value=0.0, placeholder="none", key=f"{source.key} gap",
             persist_state="session", help="How far the vehicle moves in the run before it meets the barrier.",
         )  # fmt: skip
-    choices = Choices(
-        channels,
-        unit,
-        _SIGNS.get(sign or ""),  # type: ignore[arg-type]
-        None if zero_ms is None else zero_ms * MS,
-        None if gap_mm is None else gap_mm * MS,
-        cfc,  # type: ignore[arg-type]
-        condition,
-        share,
-    )
-    return choices, units
+    zero_s, gap_m = (None if value is None else value * MS for value in (zero_ms, gap_mm))
+    chosen = Choices(channels, unit, _SIGNS.get(sign or ""), zero_s, gap_m, cfc, condition, share)  # type: ignore[arg-type]
+    return chosen, units
 
 
 def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple[str, ...]:
@@ -311,18 +292,6 @@ def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple
         "Channels, averaged", names, default=records[0].proposed,
         format_func=lambda name: name if labels[name] in name else f"{name} · {labels[name]}",
         key=f"{source.key} channels {hash(frozenset(names))}", persist_state="session", wrap=True,
-        help="All that could be the vehicle's pulse along X. Those that are proposed are filled in.",
+        help="All that could be the vehicle's pulse along X.",
     )  # fmt: skip
     return () if tuple(chosen) == records[0].proposed else tuple(chosen)
-
-
-def _field(place: DeltaGenerator, label: str, options: list[str], found: str | None, source: Source) -> str | None:
-    chosen: str | None = _choose(place, label, options, found or "to be found", f"{source.key} {label}")
-    return chosen
-
-
-def _found(record: Record, choices: Choices, role: Role) -> Settled | None:
-    try:
-        return settle(record, choices, role=role)
-    except (DataError, UsageError):
-        return None

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,7 +57,7 @@ _STACKED = f"""<style>
 </style>"""
 
 
-def show_add_form(
+def _show_add_form(
     source: Source,
     reading: Reading,
     choices: Choices,
@@ -65,29 +66,21 @@ def show_add_form(
     settled: Sequence[Settled],
     notice: str,
 ) -> None:
-    """Ask for the target campaign, whose ``notice`` is shown if it is the open one, and offer to add the records."""
     st.subheader("Add to a campaign")
     if refused := st.session_state.get(IMPORT_REFUSED):
         show_problems(refused, "Nothing was added", "The campaign is as it was.")
     if len(settled) == 1:
-        left, right = st.columns([2, 3], gap="large")
-        left.text_input(
-            "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session"
-        )
-        with right:
-            _ask_folder(notice)
-    else:
-        _ask_folder(notice)
+        st.text_input("Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session")
+    _ask_folder(notice)
     _ask_factors(source, role, settled)
-    several = counts_of(settled) if settled else WHAT[role][1]
+    what = f"as {WHAT[settled[0].role][0]}" if len(settled) == 1 else _counts_of(settled) or WHAT[role][1]
     st.button(
-        f"Add as {WHAT[settled[0].role][0]}" if len(settled) == 1 else f"Add {several}", type="primary",
-        icon=":material/add:", disabled=not settled, on_click=_add, args=(source, reading, choices, role, cae),
+        f"Add {what}", type="primary", icon=":material/add:", disabled=not settled, on_click=_add,
+        args=(source, reading, choices, role, cae),
     )  # fmt: skip
 
 
-def counts_of(settled: Sequence[Settled]) -> str:
-    """How many tests and CAE runs there are."""
+def _counts_of(settled: Sequence[Settled]) -> str:
     return " and ".join(counted(n, role) for role, n in Counter(record.role for record in settled).items())
 
 
@@ -100,28 +93,23 @@ def _ask_folder(notice: str) -> None:
         )  # fmt: skip
     if open_one is None or st.session_state.get(_INTO) == "folder":
         st.text_input(
-            "Campaign folder on this computer",
-            key=_FOLDER,
-            persist_state="session",
+            "Campaign folder on this computer", key=_FOLDER, persist_state="session",
             placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
             help="A new folder, which will be made, or a campaign that is there already.",
-        )
+        )  # fmt: skip
     elif notice:
-        said = f"{plain(st.session_state['campaign'])} says of itself: “{plain(notice)}”"
-        st.info(f"{said} That would stand over what is added, too.", icon=":material/info:")
+        st.info(f"The campaign says of itself, and of what is added: “{plain(notice)}”", icon=":material/info:")
 
 
 def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:
-    """Ask for the factors, besides speed and weights, that distinguish the campaign's tests or runs."""
-    factors = _factors_of_target(role)
     row = st.container(horizontal=True)
-    for name, values in factors.items():
+    for name, values in _factors_of_target(role).items():
         values_found = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
         row.selectbox(
             plain(name) + (", of all" if len(settled) > 1 else ""), values, index=None, accept_new_options=True,
             placeholder=", ".join(values_found) or "not given", key=f"{source.key} factor {name}",
             persist_state="session",
-            help="A column of the campaign's table. Choose a value that it has, or type in another.", width=_FACTOR_PX,
+            help="A column of the campaign's table.", width=_FACTOR_PX,
         )  # fmt: skip
 
 
@@ -133,13 +121,12 @@ def _with_factors(settled: Settled, source: Source, role: Role) -> Settled:
 
 
 def _factors_of_target(role: Role) -> dict[str, list[str]]:
-    try:
+    with suppress(DataError, OSError):
         folder = _target()
-        tables = [folder / f"{role}.csv", folder / "tests.csv", folder / "cae.csv"]
-        table = next((path for path in tables if path.is_file()), None)
-        return {} if table is None else _factors_in(table, campaigns.stamp(table))
-    except (DataError, OSError):
-        return {}
+        for table in (folder / f"{role}.csv", folder / "tests.csv", folder / "cae.csv"):
+            if table.is_file():
+                return _factors_in(table, campaigns.stamp(table))
+    return {}
 
 
 @st.cache_resource(max_entries=4, show_spinner=False)
@@ -149,12 +136,10 @@ def _factors_in(table: Path, stamp: tuple[int, ...]) -> dict[str, list[str]]:  #
     return {name: sorted({value for factor, value in pairs if factor == name and value}) for name in names}
 
 
-def own_class() -> float | None:
-    """Channel filter class of the target campaign, as far as it is known yet."""
-    try:
+def _own_class() -> float | None:
+    with suppress(DataError, OSError):
         return own_filter_class(_target())
-    except (DataError, OSError):
-        return None
+    return None
 
 
 def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...]) -> None:
@@ -172,10 +157,10 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tu
             added = ". ".join(map(str, add_settled(folder, settled)))
         note_in_log(visitor(), f"{added}, in {folder}")
         leave_import()
-        _turn_to(folder, plain(added))
+        _open(folder, plain(added))
 
 
-def _turn_to(folder: Path, sentence: str) -> None:
+def _open(folder: Path, sentence: str) -> None:
     st.session_state.pop(NEXT_ROLE, None)
     try:
         choose_campaign(campaigns.open_folder(folder))
@@ -200,7 +185,7 @@ def _target() -> Path:
         return campaigns.allowed(opened)  # the server may have been started with one outside
     expected = "a new or empty folder, or a campaign"
     folder = campaigns.typed_folder(st.session_state.get(_FOLDER, ""), "campaign folder", expected)
-    trouble = None
+    trouble = ""
     try:
         if is_ours(folder):
             trouble = "one of crashfuse's own"
@@ -209,8 +194,8 @@ def _target() -> Path:
         elif not is_vacant(folder) and not has_table(folder):
             trouble = "a folder of other things"
     except OSError as error:
-        raise DataError(Problem(str(folder), expected, str(error), "name another folder")) from error
-    if trouble is not None:
+        trouble = str(error)
+    if trouble:
         raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
     return folder
 
@@ -220,7 +205,7 @@ def show_unfinished() -> None:
     if IMPORT_UNFINISHED in st.session_state:
         sentence, problems = st.session_state[IMPORT_UNFINISHED]
         needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
-        then = "Drop them on the field above: what is imported next goes to the same folder, unless you name another."
+        then = "What is imported next goes to the same folder, unless you name another."
         st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
 
 
@@ -243,23 +228,16 @@ def _show_step(source: Source, view: View | None) -> None:
         with taken_as:
             role, cae = _roles(source, records)
             if aside := left_aside(source):
-                st.caption(
-                    f"Left aside, as {'they are no tables' if len(aside) > 1 else 'it is no table'}: "
-                    f"{plain(listed(aside))}."
-                )
+                st.caption(f"Left aside, as no table: {plain(listed(aside))}.")
     with right:
         first = _looked_at(source, records)
     if first is None:
         show_problems(unread, "Nothing of it can be read", "Correct the fields or the files.")
         return
     with left:
-        for_all = f", for all {len(records)} records" if len(records) > 1 else ""
+        for_all = ", of all records; a table of conditions gives each its own" if len(records) > 1 else ""
         st.caption(f"In grey: what was found. What is filled in overrules it{for_all}.")
-        if len(records) > 1 and any(
-            None in (one.condition.speed_mps, *one.condition.weights.axles()) for one in records
-        ):
-            st.caption("A table of conditions, dropped along with the files, gives each record its own: one row an id.")
-        choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class())
+        choices, units = choices_of(source, records, first, role_of(first, role, cae), _own_class())
     settled, refused = settled_of(source, reading, choices, role, cae)
     problems = [_in_units(problem, units) for problem in refused]
     with right:
@@ -272,10 +250,10 @@ def _show_step(source: Source, view: View | None) -> None:
             needs = dict.fromkeys(_need(problem, with_file=several) for problem in problems)
             st.warning("Before it can be added:\n\n" + "\n".join(f"- {need}" for need in needs), icon=":material/edit:")
         elif problems:
-            can = f"{counts_of(settled)} can be added without." if settled else ""
+            can = f"{_counts_of(settled)} can be added without." if settled else ""
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
     notice = "" if view is None else view.campaign.notice
-    show_add_form(source, reading, choices, role, cae, settled, notice)
+    _show_add_form(source, reading, choices, role, cae, settled, notice)
 
 
 def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:
@@ -294,11 +272,9 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
             placeholder="none", key=f"{source.key} cae", persist_state="session",
         )  # fmt: skip
     if look_simulated and (role == "tests" or len(look_simulated) == len(parts)):
-        by, look = ("their names or numbers", "look") if len(look_simulated) > 1 else ("its name or number", "looks")
-        by = (
-            "what the files say of themselves" if any(record.is_simulated for record in records) else f"{by} of records"
-        )
-        st.caption(f"By {by} {plain(listed(look_simulated))} {look} like CAE runs; change it if that is wrong.")
+        is_stated = any(record.is_simulated for record in records)
+        by = "what the files say of themselves" if is_stated else "name or number of records"
+        st.caption(f"Like CAE runs, by {by}: {plain(listed(look_simulated))}. Change it if that is wrong.")
     return role, tuple(chosen)
 
 
@@ -306,34 +282,29 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     if len(records) < 2:
         return records[0] if records else None
     number = st.selectbox(
-        f"{len(records)} records; this is",
-        range(len(records)),
-        format_func=lambda number: f"{number + 1}: {records[number].id}",
-        key=f"{source.key} record {len(records)}",
-        persist_state="session",
-    )
+        f"{len(records)} records; this is", range(len(records)), persist_state="session",
+        format_func=lambda number: f"{number + 1}: {records[number].id}", key=f"{source.key} record {len(records)}",
+    )  # fmt: skip
     return records[number]
 
 
 def _preview(record: Record, choices: Choices, settled: Settled | None, display: Display, units: Units) -> None:
-    show_figure(
-        Preview(record, choices, settled).plot(display=display),
-        alt=f"The pulse that comes of {record.id}, over its channels as recorded",
-    )
+    alt = f"The pulse that comes of {record.id}, over its channels as recorded"
+    show_figure(Preview(record, choices, settled).plot(display=display), alt=alt)
     if settled is not None:
         st.markdown(f"**{plain(settled.id)}**: {units.text_of(settled.condition)}")
         st.markdown("\n".join(f"- {plain(without_options(said(step, units.system)))}" for step in settled.steps))
 
 
 def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
-    rows, both = [], len({one.role for one in settled}) > 1
+    rows = []
     for one in settled[:_MOST_ROWS]:
         motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
         stop_s = float(motion.t0_s)
         rows.append(
             {
                 "Id": one.id,
-                **({"Taken as": WHAT[one.role][0]} if both else {}),
+                "Taken as": WHAT[one.role][0],
                 f"Speed ({units.speed})": round(one.condition.speed_mps / units.speed_mps, 1),
                 f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
                 f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
@@ -353,7 +324,6 @@ def _in_units(problem: Problem, units: Units) -> Problem:
 
 
 def _need(problem: Problem, *, with_file: bool) -> str:
-    advice = f"{problem.where}: {advice_on_page(problem)}" if with_file else advice_on_page(problem)
-    return plain(
-        f"{advice}." if problem.found == "none" else f"{advice}: expected {problem.expected}, found {problem.found}."
-    )
+    where = f"{problem.where}: " if with_file else ""
+    found = "" if problem.found == "none" else f": expected {problem.expected}, found {problem.found}"
+    return plain(f"{where}{advice_on_page(problem)}{found}.")

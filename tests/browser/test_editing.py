@@ -91,7 +91,7 @@ def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
     user.press("", 'button[aria-label="Remove Kanal 1"]')
     for label, value in (("Speed (km/h)", "56"), ("Front weight (kg)", "950"), ("Rear weight (kg)", "750")):
         user.fill(label, value)
-    user.sees("Column Kanal 2 is the acceleration")
+    user.sees("Read as acceleration: Kanal 2")
     user.sees("Zero velocity (TTZV) at")
     user.find('[data-testid="stPlotlyChart"] .scatterlayer')
     user.sees(f"{own.name}, which is open")

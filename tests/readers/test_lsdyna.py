@@ -1,6 +1,5 @@
 """LS-DYNA runs: whatever file, units and direction, the same pulse; damage is told in a sentence, never more."""
 
-import re
 import struct
 from dataclasses import replace
 from itertools import pairwise
@@ -9,16 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
-from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, import_source, settle
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.testing.readers import written
-from crashfuse.units import LB, MS
-from tests.conftest import SHARED, content_of, needs_shared
+from crashfuse.units import MS
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.lsdyna_files import MASS_KG, SYSTEMS, Energies, Layout, Run, chars, lsda
 
@@ -81,20 +78,10 @@ def test_a_model_in_inch_or_cm_is_not_taken_for_one_in_mm(
     monkeypatch.setitem(SYSTEMS, "other", (in_a_metre, 1.0, 1e-3))
     record = only(saved(tmp_path / "run7", binout=Run(unit="other").binout()))
     assert (record.condition.speed_mps, record.condition.mass_kg) == (None, None)
-    with pytest.raises(DataError, match=r"found a unit of length unknown: .* too fast for m and too slow for mm; give"):
+    with pytest.raises(DataError, match=r"found a unit of length unknown: .* at up to [\d.]+; give"):
         settle(record, WEIGHTS, role="cae")
     with pytest.raises(DataError, match=r"give its unit \(--unit\), or convert it"):
         settle(record, replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS)), role="cae")
-
-
-def test_a_slow_run_in_mm_is_taken_once_its_speed_is_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bumper test at 2 m/s in mm and s: with the speed its unit is found."""
-    monkeypatch.setitem(SYSTEMS, "slow", (1e3 * 2 / SPEED_MPS, 1.0, 1e-3))
-    record = only(saved(tmp_path, binout=Run(unit="slow").binout()))
-    assert record.condition.speed_mps is None
-    settled = settle(record, replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=2.0)), role="cae")
-    assert settled.unit == "mm/s²"
-    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2 * 2 / SPEED_MPS, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -167,14 +154,6 @@ def test_ascii_numbers_may_touch_and_lose_their_e(tmp_path: Path) -> None:
     assert same(record, only(saved(tmp_path / "c", nodout=SHORT.nodout(exponent="D"))))
 
 
-def test_a_negative_first_column_may_touch_the_node(tmp_path: Path) -> None:
-    """A run that drives to -x: its displacement leaves no blank behind the node's number."""
-    plain = SHORT.nodout()
-    touching = re.sub(rb"(?m)^( +\d+) +(?=0\.0000E)", rb"\1-", plain)
-    assert touching.count(b"1001-") > 10
-    assert same(only(saved(tmp_path / "a", nodout=plain)), only(saved(tmp_path / "b", nodout=touching)))
-
-
 def test_a_run_killed_while_writing_is_read_up_to_its_last_whole_state(tmp_path: Path) -> None:
     """What a killed solver leaves is a shorter run: half a row of text, data that no symbol table lists."""
     whole = only(saved(tmp_path / "whole", nodout=SHORT.nodout()))
@@ -204,30 +183,6 @@ def test_ascii_nodout_serves_where_the_binout_has_no_nodes(tmp_path: Path) -> No
     record = only(saved(tmp_path, binout0000=lsda(energies), nodout=SHORT.nodout()))
     assert len(record.channels) == 4
     assert record.condition.mass_kg == pytest.approx(MASS_KG, rel=1e-3)
-
-
-@pytest.mark.slow
-def test_a_folder_of_runs_becomes_a_library_with_conditions_from_a_table(tmp_path: Path) -> None:
-    """One folder a run, in a folder or a zip, and a table with the weights: a campaign's CAE library."""
-    ids = [f"run_{number}" for number in range(10)]
-    run = Run(end_s=0.12, step_s=2e-4)
-    for run_id in ids:
-        saved(tmp_path / "doe" / run_id, binout0000=run.binout(), messag=b"normal termination")
-    binouts = {name: content for name, content in content_of(tmp_path / "doe").items() if "binout" in name}
-    (tmp_path / "doe.zip").write_bytes(zipped(binouts))
-    table = tmp_path / "cae.csv"
-    rows = "".join(f"{run_id},{2000 + number},1500\n" for number, run_id in enumerate(ids))
-    table.write_text("id,front_weight_lb,rear_weight_lb\n" + rows)
-    assert [record.id for record in read_lsdyna(tmp_path / "doe")] == ids
-    import_source(tmp_path / "doe.zip", tmp_path / "campaign", role="cae", conditions=table)
-    import_source(
-        saved(tmp_path / "test", nodout=run.nodout()), tmp_path / "campaign", WEIGHTS, role="tests", record_id="T1"
-    )
-    campaign = load_campaign(tmp_path / "campaign")
-    assert list(campaign.cae.ids) == ids
-    assert [round(c.front_weight_kg / LB) for c in campaign.cae.conditions] == list(range(2000, 2010))
-    assert campaign.cae.conditions[0].speed_mps == pytest.approx(SPEED_MPS, rel=1e-4)
-    assert campaign.tests[0].pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -361,14 +316,7 @@ def test_a_family_with_a_missing_member_is_refused(tmp_path: Path, there: str, m
     """Whatever would leave a hole in the run, or its nodes without numbers."""
     names = [name if name == "binout0000" else f"binout0000{name}" for name in there.split()]
     said = problem(saved(tmp_path, **dict.fromkeys(names, RUN.binout())))
-    assert f"expected {missing}, found none; copy it from the run, too" in said
-
-
-def test_states_of_nodes_that_nobody_names_are_refused(tmp_path: Path) -> None:
-    """A file of another processor cannot lend its numbers."""
-    alone = lsda({name: FOLDERS[name] for name in STATES})
-    said = problem(saved(tmp_path, binout0000=alone, binout0001=RUN.binout(states=slice(0, 5))))
-    assert "the numbers of the nodes of nodout (metadata), found none; copy all files of the run" in said
+    assert f"expected {missing}, found none; copy it from the run" in said
 
 
 def test_a_state_that_lacks_its_nodes_is_refused(tmp_path: Path) -> None:
@@ -449,17 +397,7 @@ def test_nodes_that_end_before_the_energies_are_pointed_out(tmp_path: Path) -> N
     nine = (9.0,) * 31
     many = Energies(nine, nine, nine, nine, nine, times)
     record = only(saved(tmp_path / "b", binout0000=lsda({**folders, **many.glstat_folders()})))
-    assert "Careful: the nodes end at 120 but the energies at 150; copy all files of the run." in record.steps
-
-
-def test_a_list_of_states_may_be_as_long_as_it_likes(tmp_path: Path) -> None:
-    """A table a state or one for all, and hundreds of variables that nobody asked for: the nodes are what they were."""
-    unasked = {f"v{number:03d}": np.ones(1, "f4") for number in range(200)}
-    folders = {name: {**content, **unasked} for name, content in FOLDERS.items()}
-    whole = only(saved(tmp_path / "whole", binout0000=RUN.binout()))
-    for number, tables in enumerate((1, 10_000)):
-        content = lsda(folders, Layout(folders_a_table=tables))
-        assert same(only(saved(tmp_path / str(number), binout0000=content)), whole)
+    assert any(step.startswith("Careful: nodes end at 120, energies at 150") for step in record.steps)
 
 
 @needs_shared

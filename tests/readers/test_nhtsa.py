@@ -54,9 +54,7 @@ def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> 
     (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files(behind="0")))
     assert (found.condition.mass_kg, found.condition.front_weight_kg) == (1700.0, None)
     assert any("does not say what each axle carried" in step for step in found.steps)
-    with pytest.raises(
-        DataError, match=r"a mass of 1700 kg \(3748 lb\) alone; give another of mass, front weight, .* --front-share S"
-    ):
+    with pytest.raises(DataError, match=r"found the mass alone; .* --front-share S"):
         settle(found)
     assert settle(found, Choices(front_share=0.6)).condition.front_weight_kg == pytest.approx(1020.0)
 
@@ -69,7 +67,7 @@ def test_another_kind_of_test_is_pointed_out(tmp_path: Path) -> None:
     careful = f"Careful: not a full-frontal barrier crash, by its own account: {named}."
     assert careful in settle(found).steps
     halved = replace(found, channels=tuple(replace(one, values=0.5 * one.values) for one in found.channels))
-    with pytest.raises(DataError, match=r"the file calls the test 'vehicle into vehicle \(VTV\) at 0°', and only"):
+    with pytest.raises(DataError, match=r"the file calls it 'vehicle into vehicle \(VTV\) at 0°'"):
         settle(halved)
 
 
@@ -92,13 +90,6 @@ def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path, cont
     assert settle(found, Choices(channels=("93", "94"))).channels == ("93", "94")
     with pytest.raises(DataError, match=r"v00005\.095: expected"):
         settle(found, Choices(channels=("95",)))
-
-
-def test_names_of_files_may_differ_in_their_capitals(tmp_path: Path) -> None:
-    """V00005.EV5 beside v00005.093 is one test."""
-    files = {("V00005.ev5" if name.endswith("EV5") else name): content for name, content in nhtsa_files().items()}
-    (found,) = read_nhtsa(written(tmp_path / "t", files))
-    assert (found.id, found.proposed) == ("00005", ("93", "94", "99"))
 
 
 @pytest.mark.parametrize(

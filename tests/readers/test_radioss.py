@@ -11,7 +11,6 @@ import pytest
 from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, Settled, format_of, import_source, read_records, settle
-from crashfuse.readers.formats import formats_of
 from crashfuse.readers.radioss import read_binary, read_converted, read_radioss
 from crashfuse.readers.radioss_history import TimeHistory, Watched, with_names
 from crashfuse.readers.record import Record
@@ -115,35 +114,14 @@ def test_an_accelerometer_alone_needs_a_speed(tmp_path: Path) -> None:
     assert settle(record, known, role="cae").pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)
 
 
-def test_titles_say_more_than_how_late_a_node_stops(tmp_path: Path) -> None:
-    """A rear seat cross member is proposed before anything else, a dummy's head never."""
-    for title, proposed in (("REAR_SEAT_XMBR", "690"), ("engine", "758")):
-        assert only(tmp_path / title, hc1T01=replace(RUN, titles=(title, "cell")).binary()).proposed == (proposed,)
-    assert only(tmp_path / "dummy", hc1T01=replace(RUN, titles=("engine", "head")).binary()).proposed == ("690",)
-
-
-def test_of_many_nodes_the_likeliest_are_kept(tmp_path: Path) -> None:
-    """The proposed one first, then those with a title; two hundred in all."""
-    run = replace(RUN, step_ms=1.0, curves=("VX",), more_nodes=300)
-    record = only(tmp_path, hc1T01=run.binary())
-    assert [channel.name for channel in record.channels][:2] == ["758", "690"]
-    assert len(record.channels) == 200
-    assert "200 of 302 nodes are kept, those with a title first." in record.steps
-
-
 def test_a_vehicle_struck_at_rest_needs_its_direction_and_speed(tmp_path: Path) -> None:
     """Nothing sets out, so it is refused, until the user says along which axis it is pushed, and how fast."""
     content = replace(RUN, pushed=True).binary()
-    assert "if it is struck at rest, give axis and speed" in refusal(tmp_path / "a", hc1T01=content)
+    assert "give axis and speed (--travel, --speed-kph)" in refusal(tmp_path / "a", hc1T01=content)
     (record,) = read_radioss(written(tmp_path / "b", {"hc1T01": content}), "x")
     assert record.no_speed == "nodes at rest along x at the start"
-    with pytest.raises(DataError, match="expected nodes that set out along x, as given, found along -x"):
+    with pytest.raises(DataError, match="set out along x, found along -x"):
         read_radioss(written(tmp_path / "c", {"hc1T01": RUN.binary()}), "x")
-
-
-def test_forces_are_told_as_impulses(tmp_path: Path) -> None:
-    """They are not read, and it is said why."""
-    assert "Not read: impulses of rigid walls." in only(tmp_path, hc1T01=RUN.binary()).steps
 
 
 @pytest.mark.parametrize("form", ["T01", "T01.csv"])
@@ -187,13 +165,6 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[by
     assert "\n" not in str(caught.value)
 
 
-def test_nodes_without_velocity_are_asked_for(tmp_path: Path) -> None:
-    """Displacement alone is no pulse."""
-    assert "along x, or accelerometers, found DX; ask the solver for VX" in refusal(
-        tmp_path, hc1T01=RadiossRun(("DX",)).binary()
-    )
-
-
 # --- a run in several files -------------------------------------------------------------------------------------------
 
 
@@ -230,7 +201,7 @@ def test_a_run_with_a_part_missing_is_refused(tmp_path: Path) -> None:
     assert "found hc1T02" in refusal(tmp_path / "b", hc1T02=late)
     assert "expected states from 59.9 on, found the first at 80" in refusal(tmp_path / "c", hc1T01=early, hc1T02=late)
     other = replace(RUN, curves=("VX",), begin_ms=60.0).binary()
-    assert "found others; import the parts one by one" in refusal(tmp_path / "d", hc1T01=early, hc1T02=other)
+    assert "found others; import each part" in refusal(tmp_path / "d", hc1T01=early, hc1T02=other)
 
 
 def test_nodes_may_lie_in_an_additional_file(tmp_path: Path) -> None:
@@ -277,8 +248,8 @@ def test_the_csv_gives_the_numbers_of_its_original(
         np.testing.assert_allclose(mine.values, its.values, rtol=0, atol=1e-6 * np.abs(its.values).max())
     shifted = {("2022", 18): 12, ("2022", 22): 12, ("doubled", 18): 19, ("doubled", 22): 23}
     labels = shifted.get((version, written), 15 if version != "2022" and written == 12 else written)
-    told = f"{labels} labels of global histories stand over {written} columns, so labels are counted from the right."
-    assert (told in converted.steps) == (labels != written)
+    told = f"{labels} labels of global histories for {written} columns"
+    assert any(step.startswith(told) for step in converted.steps) == (labels != written)
     is_the_crash(converted)
 
 
@@ -294,7 +265,7 @@ def test_accelerometers_of_a_csv_are_told_by_their_change_of_velocity(tmp_path: 
 def test_an_impulse_is_never_taken_for_a_velocity(tmp_path: Path) -> None:
     """An unnamed impulse of the wall grows as the velocity falls, and is no node's."""
     said = refusal(tmp_path, hc1T01_csv=RadiossRun(()).csv())
-    assert "found unnamed columns of w (1); import the time history itself (T01)" in said
+    assert "found unnamed columns of w (1); import the T01 itself" in said
 
 
 def test_an_impulse_is_never_taken_for_an_acceleration() -> None:
@@ -319,11 +290,6 @@ def test_labels_with_stray_characters_are_read(tmp_path: Path) -> None:
     is_the_crash(only(tmp_path, run7_csv=content))
 
 
-def test_short_decimals_are_enough(tmp_path: Path) -> None:
-    """The first versions wrote six decimals (%f)."""
-    is_the_crash(only(tmp_path, hc1T01_csv=RUN.csv("2022", number="%f")))
-
-
 def test_rows_that_hold_no_state_each_are_refused(tmp_path: Path) -> None:
     """Of a time history that was cut short the converter wraps its rows at the wrong place."""
     head, *rows = RUN.csv().decode().splitlines()
@@ -331,14 +297,6 @@ def test_rows_that_hold_no_state_each_are_refused(tmp_path: Path) -> None:
     wrapped = [",".join(cells[at : at + 31]) for at in range(0, len(cells) // 31 * 31, 31)]
     said = refusal(tmp_path, hc1T01_csv="\n".join([head, *wrapped, ""]).encode())
     assert "import the time history itself (T01)." in said
-
-
-def test_tables_of_a_laboratory_stay_tables(tmp_path: Path) -> None:
-    """Whatever they are called: it is the header that tells a time history."""
-    rows = b"".join(b"%.4f;%.3f\n" % (t, 20 * np.sin(np.pi * t / 0.07)) for t in np.arange(0, 0.07, 1e-4))
-    path = written(tmp_path, {"MEASUREMENT01.csv": b"time [s];acceleration x [g]\n" + rows}) / "MEASUREMENT01.csv"
-    assert format_of(path) == "csv"
-    assert formats_of([Path("nodout01"), Path("run.glstat01")]) == ["lsdyna"]
 
 
 @pytest.mark.slow
@@ -408,8 +366,8 @@ def test_an_accelerometer_of_openradioss_is_the_same_in_both_forms() -> None:
 @pytest.mark.parametrize(
     ("name", "found"),
     [
-        ("ACCELEROT01", "expected nodes that travel like a vehicle's"),
-        ("ACCELEROT01.csv", "expected a model that sets out as a vehicle does, found one at rest"),
+        ("ACCELEROT01", "expected nodes that are fastest when they set out"),
+        ("ACCELEROT01.csv", "found a model at rest when the run begins"),
         ("BOX1BLT01", "expected a vehicle of 300 kg to 60 t, found a model of 240, which is none in t, kg or g"),
     ],
 )

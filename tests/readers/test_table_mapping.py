@@ -10,7 +10,7 @@ from openpyxl import Workbook
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.files.archive import Limits
 from crashfuse.readers.record import Record
-from crashfuse.readers.table_mapping import Mapping, apply_conditions, apply_mapping, propose
+from crashfuse.readers.table_mapping import apply_conditions, apply_mapping, propose
 from crashfuse.readers.table_sheet import Sheet
 from crashfuse.readers.tables import read_sheets
 from crashfuse.readers.vocabulary import number_and_unit, unit_named
@@ -95,8 +95,7 @@ def test_columns_are_records_or_channels_of_one(tmp_path: Path) -> None:
     assert [record.channels[0].values.size for record in records] == [4, 3]  # a shorter one ends in empty cells
     (together,) = apply_mapping(sheet, propose(sheet), record_id="all", together=True)
     assert (together.id, [channel.name for channel in together.channels]) == ("all", ["T1 [g]", "T2 [g]"])
-    assert "Each of the columns T1 [g] and T2 [g] is the acceleration in g: its unit is g." in together.steps
-    assert "Column T2 [g] is the acceleration in g: its unit is g." in records[1].steps
+    assert "Read as acceleration in g: T1 [g] and T2 [g] (its unit is g)." in together.steps
 
 
 def test_a_column_of_ids_parts_a_tidy_table(tmp_path: Path) -> None:
@@ -127,12 +126,8 @@ def test_the_user_overrules_the_proposal(tmp_path: Path) -> None:
     mapping = propose(sheet).overruled("Kanal 1", "time", "ms").overruled("Kanal 2", "acceleration", "m/s^2")
     (record,) = apply_mapping(sheet, mapping.overruled("bemerkung", "ignored"), record_id="x")
     assert (record.channels[0].time_s[-1], record.channels[0].unit) == (5 * MS, "m/s²")
-    with pytest.raises(UsageError, match="no column 'Kanal 9'; there are Kanal 1"):
-        mapping.overruled("Kanal 9", "time")
     with pytest.raises(UsageError, match="that is time has s, ms, µs, not 'g'"):
         mapping.overruled("Kanal 1", "time", "g")
-    with pytest.raises(UsageError, match="A column can be id, time"):
-        mapping.overruled("Kanal 1", "colour")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -232,60 +227,38 @@ def test_sizes_are_bounded(tmp_path: Path) -> None:
         read_sheets(tmp_path / "x.csv", Limits(member_bytes=100))
 
 
-@pytest.mark.parametrize(
-    ("text", "name"),
-    [
-        ("m/(s*s)", "m/s²"),
-        ("m/s**2", "m/s²"),
-        ("M/S^2", "m/s²"),
-        ("G'S", "g"),
-        ("[ms]", "ms"),
-        ("msec", "ms"),
-        ("km/h", "km/h"),
-        ("mm/ms^2", "mm/ms²"),
-        ("lbs", "lb"),
-        ("furlong", None),
-        ("", None),
-    ],
-)
-def test_units_are_known_by_their_spellings(text: str, name: str | None) -> None:
-    """Laboratories spell units in many ways."""
-    assert unit_named(text) == name
-
-
-def test_a_unit_is_of_its_quantity() -> None:
-    """What is asked for as a speed is no time."""
+def test_units_are_known_by_their_spellings() -> None:
+    """Laboratories spell units in many ways; what is asked for as a speed is no time."""
+    spelt: dict[str | None, tuple[str, ...]] = {
+        "m/s²": ("m/(s*s)", "m/s**2", "M/S^2"), "mm/ms²": ("mm/ms^2",), "g": ("G'S",), "ms": ("[ms]", "msec"),
+        "km/h": ("km/h",), "lb": ("lbs",), None: ("furlong", ""),
+    }  # fmt: skip
+    assert all(unit_named(text) == name for name, texts in spelt.items() for text in texts)
     assert unit_named("s", "speed") is None
     assert number_and_unit("56,3 km/h") == (56.3, "km/h")
     assert number_and_unit("fast") is None
 
 
 @pytest.mark.slow
-def test_damaged_tables_give_a_sentence_or_a_record(tmp_path: Path) -> None:
-    """Whatever is cut off, flipped or doubled in a text or a workbook, nothing but our own errors comes out."""
+def test_damaged_workbooks_give_a_sentence_or_a_record(tmp_path: Path) -> None:
+    """Whatever is cut off, flipped or doubled, nothing but our own errors comes out."""
     dice = random.Random(13)  # noqa: S311  (no secret)
-    book = Workbook()
+    book, path, refused = Workbook(), tmp_path / "x.xlsx", 0
     sheet = book.active
     assert sheet is not None
     sheet.append(["Zeit [ms]", "a [g]"])
     for i in range(30):
         sheet.append([0.1 * i, -0.5 * i])
-    book.save(tmp_path / "book.xlsx")
-    wholes = {
-        "x.csv": ("Zeit [ms];a_x [g];T2 [g]\n" + "".join(f"{i / 10};{-i};{i}\n" for i in range(60))).encode(),
-        "x.xlsx": (tmp_path / "book.xlsx").read_bytes(),
-    }
-    refused = 0
-    for name, whole in wholes.items():
-        for _ in range(150 if name == "x.csv" else 60):
-            content = bytearray(whole)
-            for _ in range(dice.choice([1, 1, 5, 50])):
-                content[dice.randrange(len(content))] = dice.choice([dice.randrange(256), 0x22, 0x2C, 0x0A])
-            (tmp_path / name).write_bytes(content[: dice.randrange(len(content))] if dice.random() < 0.4 else content)
-            try:
-                for found in read_sheets(tmp_path / name):
-                    mapping: Mapping = propose(found)
-                    apply_mapping(found, mapping, record_id="x")
-            except CrashfuseError:
-                refused += 1
-    assert refused > 20
+    book.save(path)
+    whole = path.read_bytes()
+    for _ in range(60):
+        content = bytearray(whole)
+        for _ in range(dice.choice([1, 1, 5, 50])):
+            content[dice.randrange(len(content))] = dice.choice([dice.randrange(256), 0x22, 0x2C, 0x0A])
+        path.write_bytes(content[: dice.randrange(len(content))] if dice.random() < 0.4 else content)
+        try:
+            for found in read_sheets(path):
+                apply_mapping(found, propose(found), record_id="x")
+        except CrashfuseError:
+            refused += 1
+    assert refused > 10

@@ -72,28 +72,23 @@ def test_one_pulse_comes_out_of_the_right_columns(tmp_path: Path, content: str) 
 
 LARGE = [f"{value:,.1f}" for value in ACCEL * 9806.65]
 WHOLE = [f"{value:,.0f}" for value in [*ACCEL[:20], *ACCEL[20:] * 9806.65]]
+BOTH, WITHOUT = "either between columns or in numbers", "without thousands separators"
 
 
 @pytest.mark.parametrize(
     ("content", "cause"),
     [
-        (text("Zeit [ms],a_x [g]", range(N), ACCEL, decimal=","), "decimal commas, as in"),
-        (text("Zeit [ms],a_x [g]", TIME_MS, ACCEL, decimal=","), "decimal commas, as in"),
-        (text("Zeit [ms],a_x [g]", range(600), [0] * 520 + ACCEL.tolist(), decimal=","), "decimal commas, as in"),
-        (text("0,0", range(N), ACCEL, decimal=","), "decimal commas, as in"),
-        (text("t [ms],a [mm/s2]", TIME_MS, LARGE), "thousands separators, as in"),
-        (text("t [ms],a [mm/s2]", range(580), [*[0.1] * 500, *LARGE]), "thousands separators, as in"),
-        (text("t [ms],a [mm/s2]", TIME_MS, [f'"{cell}"' for cell in LARGE]), "with thousands separators"),
-        (
-            text("t [ms];a [mm/s2]", TIME_MS, [cell.replace(",", "'") for cell in LARGE], delimiter=";"),
-            "with thousands",
-        ),
-        (text("t [ms],a [mm/s2]", range(N), WHOLE), "thousands separators, as in"),
-        (
-            text("t [ms],a [mm/s2]", range(N), [f'"{v:,.0f}"' for v in [*ACCEL[:20], *ACCEL[20:] * 9806.65]]),
-            "are thousands separators",
-        ),
-        (text("t [ms],a [g]", range(N), [f"{v:.3e}" for v in ACCEL], decimal=","), "decimal commas, as in"),
+        (text("Zeit [ms],a_x [g]", range(N), ACCEL, decimal=","), BOTH),
+        (text("Zeit [ms],a_x [g]", TIME_MS, ACCEL, decimal=","), BOTH),
+        (text("Zeit [ms],a_x [g]", range(600), [0] * 520 + ACCEL.tolist(), decimal=","), BOTH),
+        (text("0,0", range(N), ACCEL, decimal=","), BOTH),
+        (text("t [ms],a [mm/s2]", TIME_MS, LARGE), BOTH),
+        (text("t [ms],a [mm/s2]", range(580), [*[0.1] * 500, *LARGE]), BOTH),
+        (text("t [ms],a [mm/s2]", TIME_MS, [f'"{cell}"' for cell in LARGE]), WITHOUT),
+        (text("t [ms];a [mm/s2]", TIME_MS, [cell.replace(",", "'") for cell in LARGE], delimiter=";"), WITHOUT),
+        (text("t [ms],a [mm/s2]", range(N), WHOLE), BOTH),
+        (text("t [ms],a [mm/s2]", range(N), [f'"{cell}"' for cell in WHOLE]), "found thousands separators, as in"),
+        (text("t [ms],a [g]", range(N), [f"{v:.3e}" for v in ACCEL], decimal=","), BOTH),
         ("Curveplot\n" + text("Z-acceleration", TIME_MS, ACCEL, delimiter=" "), "a curve file of LS-PrePost"),
         (text("t [ms],a [g]", TIME_MS, ACCEL, ACCEL), "2 names above 3 columns of numbers"),
     ],
@@ -120,8 +115,8 @@ def test_what_could_be_read_in_two_ways_is_refused_by_its_cause(tmp_path: Path, 
         ("Resultant acceleration\n" + text("Time,Value", TIME_MS, ACCEL), "another direction than X: Resultant"),
         (text("Sample,a_x [g]", range(N), ACCEL), "it numbers the rows"),
         (text("0,0", range(1, N), ACCEL[1:]), "it numbers the rows"),
-        (text("time,Kopfbeschleunigung x [g]", TIME_MS, ACCEL), "a dummy's, not the vehicle's"),
-        (text("time,ChestAccX [g]", TIME_MS, ACCEL), "a dummy's, not the vehicle's"),
+        (text("time,Kopfbeschleunigung x [g]", TIME_MS, ACCEL), "a dummy's"),
+        (text("time,ChestAccX [g]", TIME_MS, ACCEL), "a dummy's"),
     ],
 )
 def test_a_column_that_is_no_pulse_says_why(tmp_path: Path, content: str, reason: str) -> None:

@@ -13,17 +13,14 @@ import numpy as np
 import pytest
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
-from crashfuse.errors import DataError, UsageError
-from crashfuse.files.archive import zipped
+from crashfuse.errors import DataError
 from crashfuse.importing import Choices, format_of, settle
-from crashfuse.readers import tdms
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tdms import read_tdms
 from crashfuse.readers.tdms_container import parse_tdms
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
-from tests.conftest import content_of
-from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g
+from tests.importing.crashes import CRUSH_M, PEAK_MPS2, STOP_S, clock, half_sine_g, ringing_g
 
 WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
 SENSORS: Mapping[str, tuple[int, str, str, str, str, str, str]] = {
@@ -125,15 +122,6 @@ def test_an_nhtsa_test_gives_condition_and_pulse(tmp_path: Path) -> None:
     assert motion.displacement_m.max() == pytest.approx(CRUSH_M, rel=2e-3)
 
 
-def test_folders_and_zips_hold_a_record_a_file(tmp_path: Path) -> None:
-    """Every file of a folder or zip is a test; a file that was chosen stands for itself."""
-    for name in ("v1", "v2"):
-        saved(tmp_path / "tests" / f"{name}.tdms", nhtsa_test())
-    (tmp_path / "tests.zip").write_bytes(zipped(content_of(tmp_path / "tests")))
-    for source, ids in (("tests", ["1", "2"]), ("tests.zip", ["1", "2"]), ("tests/v2.tdms", ["2"])):
-        assert sorted(record.id for record in read_tdms(tmp_path / source)) == ids
-
-
 def test_other_setups_are_told_and_a_test_without_the_vehicle_is_refused(tmp_path: Path) -> None:
     """An oblique test is marked; channels on dummies alone are no pulse; no speed is said to be none."""
     (record,) = read_tdms(saved(tmp_path / "a.tdms", nhtsa_test(Test_TstCfn="VTV", Test_ImpAng=15.0)))
@@ -158,18 +146,6 @@ def test_any_tdms_file_offers_its_accelerations(tmp_path: Path) -> None:
     assert "unit_string" in problem(saved(tmp_path / "force.tdms", written([force])))
 
 
-def test_channels_without_units_can_be_overruled(tmp_path: Path) -> None:
-    """A lone acceleration without a unit is proposed; any other has to be chosen, with its unit or the speed's."""
-    wave = {"wf_increment": 1e-4, "wf_start_offset": -0.05}
-    given = replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS))
-    for name, proposed in (("AX", ("AX",)), ("CH1", ())):
-        channel = ChannelObject("Car", name, half_sine_g(clock()), properties=wave)
-        (record,) = read_tdms(saved(tmp_path / f"{name}.tdms", written([channel])))
-        assert record.proposed == proposed
-        assert settle(record, replace(given, unit="g", channels=(name,))).unit == "g"
-        assert settle(record, replace(given, channels=(name,))).unit == "g"
-
-
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), (None, 1e3)])
 def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit: str | None, scale: float) -> None:
     """As other programs write it, without a waveform's properties; in ms where it says so or lasts that long."""
@@ -180,7 +156,7 @@ def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit
     assert record.proposed == ("AX",)
     assert record.channels[0].time_s == pytest.approx(clock())
     alone = written([accel])
-    assert "with a channel of time beside it" in problem(saved(tmp_path / "alone.tdms", alone))
+    assert "with a channel of time" in problem(saved(tmp_path / "alone.tdms", alone))
 
 
 def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> None:
@@ -305,14 +281,11 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("properties", "speed_kph"),
     [
-        ({"Impact_velocity": "55.8"}, 55.8),
         ({"Impact_velocity": "55,8 km/h"}, 55.8),
         ({"impact velocity (mph)": 35.0}, 35 * 1.609344),
-        ({"Impact_velocity": 55.8}, 55.8),
         ({"Impact_velocity": "n/a"}, None),
         ({"Impact_velocity": "-3"}, None),
         ({"Impact_velocity": "4 furlongs"}, None),
-        ({"Velocity": "55.8"}, None),
     ],
 )
 def test_the_speed_is_a_property_of_the_file(
@@ -340,39 +313,6 @@ def test_units_and_time_are_in_the_names(tmp_path: Path) -> None:
     assert not any("Left out" in step for step in record.steps)  # a time is not damaged, and no acceleration
 
 
-def test_a_time_in_another_group_is_better_than_none(tmp_path: Path) -> None:
-    """In ms, as its name says."""
-    record = read(tmp_path, [("Time", "Time [ms]", 1e3 * TIME_S), ("Car", "AX", half_sine_g(TIME_S))], {})
-    np.testing.assert_allclose(record.channels[0].time_s, TIME_S, atol=1e-12)
-
-
-def test_a_channel_is_chosen_as_it_is_printed(tmp_path: Path) -> None:
-    """Runs of blanks in its name or not; the likeliest is the first that is listed, and the option names it."""
-    names = ["Sled Accel  (g)", "Barrier  Accel (g)", "Vehicle  CG   Accel Long (g)", "Vehicle CG Accel Lat (g)"]
-    record = read(tmp_path, [("Car", name, half_sine_g(TIME_S)) for name in names], Impact_velocity="56")
-    assert record.proposed == ()
-    with pytest.raises(DataError) as caught:
-        settle(record, WEIGHTS)
-    (problem,) = caught.value.problems
-    assert problem.found == "Vehicle  CG   Accel Long (g), Sled Accel  (g), Barrier  Accel (g)"
-    assert "(--channel 'Vehicle  CG   Accel Long (g)')" in problem.advice
-    for spelling in (problem.found.split(", ")[0], "Vehicle CG Accel Long (g)"):
-        chosen = settle(record, Choices((spelling,), condition=WEIGHTS.condition))
-        assert chosen.channels == ("Vehicle  CG   Accel Long (g)",)
-    with pytest.raises(UsageError, match=r"no channel Lat .* it has Vehicle  CG"):
-        settle(record, Choices(("Lat",), condition=WEIGHTS.condition))
-
-
-def test_many_candidates_are_never_cut_before_the_vehicles(tmp_path: Path) -> None:
-    """Three hundred that could be anything, and the vehicle's at the end of the file: it is read, and listed first."""
-    others = [("Car", f"Accel {number} (g)", half_sine_g(TIME_S)[::10]) for number in range(300)]
-    wave = {**WAVE, "wf_increment": 1e-3}
-    record = read(tmp_path, [*others, ("Car", "Tunnel accel (g)", half_sine_g(TIME_S)[::10])], wave)
-    assert record.channels[0].name == "Tunnel accel (g)"
-    assert record.listed.startswith("Tunnel accel (g), Accel 0 (g)")
-    assert record.listed.endswith(" more")
-
-
 def test_another_crash_is_named_as_that(tmp_path: Path) -> None:
     """A small overlap test is read with a warning; where it does not stop the vehicle, it is refused as what it is."""
     record = read(tmp_path, VEHICLE, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
@@ -380,23 +320,7 @@ def test_another_crash_is_named_as_that(tmp_path: Path) -> None:
     assert careful in settle(record, WEIGHTS).steps
     slower = [(group, name, 0.6 * values) for group, name, values in VEHICLE]
     record = read(tmp_path, slower, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
-    with pytest.raises(DataError, match="calls the test 'Small overlap frontal: driver side', and only full-frontal"):
-        settle(record, WEIGHTS)
-    with pytest.raises(DataError, match=r"if it is no full-frontal barrier crash \(but car to car, or small overlap\)"):
-        settle(read(tmp_path, slower, Impact_velocity="56"), WEIGHTS)
-
-
-def test_memory_is_bounded_over_all_channels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each may be long, but not all of them."""
-    monkeypatch.setattr(tdms, "_MOST_VALUES", 5 * TIME_S.size)
-    with pytest.raises(DataError, match="accelerations of at most 17,505 values in all, found more"):
-        read(tmp_path, [("Car", f"AX {number}", RAW_G) for number in range(6)])
-
-
-def test_a_time_beyond_all_numbers_is_refused_without_a_warning(tmp_path: Path) -> None:
-    """A step of 1e305 s, as damage makes it, overflows; it is a sentence all the same."""
-    record = read(tmp_path, VEHICLE, {**WAVE, "wf_increment": 1e305}, Impact_velocity="56")
-    with pytest.raises(DataError, match="expected a number in each sample"):
+    with pytest.raises(DataError, match=r"the file calls it 'Small overlap frontal: driver side'"):
         settle(record, WEIGHTS)
 
 
@@ -430,7 +354,7 @@ def test_sensors_are_aligned_by_the_times_at_which_recording_began(
     assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)
     assert settled.time_zero_s == pytest.approx(0.08 - min(late_us, 0) * 1e-6, abs=1.5e-3)
     later, by = (tuple(pulses)[late_us > 0], abs(late_us) / 1000)
-    assert any(f"wf_start_time): {later} by {by:g} ms later;" in step for step in record.steps)
+    assert any(f"{later} by {by:g} ms later." in step for step in record.steps)
     assert not any(step.startswith("Careful") for step in settled.steps)
 
 

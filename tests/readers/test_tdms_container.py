@@ -118,7 +118,7 @@ def test_any_chain_of_linear_scales_is_their_product(chain: list[tuple[float, fl
         (kind(0, "Strain", {"Configuration": np.uint32(10183)}), "of the kind Strain"),
         (kind(0, "Thermocouple", {}), "of the kind Thermocouple"),
         (kind(0, "Polynomial", {"Coefficients_Size": np.uint32(4_000_000_000)}), "4,000,000,000 coefficients"),
-        ({"NI_Number_Of_Scales": "three"}, "three for a whole number"),
+        ({"NI_Number_Of_Scales": "three"}, "ni_number_of_scales three"),
     ],
 )
 def test_scales_that_give_no_acceleration_are_refused_at_once(scales: Scale, found: str) -> None:

@@ -25,8 +25,6 @@ from tests.importing.crash_files import german, isomme, library
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
-from tests.readers.radioss_files import RadiossRun
-from tests.readers.test_tdms import nhtsa_test
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
@@ -103,7 +101,6 @@ def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -
     assert added(tmp_path / "nova") == ["00005"]
     assert "Added: 1 test (00005), in" in session.words
     assert "cae.csv" in session.words
-    assert "what is imported next goes to the same folder" in session.words
     assert kept() == []
     session = drop(session, t1_csv=german(clock(), half_sine_g(clock())))
     assert field(session, "Take it as").value == "cae"
@@ -118,7 +115,7 @@ def test_an_isomme_archive_says_what_it_lacks(visit: Visit, tmp_path: Path, uplo
     """It knows the mass alone; the front axle's share completes it."""
     session = drop(visit(), **upload)
     assert "Before it can be added" in session.words
-    assert "found a mass of 1700 kg alone" in session.words
+    assert "found the mass alone" in session.words
     assert "--front-share" not in session.words
     (button,) = [button for button in session.app.button if button.label.startswith("Add")]
     assert button.disabled
@@ -138,10 +135,10 @@ def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields(visit:
     for speed, found in ((-5.0, "−5 mph"), (1e9, "1e+09 mph")):
         field(session, "Speed (mph)").set_value(speed)
         session.run()
-        assert f"of more than 0, and at most 224 mph, found {found}" in session.words
+        assert f"above 0, and at most 224 mph, found {found}" in session.words
     field(session, "Front share").set_value(58.0)
     field(session, "Speed (mph)").set_value(35.0)
-    assert "found a front share of 58 % alone" in session.run().words
+    assert "found the front share alone" in session.run().words
     field(session, "Mass").set_value(-3.0)
     assert "of 661 to 132277 lb, found −3 lb" in session.run().words
     field(session, "Mass").set_value(3637.0)
@@ -150,28 +147,6 @@ def test_what_was_typed_and_cannot_be_is_named_in_the_units_of_the_fields(visit:
     assert "change of velocity is −" in session.words
     assert "km/h" not in session.words.partition("Time zero at")[0].rpartition("Sign ")[2]
     assert not any(re.search(r"\d (km/h|kg)\b", one.value) for one in session.app.markdown)
-
-
-def test_weights_that_do_not_add_up_are_a_sentence(visit: Visit) -> None:
-    """800 kg with 950 of them in front: said on the page, and mended there."""
-    session = drop(visit(), t_tdms=nhtsa_test())
-    field(session, "Front weight").set_value(950.0)
-    field(session, "Mass").set_value(800.0)
-    assert "950 kg in front with a mass of 800 kg" in session.run().words
-    field(session, "Mass").set_value(1700.0)
-    assert "Add as test" in session.run().buttons
-    assert "Zero velocity (TTZV) at" in session.words
-
-
-@pytest.mark.slow
-def test_lsdyna_runs_become_cae_runs(visit: Visit, tmp_path: Path) -> None:
-    """A zip of a folder a run: each a record, taken as CAE runs unless told otherwise."""
-    runs = {f"lib/r{i}/binout0000": Run(step_s=5e-4).binout() for i in range(3)}
-    session = drop(visit(), lib_zip=zipped(runs))
-    assert field(session, "Take it as").value == "cae"
-    field(session, "Front share").set_value(56.0)
-    session = into(session.run(), tmp_path / "c").press("Add 3 CAE runs")
-    assert added(tmp_path / "c") == ["r0", "r1", "r2"]
 
 
 @pytest.mark.slow
@@ -186,19 +161,6 @@ def test_the_direction_of_travel_is_found_or_chosen(visit: Visit, tmp_path: Path
     assert "Travel along -y, given by the user." in session.run().words
     session = into(session, tmp_path / "c").press("Add as CAE run")
     assert added(tmp_path / "c") == ["r1"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("form", ["T01", "T01.csv"])
-def test_a_radioss_run_becomes_a_cae_run(visit: Visit, tmp_path: Path, form: str) -> None:
-    """Its time history, or the CSV of it: only the weights are asked for, no columns."""
-    content = RadiossRun().csv() if form.endswith("csv") else RadiossRun().binary()
-    session = drop(visit(), **{f"hc1{form}".replace(".", "_"): content})
-    assert "Radioss" in session.words
-    assert field(session, "Take it as").value == "cae"
-    field(session, "Front share").set_value(56.0)
-    session = into(session.run(), tmp_path / "c").press("Add as CAE run")
-    assert added(tmp_path / "c") == ["hc1"]
 
 
 @pytest.mark.slow
@@ -238,7 +200,7 @@ def test_columns_without_names_are_mapped(visit: Visit, tmp_path: Path) -> None:
     for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
         field(session, label).set_value(value)
     session = into(session.run(), tmp_path / "x")
-    assert "Column r is the acceleration in g: chosen by the user." in session.words
+    assert "Read as acceleration in g: r (chosen by the user)." in session.words
     session.press("Add as test")
     assert added(tmp_path / "x") == ["x"]
     stop = load_stop(tmp_path / "x" / "tests" / "x.csv")
@@ -323,23 +285,6 @@ def test_the_units_of_an_import_follow_those_of_the_pages(visit: Visit) -> None:
     assert field(session, "Speed (m/s)").value == pytest.approx(13.41, abs=0.01)
 
 
-def test_what_is_no_table_among_tables_is_named(visit: Visit) -> None:
-    """A picture dropped along with a pulse does not vanish without a word."""
-    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)}
-    assert "Left aside, as it is no table: photo.png." in drop(visit(), photo_png=b"\x89PNG", **files).words
-
-
-def test_what_follows_from_a_number_is_found(visit: Visit) -> None:
-    """The file knows a mass of 1700 kg: 60 % of it in front are 1020 and 680 kg."""
-    session = drop(visit(), m_zip=zipped(isomme("M1")))
-    assert field(session, "Front weight").placeholder == "not found"
-    field(session, "Front share").set_value(60.0)
-    session.run()
-    assert field(session, "Front weight").placeholder == "1020"
-    assert field(session, "Rear weight").placeholder == "680"
-    assert "front 1020 kg, rear 680 kg" in session.words
-
-
 @pytest.mark.slow
 def test_a_new_session_goes_on_with_an_import(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """The browser loads the page anew: files and what was filled in are still there, until it is left."""
@@ -410,26 +355,6 @@ def test_the_table_of_many_records_is_in_the_unit_of_the_page(visit: Visit) -> N
     assert "Add 2 tests" in session.buttons
 
 
-def test_records_without_conditions_are_told_of_the_table_that_gives_them(visit: Visit) -> None:
-    """One speed for all is seldom right."""
-    session = drop(visit(), **{f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)})
-    assert "A table of conditions, dropped along with the files, gives each record its own" in session.words
-
-
-@pytest.mark.slow
-def test_two_lists_of_problems_stand_on_one_page(visit: Visit, tmp_path: Path) -> None:
-    """A record that is left out, and a folder that is refused."""
-    files = {f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(2)}
-    files["t1_csv"] = files["t1_csv"].replace(b"\n100,000000;", b"\nhundred;")
-    (tmp_path / "letter.txt").write_text("Dear")
-    session = drop(visit(), **files)
-    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
-        field(session, label).set_value(value)
-    session = into(session.run(), tmp_path).press("Add as test")
-    assert len(session.tables) == 2
-    assert [button.label for button in session.app.download_button] == ["problems.csv"] * 2
-
-
 @pytest.mark.slow
 def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_path: Path) -> None:
     """CAE runs from a wide table with a table of conditions, then tests into the same folder: then it is open."""
@@ -460,7 +385,7 @@ def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> Non
     with (open_campaign / "campaign.toml").open("a", encoding="utf-8") as settings:
         settings.write('\nnotice = "All of it is simulated."\n')
     session = drop(visit(), v5_zip=zipped(nhtsa_files()))
-    assert "says of itself: “All of it is simulated.” That would stand over what is added, too." in session.words
+    assert "“All of it is simulated.”" in session.words
     session = session.press("Add as test")
     assert session.numbers["Tests"] == "5"
     assert load_campaign(open_campaign).test_ids[-1] == "00005"
@@ -476,17 +401,6 @@ def test_a_factor_of_the_campaign_is_asked_for(visit: Visit, open_campaign: Path
     drive.set_value(drive.options[0])
     session.run().press("Add as test")
     assert load_campaign(open_campaign).tests[-1].condition.factors == (("drive", drive.options[0]),)
-
-
-@pytest.mark.parametrize("bad_id", ["=1+1", "-20C Versuch"])
-@pytest.mark.slow
-def test_an_id_that_would_spoil_the_campaign_is_refused(visit: Visit, open_campaign: Path, bad_id: str) -> None:
-    """It stays open."""
-    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
-    field(session, "Id in").set_value(bad_id)
-    session = session.run().press("Add as test")
-    assert session.tables[-1]["Expected"].tolist() == ["an id that no spreadsheet takes for a formula"]
-    assert len(load_campaign(open_campaign).tests) == 4
 
 
 @pytest.mark.slow
@@ -525,16 +439,6 @@ def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_
     session.press("Back without importing")
     assert kept() == []
     assert session.numbers["Tests"] == "11"
-
-
-@pytest.mark.slow
-def test_an_id_that_is_there_is_refused(visit: Visit, tmp_path: Path) -> None:
-    """The campaign stays as it was."""
-    out = tmp_path / "c"
-    for _ in range(2):
-        session = into(drop(visit(), v5_zip=zipped(nhtsa_files())), out).press("Add as test")
-    assert "Nothing was added" in session.words
-    assert added(out) == ["00005"]
 
 
 def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tmp_path: Path) -> None:
@@ -590,28 +494,11 @@ def test_cae_files_dropped_beside_tests_are_told_apart(visit: Visit, tmp_path: P
     table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},56,900,700" for i in names)])
     session = drop(visit(), **files, conditions_csv=table.encode())
     assert field(session, "Of these").value == ["CAE1.csv"]
-    assert "By its name or number of records CAE1.csv looks like CAE runs" in session.words
+    assert "Like CAE runs, by name or number of records: CAE1.csv." in session.words
     session = into(session, tmp_path / "both")
     session.press("Add 1 CAE run and 2 tests")
     assert (tmp_path / "both" / "cae" / "CAE1.csv").is_file()
     assert sorted(path.name for path in (tmp_path / "both" / "tests").iterdir()) == ["T1.csv", "T2.csv"]
-
-
-@pytest.mark.slow
-def test_files_that_all_look_like_cae_runs_are_proposed_as_such(visit: Visit, tmp_path: Path) -> None:
-    """It is said why, and can be changed: then all are tests."""
-    time_s = clock()
-    files = {f"sim{i}_csv": german(time_s, half_sine_g(time_s) + scatter_g(time_s, float(i))) for i in (1, 2)}
-    table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"sim{i},56,900,700" for i in (1, 2))])
-    session = drop(visit(), **files, conditions_csv=table.encode())
-    assert field(session, "Take it as").value == "cae"
-    assert "of records sim1.csv, sim2.csv look like CAE runs" in session.words
-    assert "Add 2 CAE runs" in session.buttons
-    field(session, "Take it as").set_value("tests")
-    assert field(session.run(), "Of these").value == []
-    into(session, tmp_path / "tests alone").press("Add 2 tests")
-    assert added(tmp_path / "tests alone") == ["sim1", "sim2"]
-    assert (tmp_path / "tests alone" / "tests" / "sim1.csv").is_file()
 
 
 @pytest.mark.slow
@@ -622,7 +509,7 @@ def test_what_says_that_it_is_simulated_is_proposed_as_a_cae_run(visit: Visit) -
     test = IsommeTest("P1", [("Velocity test object 1", "15.5"), *weights], (channel,))
     session = drop(visit(), own_zip=zipped(isomme_files(test)))
     assert field(session, "Take it as").value == "cae"
-    assert "By what the files say of themselves own looks like CAE runs" in session.words
+    assert "Like CAE runs, by what the files say of themselves: own." in session.words
     assert "Add as CAE run" in session.buttons
     field(session, "Take it as").set_value("tests")
     assert "by its own account 10VEHC000000ACXP (simulation)" in session.run().words
