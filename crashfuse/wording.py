@@ -208,10 +208,7 @@ def _packed_value(value: object) -> object:
 def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
     """The text that :func:`packed` was given.
 
-    Raises
-    ------
-    ValueError, TypeError, KeyError, IndexError
-        If it is nothing of the kind.
+    Raises ValueError, TypeError, KeyError, IndexError if it is nothing of the kind.
     """
     if isinstance(value, str):
         return value

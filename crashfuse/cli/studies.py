@@ -4,11 +4,12 @@ import argparse
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.models import settings
-from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
+from crashfuse.cli.models import given_settings, settings
+from crashfuse.cli.output import display_of, opened, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -51,21 +52,9 @@ def study(arguments: argparse.Namespace) -> None:
 
 def _runs(arguments: argparse.Namespace) -> list[_Run]:
     """Every study requested; if there are several, each has a subfolder of the command's output folder."""
-    given: dict[str, Any] = {
-        name: value
-        for name, value in (
-            ("approaches", arguments.approach and tuple(arguments.approach)),
-            ("windows_ms", arguments.windows_ms and tuple(arguments.windows_ms)),
-            ("leave_out", arguments.leave_out),
-            ("device", arguments.device),
-        )
-        if value is not None
-    }
-    ways = [
-        {**given, **{name: value for name, value in (("preset", preset), ("seed", seed)) if value is not None}}
-        for preset in dict.fromkeys(arguments.preset or [None])
-        for seed in dict.fromkeys(arguments.seed or [None])
-    ]
+    given = given_settings(arguments)
+    several = {name: [{name: x} for x in dict.fromkeys(given.pop(name, ()))] or [{}] for name in ("preset", "seed")}
+    ways = [{**given, **preset, **seed} for preset, seed in product(*several.values())]
     folders = _named(arguments.campaigns)
     alone = len(folders) == len(ways) == 1
     for folder in folders.values():
@@ -147,7 +136,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
     _print_means(study.scores)
     if study.speed_groups is not None:
-        print(f"The same, {_LEFT_OUT['speed group']}")
+        print(f"Mean rating, {_LEFT_OUT['speed group']}")
         _print_means(study.speed_groups.scores)
     sentences = (*recommend(study).sentences, *worst_test(study).sentences)
     print(*(display.words(sentence) for sentence in sentences if sentence not in facts), sep="\n")
@@ -195,19 +184,17 @@ def _print_means(scores: "pd.DataFrame") -> None:
 
 def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
-    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.certification.criteria import read_criteria
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.watched import watching
     from crashfuse.study import learning_curve as curves
     from crashfuse.study.one_more_test import Cost, sentences
 
-    require_output(arguments.out, arguments.campaign, "learning curve")
     cost = None if arguments.cost_per_test is None else Cost.of(arguments.cost_per_test)
     config = settings(arguments, curves.CURVE_CONFIG)
-    own = Path(arguments.campaign, "criteria.toml")
-    criteria = read_criteria(arguments.criteria or own) if arguments.criteria or own.is_file() else None
-    campaign = load_campaign(arguments.campaign)
+    campaign, display = opened(arguments, "learning curve")
+    file = arguments.criteria or arguments.campaign / "criteria.toml"
+    criteria = read_criteria(file) if arguments.criteria or file.is_file() else None
     repeats = curves.REPEATS if arguments.repeats is None else arguments.repeats
     with watching() as watch:
         curve = curves.learning_curve(
@@ -215,7 +202,6 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         )
     if criteria is not None:
         curve = curve.decided(criteria)
-    display = display_of(arguments, campaign)
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
         curve.write(folder, cost=arguments.cost_per_test, display=display)
     say_facts(campaign, display)

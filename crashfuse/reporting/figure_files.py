@@ -59,10 +59,7 @@ class FiguresOfReport:
 def read_figures(path: Path) -> FiguresOfReport:
     """The figures of a report that was written as a file.
 
-    Raises
-    ------
-    DataError
-        If there is no such file, or it is not a report with figures.
+    Raises DataError if there is no such file, or it is not a report with figures.
     """
     expected, advice = "a report.html of crashfuse with figures", "name the report that a command has written"
     if not path.is_file():
@@ -152,14 +149,8 @@ def _browser() -> str | None:
 def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> dict[str, bytes]:
     """The figures as files, by name: ``01-heading.svg``, ``.png`` and ``.csv`` and, all in one, ``figures.pptx``.
 
-    Raises
-    ------
-    UsageError
-        If a format is unknown, or the extra or the browser that it needs is not there.
-    DataError
-        If the numbers of a figure cannot be read.
-    CrashfuseError
-        If the browser fails.
+    Raises UsageError if a format is unknown, or the extra or the browser that it needs is not there, DataError if the
+    numbers of a figure cannot be read, CrashfuseError if the browser fails.
     """
     if unknown := [form for form in formats if form not in FIGURE_FORMATS]:
         raise UsageError(f"A figure is written as {', '.join(FIGURE_FORMATS)}, not as {unknown[0]}.")

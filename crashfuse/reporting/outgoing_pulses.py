@@ -150,10 +150,7 @@ class OutgoingPulse:
 def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
     """The expected pulse of each approach, then this many of its draws, chosen at random by the seed.
 
-    Raises
-    ------
-    UsageError
-        If an approach has fewer draws than asked for, or no approach has any.
+    Raises UsageError if an approach has fewer draws than asked for, or no approach has any.
     """
     with_draws = [estimate.prediction.draws_mps2 for estimate in estimates]
     if draws and all(own is None for own in with_draws):

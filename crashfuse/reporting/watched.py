@@ -39,10 +39,7 @@ class Step:
     def plot(self) -> go.Figure:
         """The values reported so far, such as losses, over the step's progress; as pages show it while networks train.
 
-        Raises
-        ------
-        UsageError
-            If it has reported none.
+        Raises UsageError if it has reported none.
         """
         if not self.learns:
             raise UsageError(f"The step {self.progress.step} has reported no values to draw.")
@@ -87,10 +84,7 @@ class Watched(Watch):
     def plot(self, step: str = "") -> go.Figure:
         """What a step has reported so far, by default the last that reported values, see :meth:`Step.plot`.
 
-        Raises
-        ------
-        UsageError
-            If there is no such step, or it has reported none.
+        Raises UsageError if there is no such step, or it has reported none.
         """
         learning = [name for name, own in self.steps.items() if own.learns]
         if not (step or learning):

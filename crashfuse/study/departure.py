@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache as cached
 from itertools import combinations
 from math import sqrt
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -122,10 +123,10 @@ def _cached_departures(campaign: Campaign, cache: Cache) -> tuple[Departure, ...
 
     def restore(entry: Entry) -> tuple[Departure, ...]:
         records = json.loads(str(entry["departures"]))
-        return tuple(
-            Departure(**{name: tuple(x) if isinstance(x, list) else x for name, x in record.items()})
-            for record in records
-        )
+        tuples: list[dict[str, Any]] = [
+            {name: tuple(x) if isinstance(x, list) else x for name, x in record.items()} for record in records
+        ]
+        return tuple(Departure(**values) for values in tuples)
 
     key = {"campaign": campaign.fingerprint, "code": code_digest(__name__)}
     return cache.get_or_compute(_KIND, key, compute, restore)

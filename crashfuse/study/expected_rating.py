@@ -121,13 +121,18 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     ratings = [_overall(test.pulse, left_out[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in tests]
     agreements = np.array([estimate.agreements.get(test.id, np.nan) for test in tests])
     single = RatingDistribution.learned(np.array(ratings), away, agreements, agreement(estimate.prediction))
+    median, lower, upper, least, most = map(single.quantile, _SHARES)
     below, above = speeds.min() - speed_mps, speed_mps - speeds.max()
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
     return ExpectedRating(
         float(np.mean(ratings[: len(near)])),
         min(ratings[: len(near)]),
         max(ratings[: len(near)]),
-        *map(single.quantile, _SHARES),
+        median,
+        lower,
+        upper,
+        least,
+        most,
         window_ms=float(window_ms),
         tests=tuple(test.id for test in near),
         reach_mps=float(away[len(near) - 1]),

@@ -170,7 +170,7 @@ def past_results(folder: Path | None = None) -> list[PastResult]:
 
 
 def parsed(values: Mapping[str, Any]) -> PastResult:
-    """A record from plain JSON values; a ValueError, TypeError, KeyError, AttributeError or UsageError if it is none."""
+    """A record from plain JSON values; a ValueError, TypeError, KeyError or UsageError if it is none."""
     texts = [values[name] for name in ("campaign", "fingerprint", "basis", "approach", "date")]
     if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(values["date"]):
         raise ValueError("no texts, or no date")

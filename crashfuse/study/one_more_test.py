@@ -180,8 +180,8 @@ def sentences(curve: LearningCurve, cost: Cost | None = None) -> tuple[str, ...]
         statements.append(
             f"No fewer tests, chosen evenly over speed, rate as well as {rest}."
             if gain is None
-            else f"{gain.before} tests, chosen evenly over speed, may rate as well as {rest}, which rate "
-            f"{signed(gain.gain, 3)}{plus_minus(gain.error)}: within twice the standard error."
+            else f"{gain.before} of the tests, chosen evenly over speed, may rate as well as {rest}: the gain of "
+            f"{signed(gain.gain, 3)}{plus_minus(gain.error)} is within twice its standard error."
         )
     statements.append(_outlook(one_more(curve), n, cost))
     return tuple(statements)

@@ -105,7 +105,7 @@ def test_a_note_that_somebody_else_wrote_since_is_not_lost(past: PastResult) -> 
     annotate(replace(past, note="before the new rail"), "with the old barrier")
     assert past_results() == [replace(anew, note="with the old barrier")]
     forget(past)
-    with pytest.raises(DataError, match="it was taken off the list"):
+    with pytest.raises(DataError, match="no such result any more"):
         annotate(past, "late")
     assert not past_results()
 

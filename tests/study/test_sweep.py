@@ -21,9 +21,8 @@ from crashfuse.study.sweep import (
     sweep_speed,
     uncovered_speeds,
     usual_speeds,
-    weights_sentence,
 )
-from crashfuse.units import KPH, LB, MPH, G
+from crashfuse.units import KPH, MPH, G
 
 SPEEDS_MPS = np.array([15.0, 20.0, 30.0]) * MPH
 
@@ -142,13 +141,3 @@ def test_a_sentence_tells_where_numbers_are_missing_and_why(campaign: Campaign, 
         "Fused (1 of 2 speeds, from 10.0 to 10.0 mph): The record ends before the OLC's restraint"
     )
     assert missing_over_speed([sweep], "peak") == []
-
-
-def test_a_sentence_tells_the_weights_of_sweep_and_tests(campaign: Campaign) -> None:
-    """The tests' are a range, for each has its own."""
-    condition = Condition.of_vector([1.0, 2050 * LB, 1500 * LB])
-    assert weights_sentence(condition, campaign.tests) == (
-        "Swept at front 2050 lb, rear 1500 lb. The tests were run with weights of their own: "
-        "front 2000–2120 lb, rear 1450–1600 lb."
-    )
-    assert weights_sentence(condition, ()) == "Swept at front 2050 lb, rear 1500 lb."

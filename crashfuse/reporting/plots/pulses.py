@@ -41,17 +41,11 @@ def overlay(
     *,
     filled: str | None = None,
 ) -> go.Figure:
-    """Overlay the measured pulse and every approach's prediction with its 95 % band.
+    """Overlay the measured pulse, if there is one, and every approach's prediction with its 95 % band.
 
-    Parameters
-    ----------
-    measured : Pulse or None
-        The test's pulse on the study grid, black; None where nothing was measured.
-    predictions : mapping of str to Prediction
-        By approach name; or, under any other name, a further pulse: another test, a CAE run, a prediction at another
-        condition.
-    filled : str, optional
-        Whose band is filled, by default that of the preferred approach; of the others the edges are drawn.
+    Predictions are by approach name or, under any other name, further pulses: another test, a CAE run, a prediction at
+    another condition. The band that is ``filled`` is by default that of the preferred approach; of the others the edges
+    are drawn.
     """
     figure = new_figure(height=460 + room_for_names(predictions))
     draw_curves(figure, _accelerations(measured, predictions, display), filled=filled)

@@ -87,10 +87,9 @@ def rating_heatmap(
 def rating_spread(
     ratings: Mapping[str, Mapping[str, tuple[float, float, float]]], repeats: Mapping[str, Repeatability] | None = None
 ) -> go.Figure:
-    """Draw each test's rating by approach, with the interval of the ratings of single draws.
+    """Draw each test's rating by approach, with the interval of the ratings of single draws (overall, lower, upper).
 
-    ``ratings`` by test id, then approach: overall rating, and lower and upper end of the interval. The interval of what
-    a repeat of each test would rate is drawn behind them.
+    The interval of what a repeat of each test would rate is drawn behind them.
     """
     figure = new_figure(height=420)
     tests = list(ratings)
@@ -131,12 +130,7 @@ def rating_spread(
 def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> go.Figure:
     """Draw how much of the left-out tests lies inside bands of each level; on the diagonal a band is calibrated.
 
-    Parameters
-    ----------
-    levels : ndarray, shape (n,)
-        Nominal levels of the bands, from 0 to 1.
-    observed : mapping of str to ndarray, shape (n,)
-        Observed coverage by approach.
+    ``levels`` are nominal, from 0 to 1, ``observed`` is the coverage by approach at each of them.
     """
     figure = new_figure(height=440)
     figure.add_scatter(

@@ -64,10 +64,10 @@ def render(
     held_out: Sequence[str] = (),
     **own: object,
 ) -> str:
-    """The complete file, from a report's own template and values; the command is the one that reproduces it."""
-    cfc = campaign.channel_filter_class
-    quality = campaign.quality
+    """The complete file, from a report's template and values; the command is the one that reproduces it."""
+    cfc, quality = campaign.channel_filter_class, campaign.quality
     speeds, front, rear = zip(*campaign.cae.range, strict=True)
+    record = provenance(campaign, held_out, config)
     return render_in_frame(
         template,
         f"{campaign.name}: {title}",
@@ -81,8 +81,17 @@ def render(
         quality_table=quality_table(quality),
         filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
         methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
-        origin=_origin(provenance(campaign, held_out, config), command),
-        shown_otherwise=_shown_otherwise(display),
+        origin={
+            "Command": command,
+            "Campaign fingerprint (SHA-256)": campaign.fingerprint,
+            "crashfuse": record["crashfuse"],
+            "Python, platform": f"{record['python']}, {record['platform']}",
+            "Packages": _listed(record["packages"]),
+            "Seed and settings": _listed(record["config"]),
+        },
+        shown_otherwise=""
+        if display.unit == "g" and not display.deceleration
+        else f"Shown: {display.accel_title.lower()}; the command's files have g, with the data's sign.",
         **own,
     )
 
@@ -118,27 +127,6 @@ def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows).fillna("–")
-
-
-def _origin(record: Mapping[str, object], command: str) -> dict[str, str]:
-    return {
-        "Command": command,
-        "Campaign fingerprint (SHA-256)": str(record["fingerprint"]),
-        "crashfuse": str(record["crashfuse"]),
-        "Python, platform": f"{record['python']}, {record['platform']}",
-        "Packages": _listed(record["packages"]),
-        "Seed and settings": _listed(record["config"]),
-    }
-
-
-def _shown_otherwise(display: Display) -> str:
-    """A sentence on how the report shows accelerations and the command, which has no options for it, does not."""
-    ways = [f"in {display.unit}"] * (display.unit != "g") + ["as deceleration"] * display.deceleration
-    if not ways:
-        return ""
-    return (
-        f"Acceleration is shown {' and '.join(ways)} here; what the command writes has it in g, with the data's sign."
-    )
 
 
 def _listed(value: object) -> str:

@@ -12,13 +12,12 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import ReportForm, render
 from crashfuse.reporting.report.sections import details, unbroken_interval
-from crashfuse.reporting.result_tables import curve_table, gains_table
+from crashfuse.reporting.result_tables import curve_table, gains_table, next_tests_table
 from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.next_test import next_tests_table
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
@@ -46,11 +45,6 @@ def prediction_report(
 
     What the same approaches predict at further conditions, or with other settings, is shown ``beside`` it. A short
     report has recommendation, pulses, metrics and limits on two or three pages.
-
-    Raises
-    ------
-    UsageError
-        If there is no such form.
     """
     condition = estimates[0].prediction.condition
     prediction = PredictedPulse(campaign, tuple(estimates), config)
@@ -75,7 +69,6 @@ def prediction_report(
 
 
 def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Display) -> dict[str, object]:
-    """Several predictions by one approach: pulses, main metrics and their differences from the first."""
     first, *others = by_one(approach, predictions)
     return {
         "approach": LABELS[approach],
@@ -109,7 +102,7 @@ def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> str:
 
 def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
     """HTML report of a ranking of next tests."""
-    over, ranked, config = ranking.over, ranking.ranked, ranking.config
+    over, config = ranking.over, ranking.config
     return render(
         "next_test",
         "which test next",
@@ -120,8 +113,8 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
         over=over,
         meaning=NEXT_TEST_MEANING,
         drawn=ranking.plot(display=display),
-        best=next_tests_table(ranked[:_SHOWN], display.units),
-        ranked=len(ranked),
+        best=next_tests_table(ranking.ranked[:_SHOWN], display.units),
+        ranked=len(ranking.ranked),
     )
 
 
