@@ -89,7 +89,6 @@ def _with_directions(argv: Sequence[str]) -> list[str]:
 
 
 def _about_the_system(error: OSError) -> str:
-    """An operating-system error as a sentence."""
     reason = (error.strerror or str(error) or type(error).__name__).rstrip(".")
     place = f"{error.filename} cannot be read or written" if error.filename else "something cannot be read or written"
     return f"{place}: {reason[:1].lower()}{reason[1:]}."

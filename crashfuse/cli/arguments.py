@@ -238,7 +238,6 @@ def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
 
 
 def _one_of(*choices: str) -> Callable[[str], str]:
-    """Parser that accepts one of these words."""
 
     def choice(text: str) -> str:
         if text not in choices:

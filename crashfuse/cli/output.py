@@ -27,8 +27,7 @@ _claimed: dict[Path, ExitStack] = {}
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
     """Claim a folder for this command.
 
-    Refuses one that is, or lies in, a campaign, holds results of another kind, is not writable, or that another command
-    is writing to.
+    Refuses one in a campaign, with results of another kind, that is not writable, or that another command writes to.
     """
     from crashfuse.campaign_folder.condition_tables import has_table
     from crashfuse.reporting.results import RESULT_FILES

@@ -51,7 +51,6 @@ def study(arguments: argparse.Namespace) -> None:
 
 
 def _runs(arguments: argparse.Namespace) -> list[_Run]:
-    """Every study requested; if there are several, each has a subfolder of the command's output folder."""
     given = given_settings(arguments)
     several = {name: [{name: x} for x in dict.fromkeys(given.pop(name, ()))] or [{}] for name in ("preset", "seed")}
     ways = [{**given, **preset, **seed} for preset, seed in product(*several.values())]
@@ -114,7 +113,6 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
-    """Compute a study, write it and print its results; returns its means."""
     from crashfuse.reporting.result_tables import studies_table
     from crashfuse.reporting.results import begin_study
     from crashfuse.reporting.watched import watching
@@ -160,7 +158,6 @@ def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
 
 
 def _summary(tables: Sequence["pd.DataFrame"]) -> str:
-    """Mean ratings of a series over its longest window, one row per campaign and preset."""
     import pandas as pd
 
     from crashfuse.approaches.registry import LABELS
@@ -173,7 +170,6 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
 
 
 def _print_means(scores: "pd.DataFrame") -> None:
-    """Print the mean overall rating of each approach over each window."""
     from crashfuse.approaches.registry import LABELS
 
     means = scores.groupby(["approach", "window_ms"], sort=False)["overall"].mean().unstack(sort=False)

@@ -90,7 +90,6 @@ def unpacked(packed: Mapping[str, Any]) -> np.ndarray[Any, Any]:
 
 
 def _values(data: object) -> np.ndarray[Any, Any]:
-    """Values of a trace, which Plotly may hold packed."""
     return unpacked(data) if isinstance(data, Mapping) else np.array([] if data is None else data)
 
 
@@ -99,7 +98,6 @@ def _numbers(data: object) -> FloatArray:
 
 
 def _text(words: object) -> str:
-    """Words of a figure without their markup."""
     return " ".join(_TAG.sub(" ", str(words or "")).split())
 
 
@@ -141,7 +139,6 @@ def _read(trace: Mapping[str, Any], layout: Mapping[str, Any], headings: Mapping
 
 
 def _interval(title: str, error: Mapping[str, Any], values: FloatArray) -> dict[str, FloatArray]:
-    """Lower and upper ends of error bars, if there are any."""
     if error.get("array") is None:
         return {}
     up = _numbers(error["array"])

@@ -178,7 +178,6 @@ def _file_name(title: str) -> str:
 
 
 def _numbers(figure: ReportFigure) -> bytes:
-    """What a figure shows, as CSV."""
     try:
         return csv_bytes(figure_table(figure.drawn))
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -187,7 +186,6 @@ def _numbers(figure: ReportFigure) -> bytes:
 
 
 def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:
-    """Every figure in every kind, drawn in one browser."""
     from choreographer.errors import BrowserClosedError, BrowserFailedError
     from kaleido import Kaleido, PageGenerator
     from kaleido.errors import JavascriptError, KaleidoError

@@ -55,16 +55,9 @@ Further = str | OtherPrediction
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What a figure of pulses shows.
+    """What a figure of pulses shows: the measured one, if any, and estimates by approach, then whatever is beside them.
 
-    Attributes
-    ----------
-    measured : Pulse or None
-        Of the test at the condition, if one is to be shown.
-    shown : mapping of str to Estimate or Prediction
-        Estimates by approach; then whatever is put beside them, by its name in the legend.
-    band : str or None
-        The approach whose band is filled; None for the preferred one.
+    The band of the approach ``band`` is filled; None for the preferred one.
     """
 
     measured: Pulse | None
@@ -221,7 +214,6 @@ def figure_of_test(
 
 
 def _display(study: Study, options: DisplayOptions) -> Display:
-    """The display asked for, by default over the longest window of the study."""
     return Display.of(study.campaign.units, max(study.config.windows_ms), **options)
 
 
@@ -244,7 +236,6 @@ def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -
 
 
 def _state(estimates: Mapping[str, Estimate], *keys: str) -> dict[str, Any]:
-    """What the preferred network says of its training."""
     for name in by_preference(estimates):
         if any(key in estimates[name].state for key in keys):
             return estimates[name].state

@@ -93,25 +93,12 @@ def isomme_pulse(
     location: str,
     comments: Sequence[str],
 ) -> dict[str, bytes]:
-    """One pulse as an ISO-MME test of three channels at a location: AC, VE and DV in X.
+    """One pulse as an ISO-MME test of three channels at a location: AC, VE and DV in X; content by relative path.
 
     Velocity and displacement are integrated from the acceleration. The filter class, in the code and in the header, is
     that of the campaign's records (D: CFC 60); the code ends in S if they were used as they are. Codes: ISO/TS 13499,
-    see :mod:`crashfuse.readers.isomme`.
-
-    Parameters
-    ----------
-    name : str
-        Name of the test, its folder and its files.
-    location : str
-        The first 12 characters of the channel codes.
-    comments : sequence of str
-        What the headers of the test and of each channel say about it.
-
-    Returns
-    -------
-    dict of str to bytes
-        Content by relative path, below a folder with the test's name.
+    see :mod:`crashfuse.readers.isomme`. ``location`` is the first 12 characters of the channel codes; the headers have
+    the comments.
     """
     descriptors = [
         ("Data format edition number", "1.6"),

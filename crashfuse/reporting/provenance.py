@@ -113,7 +113,6 @@ def _command(name: str, options: Sequence[str], units: UnitSystem) -> str:
 
 
 def _axes(units: UnitSystem, *conditions: Condition, only: Sequence[str] = tuple(_AXES)) -> list[str]:
-    """Options for speed and weights, each with its value at these conditions."""
     options: list[str] = []
     for axis in only:
         unit = "mph" if axis == "speed" else "lb"

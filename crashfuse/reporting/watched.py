@@ -60,13 +60,7 @@ class Step:
 
 
 class Watched(Watch):
-    """A watch that keeps what it is told.
-
-    Attributes
-    ----------
-    steps : dict of str to Step
-        Every step so far by its name, in order of start; of one that starts over (for the next test) the last.
-    """
+    """A watch that keeps what is reported: every step so far by its name; of one that starts over the last."""
 
     def __init__(
         self,

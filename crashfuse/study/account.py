@@ -95,16 +95,10 @@ def account(
     without_neighbours: float | None = None,
     cache: Cache | None = None,
 ) -> Account:
-    """Account of an approach's prediction of a left-out test.
+    """Account of an approach's prediction of a left-out test of a whole campaign, with the settings of its fold.
 
-    Parameters
-    ----------
-    campaign, config : Campaign, StudyConfig
-        The whole campaign, the test among the others; the settings of the fold.
-    approach : str, optional
-        By default the one that was recommended for this test before it was known.
-    without_neighbours : float, optional
-        Its rating if the tests at about its speed are left out as well; by default looked up in the cache.
+    The approach is by default the one that was recommended for this test before it was known; the rating
+    ``without_neighbours`` is by default looked up in the cache.
     """
     cache, test = cache or Cache(), fold.test
     others = config.training_campaign(campaign, test.id)

@@ -93,8 +93,7 @@ class Departure:
 def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: float = WINDOW_MS) -> Departure | None:
     """Compare a test with the others of its speed group, and those with each other; None if there are under three.
 
-    Of a larger group, with the twelve of nearest weights. The model is fitted to the campaign's CAE runs; pulses are
-    rated over [0, window_ms).
+    Of a larger group, with the twelve of nearest weights. The model is fitted to the campaign's CAE runs.
     """
     return _departure(campaign, campaign.test(test_id), lambda test: measured_bias(test, model), window_ms)
 

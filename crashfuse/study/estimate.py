@@ -141,11 +141,10 @@ def is_beyond(condition: Condition) -> bool:
 
 
 def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
-    """Predictions of several approaches at a condition, with numbers rounded as for storage.
+    """Predictions of several approaches, fitted to one campaign, at a condition, with numbers rounded as for storage.
 
-    All fits are of one campaign. Predictions that a mixture shares with other approaches are computed once, and
-    those that need no networks while networks predict. A UsageError if the speed or a weight is not above 0, or beyond
-    any barrier test.
+    Predictions that a mixture shares with other approaches are computed once, those that need no networks while
+    networks predict. A UsageError if the speed or a weight is not above 0, or beyond any barrier test.
     """
     require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):

@@ -15,13 +15,7 @@ from crashfuse.wording import joined
 
 
 def campaign_facts(campaign: Campaign, cache: Cache | None = None) -> tuple[Fact, ...]:
-    """Facts of a campaign, the most important one first.
-
-    Parameters
-    ----------
-    cache : Cache, optional
-        Where the CAE model, and how tests differ, are found or kept.
-    """
+    """Facts of a campaign, the most important one first; the cache keeps how its tests differ."""
     if campaign not in _known:  # asked for by every page and file
         _known[campaign] = by_importance(_campaign_facts(campaign, cache))
     return _known[campaign]

@@ -259,7 +259,6 @@ def _predicted(
 
 
 def _measured(estimate: Estimate, test: CrashTest, windows_ms: Sequence[float]) -> Iterator[_Row]:
-    """One row for each window, with the forecast as plain JSON values."""
     forecast = metric_distributions(estimate.prediction, estimate.metric_errors, estimate.occupant)
     plain = {name: None if metric is None else astuple(metric) for name, metric in forecast.items()}
     for window in windows_ms:

@@ -36,12 +36,8 @@ _MODEL_SPREAD, _SPREAD_OF_A_TEST = 0.15, 2.0
 class Repeatability:
     """The overall ISO/TS 18571 rating that a repeat of a test would get against it over one window.
 
-    Attributes
-    ----------
-    value, lower, upper : float
-        Its expectation, and the central 95 % interval for a single repeat.
-    repeats : tuple of str
-        Ids of the tests at about the same condition whose rating counted, beside the scatter of all tests.
+    Its expectation, the central 95 % interval for a single repeat, and the ids of the tests at about the same condition
+    whose rating counted, beside the scatter of all tests.
     """
 
     value: float

@@ -111,7 +111,6 @@ class Computation:
     def _train_beside(
         self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Cache, early: Sequence[Wanted]
     ) -> Cache:
-        """Train the networks in a thread of this process, while the workers compute what needs none."""
         stop = threading.Event()
         with ThreadPoolExecutor(1, "training") as thread:
             try:
@@ -148,7 +147,6 @@ def _fits(wanted: Sequence[Wanted]) -> set[tuple[tuple[str, ...], str]]:
 
 
 def _tasks(wanted: Sequence[Wanted]) -> list[Task]:
-    """One task for each set of tests left out."""
     by_left_out = defaultdict[tuple[str, ...], list[Wanted]](list)
     for one in wanted:
         by_left_out[one.left_out].append(one)

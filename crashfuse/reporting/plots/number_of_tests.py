@@ -21,8 +21,7 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go
 
     Points are means over the held-out tests with their standard error: filled and joined for tests chosen evenly over
     speed, open for tests chosen at random. Behind the judged approach lie the central 80 % of its single predictions.
-    What learns from no test is a level line from zero tests. The open diamond is the rating expected with one test more
-    than the campaign has, with its 95 % interval.
+    The open diamond is the rating expected with one test more than the campaign has, with its 95 % interval.
     """
     figure, table = new_figure(height=640), summary(curve)
     n, unit = len(curve.campaign.tests), display.unit
@@ -70,7 +69,6 @@ def _ratings(figure: go.Figure, rows: pd.DataFrame, name: str, colour: str, symb
 def _below(
     figure: go.Figure, rows: pd.DataFrame, values: pd.Series, name: str, yaxis: str, hover: str, **data: object
 ) -> None:
-    """Draw other means of the even choices into a panel below the ratings, where they are known."""
     if not values.isna().all():
         figure.add_scatter(
             x=rows["n_tests"], y=values, yaxis=yaxis, mode="lines+markers", name=LABELS[name], showlegend=False,
@@ -80,7 +78,6 @@ def _below(
 
 
 def _expect(figure: go.Figure, curve: LearningCurve) -> None:
-    """Join the last point to the rating expected with one test more than the campaign has."""
     name, more = curve.judged, one_more(curve)
     if more is None or not CLASSES[name].learns_from_tests:
         return

@@ -72,7 +72,6 @@ def _points(figure: go.Figure, campaign: Campaign, metric: str, display: Display
 
 
 def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps: float, display: Display) -> None:
-    """Shade speeds without CAE runs, and mark those of the tests with ticks."""
     for number, (start, end) in enumerate(uncovered_speeds(campaign.cae, low_mps, high_mps)):
         figure.add_shape(
             type="rect", xref="x", yref="y domain", x0=display.speeds(start), x1=display.speeds(end), y0=0, y1=1,

@@ -85,7 +85,6 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
 
 
 def _left_out(config: StudyConfig, alone: bool) -> str:
-    """What each test, or the only one, was predicted from."""
     which = "The test was left out" if alone else "Each test was left out"
     if config.leave_out == "speed group":
         return f"{which} together with all tests at about its speed, and predicted from the rest."
@@ -93,7 +92,6 @@ def _left_out(config: StudyConfig, alone: bool) -> str:
 
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
-    """What stands in the whole report only."""
     tables = [(caption, rating_table(study, rows)) for rows, caption in _CAPTIONS]
     held_out = [fold.held_out for fold in study.folds]
     return {
@@ -113,13 +111,11 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
 
 
 def _result(study: Study, display: Display) -> dict[str, object]:
-    """Mean ratings over the tests, and the ratings of each; of a single test they are the same."""
     heatmap = study.plot(display=display) if len(study.folds) > 1 else None
     return {"means": _by_approach(mean_values(study)), "heatmap": heatmap}
 
 
 def _by_approach(ratings: pd.DataFrame) -> pd.DataFrame:
-    """Ratings by approach, one column a window, for readers."""
     return _shown(ratings.rename(index=LABELS).rename_axis("Approach"))
 
 
@@ -185,7 +181,6 @@ def _why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> 
 
 
 def _weak_spots(study: Study, approach: str) -> list[str]:
-    """Tests that the recommended approach predicted poorly, and those outside the CAE runs."""
     window = max(study.config.windows_ms)
     poor = [fold.held_out for fold in study.folds if fold.ratings[approach][window].grade in ("Fair", "Poor")]
     outside = [test.id for test in study.campaign.tests if study.campaign.cae.extrapolation(test.condition)]
