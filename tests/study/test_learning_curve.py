@@ -83,12 +83,6 @@ def test_random_choices_are_those_of_the_seed(campaign: Campaign) -> None:
     assert not [part for part in subsets(with_tests(campaign, 3), 3, 0) if part.choice == "random"]
 
 
-def test_a_part_has_its_tests_in_the_order_of_the_campaign(campaign: Campaign) -> None:
-    """So the same tests are the same part, however they were chosen, and are learned from once."""
-    for part in subsets(campaign, 3, 0):
-        assert part.chosen == tuple(test_id for test_id in campaign.test_ids if test_id in part.chosen)
-
-
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Cache:
     """The cache that the curve was computed with."""

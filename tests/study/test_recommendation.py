@@ -9,11 +9,9 @@ import pytest
 from scipy.optimize import brentq
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.calibration import Coverage
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.signals.rating import grade
 from crashfuse.study import recommendation
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -211,36 +209,6 @@ def test_among_equals_there_is_an_order_of_preference(campaign: Campaign) -> Non
         assert recommend(offsets_study(campaign, {name: [2.0] * 4 for name in reversed(names)})).approach == names[0]
 
 
-def test_the_ratings_that_are_told_are_those_of_the_study(campaign: Campaign) -> None:
-    """Mean, grade and the worst test with its speed, and the raw model's mean beside it."""
-    study = offsets_study(campaign, {"cae": [9.0] * 4, "displacement_domain": [1.0, 2.0, 5.0, 3.0]})
-    mean, raw = study.mean_rating("displacement_domain", 60.0), study.mean_rating("cae", 60.0)
-    overall = {fold.held_out: fold.ratings["displacement_domain"][60.0].overall for fold in study.folds}
-    worst = min(overall, key=lambda test: overall[test])
-    speed = dict(zip(("T1", "T2", "T3", "T4"), (15.0, 25.0, 26.0, 35.0), strict=True))[worst]
-    told = rf"{mean:.3f} \({grade(mean)}\).*{overall[worst]:.3f} \({worst}, {speed:.1f} mph\).*{raw:.3f}, better in no"
-    assert re.search(told, recommend(study).sentences[1])
-    alone = recommend(offsets_study(campaign, {"cae": [9.0] * 4}))
-    assert alone.sentences[1].count(f"{raw:.3f}") == 1, "not compared with itself"
-
-
-def test_coverage_and_speed_groups_are_told_in_numbers(campaign: Campaign) -> None:
-    """Of a band that holds three of four tests: shares in percent, and tests counted."""
-    bands = study(campaign, {"displacement_domain": 0.97})
-    far = campaign.tests[0]
-    missed = Fold.of(far, [estimate("displacement_domain", campaign, far, 0.7, 0.05)], bands.config.windows_ms)
-    bands = replace(bands, folds=(missed, *bands.folds[1:]))
-    groups = replace(bands, folds=bands.folds[:2])
-    found = recommend(replace(bands, speed_groups=groups))
-    drawn = [(fold.test, fold.estimates[0].prediction.draws_mps2) for fold in bands.folds]
-    shares = [Coverage.of(test, draws) for test, draws in drawn if draws is not None]
-    inside = 100 * np.mean([share.accel for share in shares])
-    assert [share.crush for share in shares] == [share.peak for share in shares] == [False, True, True, True]
-    assert re.search(rf"95 % .*: {inside:.0f} % .*crush in 3 of 4 .*peak in 3 of 4", found.sentences[2])
-    mean = np.mean([fold.ratings["displacement_domain"][60.0].overall for fold in groups.folds])
-    assert f"mean rating {mean:.3f}" in found.sentences[3]
-
-
 def scaled_to(rating: float, campaign: Campaign, test: CrashTest, measure: str = "mean") -> float:
     """The factor on the tests' own pulses that is expected to rate this much at the condition of a test."""
 
@@ -250,17 +218,6 @@ def scaled_to(rating: float, campaign: Campaign, test: CrashTest, measure: str =
         return float(getattr(found, measure)) - rating
 
     return float(brentq(excess, 0.5, 0.99, xtol=1e-6))
-
-
-@pytest.mark.parametrize(("rating", "told"), [(0.795, True), (0.805, False)])
-def test_less_than_good_is_said_of_less_than_0_80(campaign: Campaign, rating: float, told: bool) -> None:
-    """To either side of the grade's limit (ISO/TS 18571)."""
-    rest, test = campaign.without(["T2"]), campaign.test("T2")
-    scale = scaled_to(rating, rest, test, "median")
-    found = recommend_for([estimate("displacement_domain", rest, test, scale)], rest, test.condition)
-    assert found.expected is not None
-    assert found.expected.median == pytest.approx(rating, abs=1e-3)
-    assert any("ess than Good" in sentence for sentence in found.sentences) == told
 
 
 @pytest.mark.parametrize(("behind", "chosen"), [(0.019, "displacement_domain"), (0.021, "time_domain")])

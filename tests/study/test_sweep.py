@@ -60,13 +60,6 @@ def test_the_cae_sweep_is_the_closed_form(campaign: Campaign, sweeps: tuple[Swee
     np.testing.assert_allclose(peaks, 1.1 * SPEEDS_MPS * np.pi / (2 * duration) / G, rtol=0.05)
 
 
-def test_speeds_are_put_in_order(campaign: Campaign, fits: list[Fit]) -> None:
-    """And each is predicted once."""
-    (sweep,) = sweep_speed(fits[:1], campaign.tests[0].condition, np.array([9.0, 7.0, 9.0]))
-    assert sweep.speeds_mps.tolist() == [7.0, 9.0]
-    assert len(sweep.metrics) == 2
-
-
 def test_a_speed_that_is_none_is_refused(campaign: Campaign, fits: list[Fit]) -> None:
     """As anywhere else."""
     with pytest.raises(UsageError, match="speed and weights above 0"):
@@ -110,14 +103,6 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
     np.testing.assert_allclose(usual_speeds(without) / MPH, [7.3, *range(8, 29), 28.4])
     test = CrashTest("fast", Condition.of_vector([31 * MPH, 900.0, 700.0]), Pulse(GRID_S, pulse.astype(float)))
     assert usual_speeds(replace(without, tests=(test,)))[-1] == pytest.approx(31 * MPH)
-
-
-def test_a_single_speed_is_a_range_too(campaign: Campaign) -> None:
-    """Where all was run at one speed."""
-    one = CaeLibrary(
-        ("a",), (Condition.of_vector([11.0, 900.0, 700.0]),), np.full((1, GRID_S.size), -400, dtype=np.float32)
-    )
-    np.testing.assert_allclose(usual_speeds(replace(campaign, cae=one, tests=())), [11.0])
 
 
 def test_speeds_without_runs_are_found(campaign: Campaign) -> None:

@@ -1,7 +1,5 @@
 """The figure of the condition space shows every test where it is, and says which lie outside the CAE runs."""
 
-from dataclasses import replace
-
 import numpy as np
 import plotly.graph_objects as go
 import pytest
@@ -58,20 +56,6 @@ def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaig
     np.testing.assert_allclose([min(box.y), max(box.y)], [runs.min(), runs.max()], rtol=1e-6)
 
 
-def test_a_test_with_a_paired_run_lies_in_the_range_that_is_drawn(campaign: Campaign) -> None:
-    """However far from the other runs: figure, page and report say one range."""
-    far = CrashTest("far", Condition.of_vector([30 * MPH, 2400 * LB, 1500 * LB]), campaign.tests[0].pulse)
-    library = CaeLibrary(
-        (*campaign.cae.ids, "paired"),
-        (*campaign.cae.conditions, far.condition),
-        np.vstack([campaign.cae.accel_mps2, campaign.cae.accel_mps2[:1]]),
-    )
-    figure = condition_space(library, (*campaign.tests, far))
-    assert not traces(figure, OUTSIDE)
-    box, _ = traces(figure, "range")
-    assert max(box.y) == pytest.approx(2400, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("front_lb", "rear_lb", "outside", "inside"), [(2400, 1500, "y", "y2"), (2040, 1900, "y2", "y")]
 )
@@ -86,14 +70,6 @@ def test_a_test_is_drawn_open_only_over_the_weight_that_lies_outside(
     assert (open_mark.yaxis, list(open_mark.text)) == (outside, ["far"])
     assert open_mark.showlegend
     assert {mark.yaxis: list(mark.text) for mark in traces(figure, INSIDE)} == {outside: ["T2"], inside: ["T2", "far"]}
-
-
-def test_the_two_plots_share_the_axis_of_speed(campaign: Campaign) -> None:
-    """One below the other: however narrow the page, neither has to make room."""
-    layout = condition_space(campaign.cae, campaign.tests).layout
-    assert layout.xaxis.matches == "x2"
-    assert layout.xaxis.domain == layout.xaxis2.domain
-    assert layout.yaxis2.domain[1] < layout.yaxis.domain[0]
 
 
 def test_the_held_out_test_has_a_ring(campaign: Campaign) -> None:
@@ -118,13 +94,3 @@ def test_a_large_library_is_thinned_but_counted_whole(campaign: Campaign) -> Non
     assert len(runs.x) <= 2000
     box, _ = traces(figure, "range")
     np.testing.assert_allclose(max(box.y), vectors[:, 1].max() / LB, rtol=1e-6)
-
-
-def test_labels_of_near_tests_take_different_sides(campaign: Campaign) -> None:
-    """Three tests at one speed, a few pounds apart: no two labels lie on each other."""
-    tests = tuple(
-        CrashTest(f"N{i}", replace(campaign.tests[1].condition, front_weight_kg=(2040 + 4 * i) * LB), test.pulse)
-        for i, test in enumerate(campaign.tests[:3])
-    )
-    front, _ = traces(condition_space(campaign.cae, tests), INSIDE)
-    assert len(set(front.textposition)) == 3

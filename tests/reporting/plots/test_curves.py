@@ -10,7 +10,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, new_figure
 from crashfuse.reporting.plots.curves import TEST, Curve, add_marks, by_speed, draw_curves
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
-from crashfuse.reporting.plots.pulses import motion, overlay
+from crashfuse.reporting.plots.pulses import motion
 
 X = np.array([0.0, 1.0])
 
@@ -71,12 +71,6 @@ def test_a_band_of_many_points_keeps_both_ends_and_a_few_between() -> None:
     np.testing.assert_array_equal(band.y[n:][::-1] - band.y[:n], 2)
 
 
-def test_a_test_has_one_look_whichever_others_are_shown(campaign: Campaign) -> None:
-    """Its place is among all tests."""
-    every, some = (dict(looks_of(tests, campaign)) for tests in (campaign.tests, campaign.tests[1:3]))
-    assert some == {test: every[test] for test in ("T2", "T3")}
-
-
 def looks_of(tests: Sequence[CrashTest], campaign: Campaign) -> Iterator[tuple[str, dict[str, object]]]:
     """The line of each test in the figure of the tests."""
     for trace in campaign.plot(tests=[test.id for test in tests]).data:
@@ -110,42 +104,9 @@ def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
     assert len({note.yshift for note in words}) == 2  # near each other, they stand at different heights
 
 
-def test_a_long_text_takes_two_lines_and_is_shortened(campaign: Campaign) -> None:
-    """All of it is in the list of notes."""
-    test = campaign.test("T2")
-    marked = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "word " * 90, 10.0)])
-    lines = marked.layout.annotations[-1].text.split("<br>")
-    assert len(lines) == 2
-    assert max(map(len, lines)) <= 36
-    assert lines[-1].endswith("…")
-
-
-def test_a_text_stands_away_from_the_zero_line(campaign: Campaign) -> None:
-    """Displacements have theirs at the bottom, accelerations at the top; further texts stand further inside.
-
-    Late texts on displacements, which would stand on the curves, are below these.
-    """
-    test = campaign.test("T2")
-    moved, braked = motion(test.pulse, {}, 11.0), overlay(test.pulse, {})
-    above, below = (add_marks(figure, MARKS).layout.annotations[-2:] for figure in (moved, braked))
-    assert {(note.y, note.yanchor, note.yref) for note in above} == {(1, "top", "y3 domain")}
-    assert {(note.y, note.yanchor, note.yref) for note in below} == {(0, "bottom", "y domain")}
-    assert above[1].yshift < 0 < below[1].yshift
-    (late,) = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "late", 90.0)]).layout.annotations[-1:]
-    assert late.y == 0
-    assert late.yshift > 20
-
-
 def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
     """All curves of a figure can be hidden."""
     empty = motion(None, {}, 11.0)
     assert not add_marks(empty, MARKS).layout.shapes
     plain = motion(campaign.test("T2").pulse, {}, 11.0)
     assert add_marks(plain, []).layout == motion(campaign.test("T2").pulse, {}, 11.0).layout
-
-
-def test_a_late_mark_has_its_text_before_it(campaign: Campaign) -> None:
-    """Behind it, the figure's edge would cut the text."""
-    test = campaign.test("T2")
-    marked = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "early", 10.0), Note("T2", "late", 90.0)])
-    assert [note.xanchor for note in marked.layout.annotations[-2:]] == ["left", "right"]

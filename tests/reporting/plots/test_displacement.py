@@ -192,42 +192,6 @@ def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
     assert [a.text for a in figure.layout.annotations][1:] == ["Shared", "By speed", "The test's own"]
 
 
-def test_at_most_three_parts_stand_beside_each_other() -> None:
-    """More of them would overlap on a narrow page; a part by a factor is written as the others are."""
-    names = ["shared", "by speed", "by weight", "by drive", "own"]
-    figure = bias_plots.bias_parts([part(name, 1.0) for name in (*names, "total")], S)
-    titles = {a.text: (a.x, a.y) for a in figure.layout.annotations}
-    assert list(titles)[1:] == ["Shared", "By speed", "By weight", "By drive", "The test's own"]
-    heights = [y for _, y in titles.values()]
-    assert len(set(heights[1:4])) == 1
-    assert heights[0] > heights[3] > heights[4] == heights[5]
-    assert titles["Shared"][0] == titles["By drive"][0]
-
-
-def test_bands_beyond_the_crush_do_not_squeeze_what_is_before_it(test: CrashTest) -> None:
-    """The axes hold all that lies before the measured maximum crush, and no more than that."""
-    half = np.where(S > 0.4, 400.0, 5.0)
-    parts = [BiasPart(name, np.zeros(S.size), -half, half) for name in ("shared", "total")]
-    before = S[S <= 0.4]
-    measured = BiasPoints(test.condition, before, before, CaeForce(before, before), np.linspace(0.0, 30.0, before.size))
-    layout = bias_plots.bias_parts(parts, S, measured, Display(unit="m/s²")).layout
-    for axis, low, high in ((layout.yaxis, -5, 30), (layout.yaxis2, -5, 5)):
-        room = 0.1 * (high - low)
-        assert low - room < axis.range[0] <= low
-        assert high <= axis.range[1] < high + room
-
-
-def test_the_parts_share_one_scale_so_that_they_can_be_compared() -> None:
-    """It holds all of them, whichever way the sign is."""
-    parts = [part("shared", -30.0), part("by speed", 20.0), part("total", -10.0)]
-    for deceleration in (False, True):
-        figure = bias_plots.bias_parts(parts, S, display=Display(unit="m/s²", deceleration=deceleration))
-        (low, high), other = figure.layout.yaxis2.range, figure.layout.yaxis3.range
-        assert (low, high) == tuple(other)
-        assert low <= (-21 if deceleration else -31)
-        assert high >= (31 if deceleration else 21)
-
-
 def test_energy_over_crush_is_in_kilojoules_up_to_all_of_it(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
