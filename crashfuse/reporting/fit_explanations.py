@@ -30,7 +30,6 @@ def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
 
 def fit_table(state: Mapping[str, Any], units: UnitSystem = MPH_LB) -> pd.DataFrame:
     """Hyperparameters of a bias model and their uncertainty; empty for an approach without any."""
-
     spread, touched, rows = state.get("spread_factors", {}), state.get("touched_bounds", []), []
     for name, value in state.get("hyperparameters", {}).items():
         quantity, _, si = name.rpartition(" in ")

@@ -37,10 +37,7 @@ class Step:
         return any(len(points) > 1 for points in list(self.curves.values()))
 
     def plot(self) -> go.Figure:
-        """The values reported so far, such as losses, over the step's progress; as pages show it while networks train.
-
-        Raises UsageError if it has reported none.
-        """
+        """The values reported so far, such as losses, over the step's progress; a UsageError if there are none."""
         if not self.learns:
             raise UsageError(f"The step {self.progress.step} has reported no values to draw.")
         curves = {name.replace("_", " "): list(points) for name, points in list(self.curves.items())}
@@ -76,10 +73,7 @@ class Watched(Watch):
         self.steps: dict[str, Step] = {}
 
     def plot(self, step: str = "") -> go.Figure:
-        """What a step has reported so far, by default the last that reported values, see :meth:`Step.plot`.
-
-        Raises UsageError if there is no such step, or it has reported none.
-        """
+        """What a step has reported so far, by default the last that reported values, see :meth:`Step.plot`."""
         learning = [name for name, own in self.steps.items() if own.learns]
         if not (step or learning):
             raise UsageError("No step has reported values to draw: only the training of networks does.")

@@ -98,34 +98,24 @@ def render(
 
 def render_in_frame(template: str, title: str, display: Display, *, facts: Sequence[Fact] = (), **own: object) -> str:
     """The complete file of a report that has nothing but its frame in common with the others."""
-    return (
-        _templates(display)
-        .get_template(f"{template}.html.j2")
-        .render(
-            own,
-            title=title,
-            facts=facts,
-            verdict_colours=VERDICT_COLOURS,
-            plotly=Markup(get_plotlyjs()),  # noqa: S704
-            numbers=count(1),
-        )
-    )
+    plotly = Markup(get_plotlyjs())  # noqa: S704
+    common = {"title": title, "facts": facts, "verdict_colours": VERDICT_COLOURS, "plotly": plotly, "numbers": count(1)}
+    return _templates(display).get_template(f"{template}.html.j2").render(own | common)
 
 
 def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
     """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
-    rows = []
-    for test in campaign.tests:
-        run = campaign.cae.paired_run(test.condition)
-        rows.append(
-            {
-                "Test": test.id,
-                **display.columns(test.condition),
-                **dict(test.condition.factors),
-                "CAE pulse": "emulator" if run is None else campaign.cae.ids[run],
-                "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",
-            }
-        )
+    rows = (
+        {
+            "Test": test.id,
+            **display.columns(test.condition),
+            **dict(test.condition.factors),
+            "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
+            "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",
+        }
+        for test in campaign.tests
+        for run in [campaign.cae.paired_run(test.condition)]
+    )
     return pd.DataFrame(rows).fillna("–")
 
 
