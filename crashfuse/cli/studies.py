@@ -119,13 +119,16 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     from crashfuse.study.account import worst_test
     from crashfuse.study.history import PastResult, keep
     from crashfuse.study.recommendation import recommend
-    from crashfuse.study.running import run_plan
+    from crashfuse.study.running import run_study
 
     plan = run.plan
     with writing(run.out) as folder:
         begin_study(folder, plan)
     with watching() as watch:
-        study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
+        study = run_study(
+            plan.campaign, plan.config, held_out=plan.held_out, watch=watch, workers=arguments.workers,
+            scheduler=arguments.scheduler,
+        )  # fmt: skip
     display = display_of(arguments, plan.campaign)
     with replacing(run.out, "study"), writing(run.out) as folder:
         study.write(folder, report=run.report, display=display)

@@ -217,20 +217,7 @@ def run_study(
     if approaches:
         config = replace(config, approaches=several(approaches))
     plan = StudyPlan(campaign, config, several(held_out))
-    return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
-
-
-def run_plan(
-    plan: StudyPlan,
-    *,
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    folds: MutableMapping[Hashable, Fold] | None = None,
-) -> Study:
-    """Run a plan that has already been checked, as :func:`run_study` does."""
-    campaign, config, cache = plan.campaign, plan.config, cache or Cache()
+    config, cache = plan.config, cache or Cache()
     by_fold = {
         fold_key(campaign, way, test): [Wanted(way.left_out(campaign, test), test, name) for name in config.approaches]
         for way in plan.configs
