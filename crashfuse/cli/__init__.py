@@ -46,15 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         count = len(error.problems)
         _say(*map(str, error.problems), f"{count} problem{'s' if count > 1 else ''} found.")
         return WRONG_DATA
-    except UsageError as error:
-        _say(f"crashfuse: {error}")
-        return WRONG_USAGE
-    except CrashfuseError as error:
-        _say(f"crashfuse: {error}")
-        return WRONG_DATA
-    except OSError as error:
-        _say(f"crashfuse: {_about_the_system(error)}")
-        return WRONG_DATA
+    except (CrashfuseError, OSError) as error:
+        _say(f"crashfuse: {_about_the_system(error) if isinstance(error, OSError) else error}")
+        return WRONG_USAGE if isinstance(error, UsageError) else WRONG_DATA
     except UnicodeEncodeError as error:  # a file in a folder
         if not _SURROGATE.search(error.object):
             raise

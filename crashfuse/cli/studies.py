@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
     from crashfuse.reporting.report import ReportOptions
     from crashfuse.study.config import StudyPlan
+    from crashfuse.study.study import Study
 
 
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
@@ -135,10 +136,10 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     keep(PastResult.of_study(study))
     facts = say_facts(plan.campaign, display)
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
-    _print_means(study.scores)
+    _print_means(study)
     if study.speed_groups is not None:
         print(f"Mean rating, {_LEFT_OUT['speed group']}")
-        _print_means(study.speed_groups.scores)
+        _print_means(study.speed_groups)
     sentences = (*recommend(study).sentences, *worst_test(study).sentences)
     print(*(display.words(sentence) for sentence in sentences if sentence not in facts), sep="\n")
     return studies_table([(run.name, study)])
@@ -172,12 +173,11 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
     return str(ranges.unstack(sort=False).rename(columns=LABELS).to_string())
 
 
-def _print_means(scores: "pd.DataFrame") -> None:
+def _print_means(study: "Study") -> None:
     from crashfuse.approaches.registry import LABELS
+    from crashfuse.reporting.rating_tables import REPEAT, mean_values
 
-    means = scores.groupby(["approach", "window_ms"], sort=False)["overall"].mean().unstack(sort=False)
-    means.index = [LABELS[name] for name in means.index]
-    means.columns = [f"0–{window:g} ms" for window in means.columns]
+    means = mean_values(study).drop(index=REPEAT, errors="ignore").rename(index=LABELS)
     print(means.to_string(float_format="{:.3f}".format))
 
 

@@ -112,12 +112,12 @@ class PastResult:
         return min(overall.items(), key=lambda rated: rated[1])
 
 
-def keep(result: PastResult, folder: Path | None = None) -> None:
-    """Keep a record, by default among those of this machine; where nothing can be written, none is kept.
+def keep(result: PastResult) -> None:
+    """Keep a record among those of this machine; where nothing can be written, none is kept.
 
     A result that is computed again keeps its date and its note.
     """
-    folder = _home() if folder is None else folder
+    folder = _home()
     try:
         with sole_writer(folder, _PATIENCE_S):
             before = _read(folder / f"{result.id}.json")
@@ -130,13 +130,12 @@ def keep(result: PastResult, folder: Path | None = None) -> None:
         log.warning("The list of results could not be kept in %s: %s", folder, error)
 
 
-def annotate(result: PastResult, note: str, folder: Path | None = None) -> None:
+def annotate(result: PastResult, note: str) -> None:
     """Write a note on a result that is kept, in place of the one that it was shown with.
 
     A DataError if somebody has written another note since, or taken the result off the list.
     """
-    folder = _home() if folder is None else folder
-    text = printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
+    folder, text = _home(), printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
     with sole_writer(folder, _PATIENCE_S):
         before = _read(folder / f"{result.id}.json")
         if before is None or before.note not in (result.note, text):
@@ -147,10 +146,10 @@ def annotate(result: PastResult, note: str, folder: Path | None = None) -> None:
         _write(replace(before, note=text), folder)
 
 
-def forget(result: PastResult, folder: Path | None = None) -> None:
+def forget(result: PastResult) -> None:
     """Take a result off the list; the result itself is not touched."""
     with suppress(OSError):
-        ((_home() if folder is None else folder) / f"{result.id}.json").unlink()
+        (_home() / f"{result.id}.json").unlink()
 
 
 def _write(result: PastResult, folder: Path) -> None:
@@ -162,23 +161,23 @@ def _write(result: PastResult, folder: Path) -> None:
             oldest.unlink()
 
 
-def past_results(folder: Path | None = None) -> list[PastResult]:
+def past_results() -> list[PastResult]:
     """All that was kept, the latest first; what is no record, or is damaged, is passed over."""
-    records = [_read(path) for path in (_home() if folder is None else folder).glob("*.json")]
+    records = [_read(path) for path in _home().glob("*.json")]
     results = [record for record in records if record is not None]
     return sorted(results, key=lambda result: result.date, reverse=True)[:MOST]
 
 
 def parsed(values: Mapping[str, Any]) -> PastResult:
     """A record from plain JSON values; a ValueError, TypeError, KeyError or UsageError if it is none."""
-    texts = [values[name] for name in ("campaign", "fingerprint", "basis", "approach", "date")]
-    if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(values["date"]):
+    names = ("campaign", "fingerprint", "basis", "approach", "date")
+    campaign, fingerprint, basis, approach, date = texts = [values[name] for name in names]
+    if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(date):
         raise ValueError("no texts, or no date")
     condition = None if values["condition"] is None else Condition.parse(values["condition"])
     expected = values["expected"]
     if not isinstance(expected, str | float | None):
         raise ValueError("no expectation")
-    campaign, fingerprint, basis, approach, date = texts
     ratings, groups = _ratings(values["ratings"], approach), _ratings(values["speed_groups"], approach)
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")

@@ -91,13 +91,6 @@ def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
     assert "How well tests repeat" not in study_report(study)
 
 
-def test_a_study_recommends_before_it_shows(text: str) -> None:
-    """The verdict stands at the top; each test has what was recommended before it was run, and what came of it."""
-    assert text.index("for this campaign") < text.index("<h2>Result")
-    assert text.count("Recommended before it was run") == 2
-    assert text.count("It then rated 1.000 (Excellent) over 0–60 ms.") == 2
-
-
 def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None:
     """At the top, with how it came out; in the window of the page."""
     text = study_report(replace(study, folds=study.folds[:1]), Display(window_ms=20.0))
@@ -207,16 +200,6 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
     assert whole.index("Pulse metrics at") < whole.index("Beside other predictions") < whole.index("Over displacement")
     with pytest.raises(UsageError, match="whole"):
         prediction_report(campaign, [estimate(here)], CONFIG, form="brief")  # type: ignore[arg-type]
-
-
-def test_what_a_report_of_a_prediction_begins_with_it_does_not_tell_again(campaign: Campaign) -> None:
-    """What the recommended approach says of itself stands at the top; other notes stand below the metrics."""
-    known = estimate(campaign.tests[0])
-    notes = replace(known.prediction, notes=("Made of two parts.", "CAE pulse: emulated."))
-    for form in ("whole", "short"):
-        text = prediction_report(campaign, [replace(known, approach="fused", prediction=notes)], CONFIG, form=form)
-        assert text.count("Made of two parts.") == 1
-        assert text.index("Made of two parts.") < text.index("Fused: CAE pulse: emulated.")
 
 
 def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campaign) -> None:

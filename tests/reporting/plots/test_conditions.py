@@ -31,17 +31,6 @@ def test_tests_stand_at_their_speeds_and_weights(campaign: Campaign) -> None:
     assert not traces(figure, OUTSIDE)
 
 
-def test_a_few_cae_runs_are_seen_one_by_one(campaign: Campaign) -> None:
-    """They are larger and less sheer than the points of a cloud, in whose midst the tests would be lost."""
-    own, times = campaign.cae, 1 + 150 // len(campaign.cae)
-    ids = tuple(map(str, range(times * len(own))))
-    many = CaeLibrary(ids, times * own.conditions, np.tile(own.accel_mps2, (times, 1)))
-    few_marks, many_marks = (traces(condition_space(runs, ()), "runs")[0].marker for runs in (own, many))
-    assert len(own) < 150 < len(many)
-    assert few_marks.size > many_marks.size
-    assert few_marks.opacity > many_marks.opacity
-
-
 def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaign) -> None:
     """Outside the range that is drawn."""
     far = CrashTest("far", Condition.of_vector([30 * MPH, 2400 * LB, 1500 * LB]), campaign.tests[0].pulse)
@@ -70,15 +59,6 @@ def test_a_test_is_drawn_open_only_over_the_weight_that_lies_outside(
     assert (open_mark.yaxis, list(open_mark.text)) == (outside, ["far"])
     assert open_mark.showlegend
     assert {mark.yaxis: list(mark.text) for mark in traces(figure, INSIDE)} == {outside: ["T2"], inside: ["T2", "far"]}
-
-
-def test_the_held_out_test_has_a_ring(campaign: Campaign) -> None:
-    """And no other test has."""
-    figure = condition_space(campaign.cae, campaign.tests, held_out="T3")
-    for ring, height in zip(traces(figure, "held out"), (2080, 1550), strict=True):
-        np.testing.assert_allclose([ring.x[0], ring.y[0]], [26, height], rtol=1e-6)
-        assert len(ring.x) == 1
-    assert not traces(condition_space(campaign.cae, campaign.tests), "held out")
 
 
 @pytest.mark.slow

@@ -1,13 +1,10 @@
 """Curves that figures share: bands lie under all lines, names and colours are those of the approaches."""
 
-from collections.abc import Iterator, Sequence
-
 import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import add_band, new_figure
+from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.curves import TEST, Curve, add_marks, by_speed, draw_curves
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
 from crashfuse.reporting.plots.pulses import motion
@@ -57,24 +54,6 @@ def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the
     assert cae.line.color == COLOURS["cae"]
     assert len({cae.line.color, eighth.line.color, run.line.color}) == 3
     assert eighth.line.width < cae.line.width
-
-
-def test_a_band_of_many_points_keeps_both_ends_and_a_few_between() -> None:
-    """1,250 samples become some 300, with the first and the last among them."""
-    figure = new_figure(300)
-    x = np.arange(1250.0)
-    add_band(figure, x, x - 1, x + 1, colour="#000000")
-    (band,) = figure.data
-    n = len(band.x) // 2
-    assert 300 < n < 330
-    assert (band.x[0], band.x[n - 1]) == (0, 1249)
-    np.testing.assert_array_equal(band.y[n:][::-1] - band.y[:n], 2)
-
-
-def looks_of(tests: Sequence[CrashTest], campaign: Campaign) -> Iterator[tuple[str, dict[str, object]]]:
-    """The line of each test in the figure of the tests."""
-    for trace in campaign.plot(tests=[test.id for test in tests]).data:
-        yield trace.legendgroup, trace.line.to_plotly_json()
 
 
 def test_tests_come_by_rising_speed_and_one_is_thick(campaign: Campaign) -> None:

@@ -144,15 +144,6 @@ def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: 
         assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
 
 
-def test_biases_are_drawn_by_rising_speed_and_the_held_out_one_says_so(campaign: Campaign, model: CaeModel) -> None:
-    """As on the page Data, and all names stand above."""
-    tests = campaign.tests[::-1]
-    figure = bias_plots.bias_by_speed(tests, [measured_bias(test, model) for test in tests], highlight="T4")
-    assert [t.name.split(" mph")[0] for t in figure.data] == ["T1 · 15.0", "T2 · 25.0", "T3 · 26.0", "T4 · 35.0"]
-    assert [t.name.endswith("(held out)") for t in figure.data] == [False, False, False, True]
-    assert figure.layout.legend.orientation == "h"
-
-
 # --- check of the integration --------------------------------------------------------------------------------------
 
 

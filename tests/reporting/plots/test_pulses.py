@@ -107,14 +107,6 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
     assert trace(figure, "CAE", 2).y[0] == pytest.approx(test.condition.speed_mps / MPH)
 
 
-def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """One x axis object: only then does one cursor run through all of them."""
-    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
-    assert {t.xaxis or "x" for t in figure.data} == {"x"}
-    assert {t.yaxis or "y" for t in figure.data} == {"y", "y2", "y3"}
-    assert figure.layout.hoversubplots == "axis"
-
-
 def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """The acceleration carries the other two; they don't repeat themselves. Numbers have a minus sign, not a hyphen."""
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
@@ -155,15 +147,6 @@ def test_all_tests_are_drawn_by_rising_speed_and_named(campaign: Campaign) -> No
         "T4 · 35.0 mph (held out)",
     ]
     assert len({t.line.color for t in figure.data}) == 4
-
-
-def test_tests_at_one_speed_differ_in_dashes_marks_and_colour(test: CrashTest) -> None:
-    """Colour stands for speed, so repeats need something else as well."""
-    figure = plots.measured_pulses([test, CrashTest("again", test.condition, test.pulse)])
-    first, second = figure.data
-    assert first.line.color != second.line.color
-    assert (first.mode, second.mode) == ("lines", "lines+markers")
-    assert first.line.dash != second.line.dash
 
 
 def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
