@@ -139,9 +139,9 @@ def weight(*values_kg: float, form: str = ".0f", between: str = "–") -> Quanti
     return Quantity(tuple(value / LB for value in values_kg), "lb", form, between)
 
 
-def acceleration(*values_mps2: float, form: str = ".1f", between: str = "–") -> Quantity:
+def acceleration(*values_mps2: float) -> Quantity:
     """Accelerations, given in m/s²; as a string, in g."""
-    return Quantity(tuple(value / G for value in values_mps2), "g", form, between)
+    return Quantity(tuple(value / G for value in values_mps2), "g")
 
 
 class Sentence(str):

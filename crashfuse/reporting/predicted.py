@@ -21,7 +21,7 @@ from crashfuse.reporting.earlier_prediction import EarlierPrediction, otherwise
 from crashfuse.reporting.figures import Curves, Further, OtherPrediction, beside, chosen, prediction_name
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
-from crashfuse.reporting.result_tables import metrics_table, pulses_table
+from crashfuse.reporting.result_tables import metric_texts, metrics_table, pulses_table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
@@ -179,17 +179,11 @@ class PredictedPulse:
         return f"<PredictedPulse, {names}, at {self.condition}>"
 
     def _repr_html_(self) -> str:
-        display, labels = Display(system=self.campaign.units), self.campaign.metric_headings
-        texts = {
-            LABELS[each.approach]: {metric.name: display.metric(metric).text for metric in each.metrics}
-            for each in self.estimates
-        }
-        rows = (
-            {"Metric": display.heading(labels[name]), **{who: metrics[name] for who, metrics in texts.items()}}
-            for name in MAIN_METRICS
-        )
+        display = Display(system=self.campaign.units)
+        columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in self.estimates]
+        table = metric_texts(columns, self.campaign, display, "Metric").loc[[*MAIN_METRICS]]
         notes = ("In brackets: the 95 % interval of a single test.", *map(display.words, self.sentences))
-        return card(f"The pulse at {display.condition(self.condition)}", pd.DataFrame(rows), notes)
+        return card(f"The pulse at {display.condition(self.condition)}", table, notes)
 
 
 def predict(

@@ -95,6 +95,15 @@ def metrics_table(rows: _MetricRows, campaign: Campaign, first: str = "held_out"
     ).astype(dict.fromkeys(("value", "lower", "upper"), float))
 
 
+def metric_texts(
+    columns: Iterable[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display, head: str = "Pulse metric"
+) -> pd.DataFrame:
+    """Metrics in the reader's units, a column for each whose they are; indexed by their names."""
+    texts = pd.DataFrame({who: {m.name: display.metric(m).text for m in metrics} for who, metrics in columns})
+    texts.insert(0, head, [display.heading(campaign.metric_headings[name]) for name in texts.index])
+    return texts
+
+
 def study_metrics(study: Study) -> pd.DataFrame:
     """Pulse metrics of every held-out test as measured (``test``) and as predicted."""
     rows: list[tuple[object, str, Sequence[Metric]]] = []

@@ -98,11 +98,11 @@ def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: floa
     return _departure(campaign, campaign.test(test_id), lambda test: measured_bias(test, model), window_ms)
 
 
-def departures(campaign: Campaign, cache: Cache | None = None) -> tuple[Departure, ...]:
+def departures(campaign: Campaign) -> tuple[Departure, ...]:
     """How each test that stands apart differs from the others at its speed, over 0–60 ms; kept in the cache."""
     if campaign not in _known:  # asked for at every condition
         has_groups = any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids)
-        _known[campaign] = _cached_departures(campaign, cache or Cache()) if has_groups else ()
+        _known[campaign] = _cached_departures(campaign, Cache()) if has_groups else ()
     return _known[campaign]
 
 
