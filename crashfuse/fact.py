@@ -17,9 +17,16 @@ IMPORTANCE = (
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A fact with its sentence (subject, size, what to do), its label for a badge, and the values that it rests on.
+    """A fact with its sentence, and the values that it rests on.
 
-    Values are ids, and numbers in the units that their names end in, as JSON has them.
+    Parameters
+    ----------
+    code : str
+        One of :data:`IMPORTANCE`.
+    sentence, label : str
+        With its subject, its size and what to do; in two or three words, for a badge.
+    values : mapping of str to object
+        Ids, and numbers in the units that their names end in, as JSON has them.
     """
 
     code: str
