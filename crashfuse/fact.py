@@ -23,10 +23,8 @@ class Fact:
     ----------
     code : str
         One of :data:`IMPORTANCE`.
-    sentence : str
-        With its subject, its size and what to do.
-    label : str
-        In two or three words, for a badge.
+    sentence, label : str
+        With its subject, its size and what to do; in two or three words, for a badge.
     values : mapping of str to object
         Ids, and numbers in the units that their names end in, as JSON has them.
     """

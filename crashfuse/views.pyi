@@ -7,8 +7,10 @@ from .campaign_folder.writer import pulses_frame as pulses_frame
 from .certification.criteria import CriteriaGiven as CriteriaGiven
 from .certification.criteria import criteria_given as criteria_given
 from .certification.verdict import with_decided as with_decided
-from .reporting.campaign_figures import campaign_figure as campaign_figure
 from .reporting.figures import Further as Further
+from .reporting.figures import campaign_figure as campaign_figure
+from .reporting.figures import figure_of_test as figure_of_test
+from .reporting.figures import overview as overview
 from .reporting.notebook import campaign_html as campaign_html
 from .reporting.notebook import card as card
 from .reporting.notebook import study_html as study_html
@@ -24,11 +26,5 @@ from .reporting.result_tables import scores_table as scores_table
 from .reporting.result_tables import study_metrics as study_metrics
 from .reporting.result_tables import study_pulses as study_pulses
 from .reporting.results import write_certification as write_certification
-from .reporting.results import write_learning_curve as write_learning_curve
-from .reporting.results import write_next_tests as write_next_tests
-from .reporting.results import write_prediction as write_prediction
-from .reporting.results import write_study as write_study
-from .reporting.results import write_sweep as write_sweep
-from .reporting.study_figures import figure_of_test as figure_of_test
-from .reporting.study_figures import overview as overview
+from .reporting.results import write_result as write_result
 from .study.one_more_test import Cost as Cost

@@ -108,14 +108,7 @@ SYSTEMS = {"mph-lb": MPH_LB, "kph-kg": KPH_KG}
 class Quantity:
     """One or more values with their unit; as a string, in this unit.
 
-    Parameters
-    ----------
-    values : tuple of float or None
-        In that unit; None, shown as a dash, if not known.
-    form : str
-        Format of a value, in whatever unit.
-    between : str
-        Separator of several values, such as the ends of a range.
+    A value that is not known is None, shown as a dash; ``form`` is the format of a value, in whatever unit.
     """
 
     values: tuple[float | None, ...]
@@ -146,21 +139,16 @@ def weight(*values_kg: float, form: str = ".0f", between: str = "–") -> Quanti
     return Quantity(tuple(value / LB for value in values_kg), "lb", form, between)
 
 
-def acceleration(*values_mps2: float, form: str = ".1f", between: str = "–") -> Quantity:
+def acceleration(*values_mps2: float) -> Quantity:
     """Accelerations, given in m/s²; as a string, in g."""
-    return Quantity(tuple(value / G for value in values_mps2), "g", form, between)
+    return Quantity(tuple(value / G for value in values_mps2), "g")
 
 
 class Sentence(str):
     """A text with quantities in it: a string in the units of the files, which can be said in others.
 
-    Parameters
-    ----------
-    template : str
-        A text with a place ``{}`` for each value; other braces are themselves.
-    *values : object
-        What stands in its places; whatever has ``in_units``, another sentence too, is said in the reader's units. A
-        name, a cell or a label of somebody else is a value, never part of the template.
+    The template has a place ``{}`` for each value; whatever has ``in_units``, another sentence too, is said in the
+    reader's units. A name, a cell or a label of somebody else is a value, never part of the template.
     """
 
     __slots__ = ("template", "values")
@@ -208,10 +196,7 @@ def _packed_value(value: object) -> object:
 def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
     """The text that :func:`packed` was given.
 
-    Raises
-    ------
-    ValueError, TypeError, KeyError, IndexError
-        If it is nothing of the kind.
+    Raises ValueError, TypeError, KeyError, IndexError if it is nothing of the kind.
     """
     if isinstance(value, str):
         return value

@@ -46,15 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         count = len(error.problems)
         _say(*map(str, error.problems), f"{count} problem{'s' if count > 1 else ''} found.")
         return WRONG_DATA
-    except UsageError as error:
-        _say(f"crashfuse: {error}")
-        return WRONG_USAGE
-    except CrashfuseError as error:
-        _say(f"crashfuse: {error}")
-        return WRONG_DATA
-    except OSError as error:
-        _say(f"crashfuse: {_about_the_system(error)}")
-        return WRONG_DATA
+    except (CrashfuseError, OSError) as error:
+        _say(f"crashfuse: {_about_the_system(error) if isinstance(error, OSError) else error}")
+        return WRONG_USAGE if isinstance(error, UsageError) else WRONG_DATA
     except UnicodeEncodeError as error:  # a file in a folder
         if not _SURROGATE.search(error.object):
             raise
@@ -89,7 +83,6 @@ def _with_directions(argv: Sequence[str]) -> list[str]:
 
 
 def _about_the_system(error: OSError) -> str:
-    """An operating-system error as a sentence."""
     reason = (error.strerror or str(error) or type(error).__name__).rstrip(".")
     place = f"{error.filename} cannot be read or written" if error.filename else "something cannot be read or written"
     return f"{place}: {reason[:1].lower()}{reason[1:]}."

@@ -5,24 +5,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import (
-    certification,
-    data,
-    history,
-    imports,
-    models,
-    outgoing,
-    ratings,
-    studies,
-)
+from crashfuse.cli import certification, data, history, imports, models, outgoing, ratings, studies
 from crashfuse.cli.conditions import AXES, add_axes, number, whole
 from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
 
 T = TypeVar("T")
-
-_DEVICES = ("auto", "cpu", "cuda")
-_DEVICE_HELP = "where networks are trained (default: auto, CUDA if any)"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -47,13 +35,9 @@ def parser() -> argparse.ArgumentParser:
     app.add_argument("--port", type=whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
     app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
     app.add_argument(
-        "--root",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="DIR",
+        "--root", type=Path, action="append", default=[], metavar="DIR",
         help="let the pages open and write to this folder, and what is in it, only; one option a folder",
-    )
+    )  # fmt: skip
     app.add_argument("--log", type=Path, metavar="FILE", help="append the log to this file (default: standard error)")
     app.add_argument(
         "--allow-host", action="append", default=[], metavar="NAME", help="name by which a reverse proxy makes it known"
@@ -69,31 +53,22 @@ def parser() -> argparse.ArgumentParser:
 
     study = command("study", studies.study, "leave out each test in turn, predict it, rate the prediction", None)
     study.add_argument("campaigns", type=Path, nargs="+", metavar="CAMPAIGN")
-    study.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="folder for the results; with several campaigns, presets or seeds each study has a folder in it",
-    )
+    _add_out(study, "folder for the results; of several campaigns, presets or seeds each has a folder in it")
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
     _add_model_options(study, several=True)
+    _add_windows(study)
     study.add_argument(
-        "--windows-ms", nargs="+", type=number, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
-    )
-    study.add_argument(
-        "--leave-out",
-        choices=("test", "speed-group", "both"),
-        help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
+        "--leave-out", choices=("test", "speed-group", "both"),
+        help="leave each test out alone, with all tests at about its speed, or both "
         "(default: both, but only test with --held-out or --preset paper)",
-    )
+    )  # fmt: skip
     _add_report(study)
     _add_workers(study)
     _add_units(study)
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
 
     certify = command("certify", certification.certify, "say which criteria a test at each condition would meet")
-    certify.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    _add_out(certify)
     certify.add_argument(
         "--criteria", type=Path, metavar="FILE.toml", help="acceptance criteria (default: CAMPAIGN/criteria.toml)"
     )
@@ -101,9 +76,7 @@ def parser() -> argparse.ArgumentParser:
         "--matrix", type=Path, metavar="FILE.csv", help="conditions, as in tests.csv (default: CAMPAIGN/matrix.csv)"
     )
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
-    certify.add_argument(
-        "--factor", action="extend", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too"
-    )
+    _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     certify.add_argument(
         "--since", type=Path, metavar="DIR", help="an earlier certification: tell what became of its verdicts"
@@ -113,10 +86,8 @@ def parser() -> argparse.ArgumentParser:
     _add_workers(certify)
 
     curve = command("learning-curve", studies.learning_curve, "predict tests from 1, 2, 3 … of the others")
-    curve.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
-    curve.add_argument(
-        "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: cae fused)"
-    )
+    _add_out(curve)
+    _add_approaches(curve, "cae fused")
     curve.add_argument(
         "--criteria", type=Path, metavar="FILE", help="acceptance criteria (default: criteria.toml of CAMPAIGN, if any)"
     )
@@ -124,12 +95,10 @@ def parser() -> argparse.ArgumentParser:
     curve.add_argument(
         "--repeats", type=whole(0), metavar="N", help="random choices of each number of tests (default: 3)"
     )
-    curve.add_argument(
-        "--windows-ms", nargs="+", type=number, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
-    )
+    _add_windows(curve)
     _add_units(curve)
-    curve.add_argument("--seed", type=whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
-    curve.add_argument("--device", choices=_DEVICES, help=_DEVICE_HELP)
+    _add_seed(curve)
+    _add_device(curve)
     _add_workers(curve)
 
     predict = command("predict", models.predict, "predict the pulse at a condition that was never tested")
@@ -139,7 +108,7 @@ def parser() -> argparse.ArgumentParser:
     outgoing.add_options(predict, "isomme")
 
     train = command("train", models.train, "learn from all tests and CAE runs and save the models")
-    train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the models")
+    _add_out(train, "folder for the models")
     _add_model_options(train)
 
     sweep = command("sweep", models.sweep, "predict the pulse metrics over impact speed, at fixed weights")
@@ -151,15 +120,13 @@ def parser() -> argparse.ArgumentParser:
 
     next_test = command("next-test", models.rank_tests, "rank tests to run next by how much each would narrow the band")
     add_axes(next_test, AXES, nargs=2, metavar=("LOW", "HIGH"), help="range (default: the tests')")
-    next_test.add_argument(
-        "--factor", action="extend", nargs="+", metavar="NAME=VALUE", help="the kind of vehicle (default: the usual)"
-    )
+    _add_factor(next_test, "the kind of vehicle (default: the usual)")
     next_test.add_argument(
         "--candidates", type=Path, metavar="FILE.csv", help="a table like tests.csv (default: a grid)"
     )
-    next_test.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    _add_out(next_test)
     _add_units(next_test)
-    next_test.add_argument("--seed", type=whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    _add_seed(next_test)
 
     outgoing.add_figure_options(
         commands.add_parser("figures", help="write the figures of a report as SVG, PNG, CSV or slides")
@@ -169,6 +136,20 @@ def parser() -> argparse.ArgumentParser:
     listing.set_defaults(run=history.studies)
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
+
+
+def _add_out(parser: argparse.ArgumentParser, what: str = "folder for the results") -> None:
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help=what)
+
+
+def _add_windows(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--windows-ms", nargs="+", type=number, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
+    )
+
+
+def _add_factor(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument("--factor", action="extend", nargs="+", metavar="NAME=VALUE", help=what)
 
 
 def _add_report(parser: argparse.ArgumentParser) -> None:
@@ -185,35 +166,46 @@ def _add_units(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--factor", action="extend", nargs="+", metavar="NAME=VALUE", help="of the tests' table (powertrain=V6, say)"
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    _add_factor(parser, "of the tests' table (powertrain=V6, say)")
+    _add_out(parser)
     _add_units(parser)
     parser.add_argument("--models", type=Path, metavar="DIR", help="predict with the models that train saved there")
     _add_model_options(parser)
 
 
 def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    parser.add_argument(
-        "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: all)"
-    )
+    _add_approaches(parser, "all")
     _add_settings(parser, several=several)
 
 
+def _add_approaches(parser: argparse.ArgumentParser, usual: str) -> None:
+    parser.add_argument(
+        "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help=f"%(choices)s (default: {usual})"
+    )
+
+
 def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    preset, seed = _one_of("fast", "paper"), whole(0, 2**32 - 1)
-    more = "; several separated by commas" if several else ""
+    preset, more = _one_of("fast", "paper"), "; several separated by commas" if several else ""
     parser.add_argument(
         "--preset",
         type=_listed(preset) if several else preset,
         metavar="fast|paper",
         help=f"settings: ours (default) or the paper's{more}",
     )
+    _add_seed(parser, several=several)
+    _add_device(parser)
+
+
+def _add_seed(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
+    seed, more = whole(0, 2**32 - 1), "; several separated by commas" if several else ""
     parser.add_argument(
         "--seed", type=_listed(seed) if several else seed, help=f"seed of everything random (default: 0){more}"
     )
-    parser.add_argument("--device", choices=_DEVICES, help=_DEVICE_HELP)
+
+
+def _add_device(parser: argparse.ArgumentParser) -> None:
+    help_ = "where networks are trained (default: auto, CUDA if any)"
+    parser.add_argument("--device", choices=("auto", "cpu", "cuda"), help=help_)
 
 
 def _add_workers(parser: argparse.ArgumentParser) -> None:
@@ -246,7 +238,6 @@ def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
 
 
 def _one_of(*choices: str) -> Callable[[str], str]:
-    """Parser that accepts one of these words."""
 
     def choice(text: str) -> str:
         if text not in choices:

@@ -74,7 +74,6 @@ def _write_report(compared: "StudyComparison", path: Path) -> None:
 
 
 def _study(name: str) -> "PastResult":
-    """The study in a folder, or of an id."""
     from crashfuse.reporting.past_results import read_study
     from crashfuse.study.history import past_results
 

@@ -2,11 +2,11 @@
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.cli.outgoing import pulse_export
-from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
+from crashfuse.cli.output import opened, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,8 +23,7 @@ def train(arguments: argparse.Namespace) -> None:
     from crashfuse.study.saved_models import model_file, save_model
 
     require_output(arguments.out, arguments.campaign)
-    campaign = load_campaign(arguments.campaign)
-    config = settings(arguments)
+    campaign, config = load_campaign(arguments.campaign), settings(arguments)
     with watching() as watch:
         for name in config.approaches:
             fit = Fit.of(campaign, name, config, watch=watch)
@@ -35,16 +34,13 @@ def train(arguments: argparse.Namespace) -> None:
 
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
-    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.reporting import predicted
     from crashfuse.signals.metrics import MAIN_METRICS
     from crashfuse.study.history import PastResult, keep
 
     require_positive(arguments)
     export = pulse_export(arguments)
-    require_output(arguments.out, arguments.campaign, "prediction")
-    campaign = load_campaign(arguments.campaign)
-    display = display_of(arguments, campaign)
+    campaign, display = opened(arguments, "prediction")
     condition = condition_of(arguments, campaign, arguments.speed_mps)
     prediction = predicted.predict(campaign, condition, _fits(arguments, campaign))
     with replacing(arguments.out, "prediction"):
@@ -59,7 +55,6 @@ def predict(arguments: argparse.Namespace) -> None:
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
-    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.reporting.planning import SpeedSweep
     from crashfuse.reporting.results import write_pulses
     from crashfuse.reporting.watched import watching
@@ -68,9 +63,7 @@ def sweep(arguments: argparse.Namespace) -> None:
 
     require_positive(arguments)
     export = pulse_export(arguments)
-    require_output(arguments.out, arguments.campaign, "sweep")
-    campaign = load_campaign(arguments.campaign)
-    display = display_of(arguments, campaign)
+    campaign, display = opened(arguments, "sweep")
     speeds = usual_speeds(campaign)
     if arguments.speed_mps is not None:
         low, high = arguments.speed_mps
@@ -83,7 +76,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     with replacing(arguments.out, "sweep"), writing(arguments.out, last="sweep.csv") as folder:
         with watching() as watch:
             sweeps = sweep_speed(
-                fits, condition, speeds, watch, each=lambda found: write_pulses(campaign, found, folder, export)
+                fits, condition, speeds, watch, each=lambda estimates: write_pulses(campaign, estimates, folder, export)
             )
         SpeedSweep(campaign, sweeps, fits[0].config).write(folder, display=display)
     say_facts(campaign, display)
@@ -95,14 +88,13 @@ def sweep(arguments: argparse.Namespace) -> None:
 def rank_tests(arguments: argparse.Namespace) -> None:
     """Rank tests to run next."""
     from crashfuse.campaign_folder.condition_tables import read_candidates
-    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.reporting.planning import next_test
     from crashfuse.reporting.plots.sweep import BEST
+    from crashfuse.reporting.result_tables import next_tests_table
     from crashfuse.reporting.watched import watching
-    from crashfuse.study.next_test import ConditionRange, next_tests_table
+    from crashfuse.study.next_test import ConditionRange
 
-    require_output(arguments.out, arguments.campaign, "ranking of next tests")
-    campaign = load_campaign(arguments.campaign)
+    campaign, display = opened(arguments, "ranking of next tests")
     over = ConditionRange.of(campaign.tests)
     for name in AXES:
         if (limits := getattr(arguments, name)) is not None:
@@ -112,12 +104,12 @@ def rank_tests(arguments: argparse.Namespace) -> None:
         factors = tuple(factor(text, campaign.factors) for text in arguments.factor)
         over = ConditionRange(replace(over.low, factors=factors), replace(over.high, factors=factors))
     candidates = read_candidates(arguments.candidates) if arguments.candidates else None
-    config, display = settings(arguments), display_of(arguments, campaign)
+    config = settings(arguments)
     with watching() as watch:
         ranking = next_test(campaign, over.low, over.high, candidates=candidates, config=config, watch=watch)
     ranking.write(arguments.out, display=display)
-    low, high = display.condition(over.low), display.condition(over.high)
     say_facts(campaign, display)
+    low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")
     print(next_tests_table(ranking.ranked[:BEST], display.units).to_string(index=False))
     say_written(arguments.out, "ranking of next tests")
@@ -140,7 +132,7 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     saved = tuple(name for name in APPROACHES if (arguments.models / model_file(name)).is_file())
     if not saved:
         raise UsageError(f"There is no saved model in {arguments.models}; make some with crashfuse train.")
-    names = tuple(dict.fromkeys(arguments.approach or saved))
+    names = dict.fromkeys(arguments.approach or saved)
     fits = [load_model(arguments.models / model_file(name), campaign, cache=Cache()) for name in names]
     if len({(fit.config.preset, fit.config.seed) for fit in fits}) > 1:
         raise UsageError(f"The models in {arguments.models} were trained with different presets or seeds.")
@@ -151,11 +143,14 @@ def settings(arguments: argparse.Namespace, usual: "StudyConfig | None" = None) 
     """The settings that the options ask for, else the usual ones, checked."""
     from crashfuse.study.config import StudyConfig
 
-    given = {name: getattr(arguments, name, None) for name in ("preset", "seed", "device")}
-    if approaches := getattr(arguments, "approach", None):
-        given["approaches"] = tuple(dict.fromkeys(approaches))
-    if windows := getattr(arguments, "windows_ms", None):
-        given["windows_ms"] = tuple(windows)
-    config = replace(usual or StudyConfig(), **{name: value for name, value in given.items() if value is not None})
+    config = replace(usual or StudyConfig(), **given_settings(arguments))
     config.check()
     return config
+
+
+def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The settings that the options name, by their names in a :class:`StudyConfig`."""
+    options = {"approach": "approaches", "windows_ms": "windows_ms", "leave_out": "leave_out"}
+    options |= {name: name for name in ("preset", "seed", "device")}
+    given = {name: getattr(arguments, option, None) for option, name in options.items()}
+    return {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if v is not None}

@@ -27,18 +27,13 @@ _claimed: dict[Path, ExitStack] = {}
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
     """Claim a folder for this command.
 
-    Refuses one that is, or lies in, a campaign, holds results of another kind, is not writable, or that another command
-    is writing to.
+    Refuses one in a campaign, with results of another kind, that is not writable, or that another command writes to.
     """
     from crashfuse.campaign_folder.condition_tables import has_table
     from crashfuse.reporting.results import RESULT_FILES
 
-    if out.resolve().is_relative_to(campaign.resolve()):
-        raise UsageError(
-            f"Results do not belong in the campaign folder {campaign}; name a folder outside it for --out."
-        )
-    if has_table(out):
-        raise UsageError(f"{out} is a campaign folder; name another for --out.")
+    if out.resolve().is_relative_to(campaign.resolve()) or has_table(out):
+        raise UsageError(f"{out} is in a campaign folder, where no results belong; name another for --out.")
     for other, (*_, mark) in RESULT_FILES.items():
         if kind not in (None, other) and (out / mark).exists():
             raise UsageError(f"{out} holds a {other} ({mark}); name another folder for the {kind}.")
@@ -60,13 +55,21 @@ def giving_back() -> Iterator[None]:
             _claimed.popitem()[1].close()
 
 
+def opened(arguments: argparse.Namespace, kind: str) -> tuple["Campaign", "Display"]:
+    """The campaign of a command that writes this kind of result, whose folder it claims, and how it is shown."""
+    from crashfuse.campaign_folder.load import load_campaign
+
+    require_output(arguments.out, arguments.campaign, kind)
+    campaign = load_campaign(arguments.campaign)
+    return campaign, display_of(arguments, campaign)
+
+
 def require_writable(out: Path, option: str = "--out") -> None:
     """Refuse a folder that is a file, lies below one, or is not writable, by the option that names it."""
     there = next(path for path in (out.resolve(), *out.resolve().parents) if path.exists())
-    if not there.is_dir():
-        raise UsageError(f"{there} is a file, not a folder; name another folder for {option}.")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise UsageError(f"Nothing can be written to {there}; name another folder for {option}.")
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        what = "Nothing can be written to" if there.is_dir() else "Not a folder, but a file, is"
+        raise UsageError(f"{what} {there}; name another folder for {option}.")
 
 
 @contextmanager

@@ -110,7 +110,6 @@ def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
 
 
 def _print(table: "pd.DataFrame") -> None:
-    """Print the ratings as a table, what is the same for all above it; below it the notes."""
     rated = table[table["overall"].notna()]
     varying = [name for name in ("reference", "comparison", "channel") if table[name].nunique() > 1]
     bases = rated["basis"].unique().tolist()

@@ -4,11 +4,12 @@ import argparse
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.models import settings
-from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
+from crashfuse.cli.models import given_settings, settings
+from crashfuse.cli.output import display_of, opened, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
     from crashfuse.reporting.report import ReportOptions
     from crashfuse.study.config import StudyPlan
+    from crashfuse.study.study import Study
 
 
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
@@ -50,22 +52,9 @@ def study(arguments: argparse.Namespace) -> None:
 
 
 def _runs(arguments: argparse.Namespace) -> list[_Run]:
-    """Every study requested; if there are several, each has a subfolder of the command's output folder."""
-    given: dict[str, Any] = {
-        name: value
-        for name, value in (
-            ("approaches", arguments.approach and tuple(arguments.approach)),
-            ("windows_ms", arguments.windows_ms and tuple(arguments.windows_ms)),
-            ("leave_out", arguments.leave_out),
-            ("device", arguments.device),
-        )
-        if value is not None
-    }
-    ways = [
-        {**given, **{name: value for name, value in (("preset", preset), ("seed", seed)) if value is not None}}
-        for preset in dict.fromkeys(arguments.preset or [None])
-        for seed in dict.fromkeys(arguments.seed or [None])
-    ]
+    given = given_settings(arguments)
+    several = {name: [{name: x} for x in dict.fromkeys(given.pop(name, ()))] or [{}] for name in ("preset", "seed")}
+    ways = [{**given, **preset, **seed} for preset, seed in product(*several.values())]
     folders = _named(arguments.campaigns)
     alone = len(folders) == len(ways) == 1
     for folder in folders.values():
@@ -125,30 +114,32 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
-    """Compute a study, write it and print its results; returns its means."""
     from crashfuse.reporting.result_tables import studies_table
     from crashfuse.reporting.results import begin_study
     from crashfuse.reporting.watched import watching
     from crashfuse.study.account import worst_test
     from crashfuse.study.history import PastResult, keep
     from crashfuse.study.recommendation import recommend
-    from crashfuse.study.running import run_plan
+    from crashfuse.study.running import run_study
 
     plan = run.plan
     with writing(run.out) as folder:
         begin_study(folder, plan)
     with watching() as watch:
-        study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
+        study = run_study(
+            plan.campaign, plan.config, held_out=plan.held_out, watch=watch, workers=arguments.workers,
+            scheduler=arguments.scheduler,
+        )  # fmt: skip
     display = display_of(arguments, plan.campaign)
     with replacing(run.out, "study"), writing(run.out) as folder:
         study.write(folder, report=run.report, display=display)
     keep(PastResult.of_study(study))
     facts = say_facts(plan.campaign, display)
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
-    _print_means(study.scores)
+    _print_means(study)
     if study.speed_groups is not None:
-        print(f"The same, {_LEFT_OUT['speed group']}")
-        _print_means(study.speed_groups.scores)
+        print(f"Mean rating, {_LEFT_OUT['speed group']}")
+        _print_means(study.speed_groups)
     sentences = (*recommend(study).sentences, *worst_test(study).sentences)
     print(*(display.words(sentence) for sentence in sentences if sentence not in facts), sep="\n")
     return studies_table([(run.name, study)])
@@ -171,7 +162,6 @@ def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
 
 
 def _summary(tables: Sequence["pd.DataFrame"]) -> str:
-    """Mean ratings of a series over its longest window, one row per campaign and preset."""
     import pandas as pd
 
     from crashfuse.approaches.registry import LABELS
@@ -183,31 +173,27 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
     return str(ranges.unstack(sort=False).rename(columns=LABELS).to_string())
 
 
-def _print_means(scores: "pd.DataFrame") -> None:
-    """Print the mean overall rating of each approach over each window."""
+def _print_means(study: "Study") -> None:
     from crashfuse.approaches.registry import LABELS
+    from crashfuse.reporting.rating_tables import REPEAT, mean_values
 
-    means = scores.groupby(["approach", "window_ms"], sort=False)["overall"].mean().unstack(sort=False)
-    means.index = [LABELS[name] for name in means.index]
-    means.columns = [f"0–{window:g} ms" for window in means.columns]
+    means = mean_values(study).drop(index=REPEAT, errors="ignore").rename(index=LABELS)
     print(means.to_string(float_format="{:.3f}".format))
 
 
 def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
-    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.certification.criteria import read_criteria
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.watched import watching
     from crashfuse.study import learning_curve as curves
     from crashfuse.study.one_more_test import Cost, sentences
 
-    require_output(arguments.out, arguments.campaign, "learning curve")
     cost = None if arguments.cost_per_test is None else Cost.of(arguments.cost_per_test)
     config = settings(arguments, curves.CURVE_CONFIG)
-    own = Path(arguments.campaign, "criteria.toml")
-    criteria = read_criteria(arguments.criteria or own) if arguments.criteria or own.is_file() else None
-    campaign = load_campaign(arguments.campaign)
+    campaign, display = opened(arguments, "learning curve")
+    file = arguments.criteria or arguments.campaign / "criteria.toml"
+    criteria = read_criteria(file) if arguments.criteria or file.is_file() else None
     repeats = curves.REPEATS if arguments.repeats is None else arguments.repeats
     with watching() as watch:
         curve = curves.learning_curve(
@@ -215,7 +201,6 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         )
     if criteria is not None:
         curve = curve.decided(criteria)
-    display = display_of(arguments, campaign)
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
         curve.write(folder, cost=arguments.cost_per_test, display=display)
     say_facts(campaign, display)

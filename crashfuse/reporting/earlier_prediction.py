@@ -17,10 +17,8 @@ class EarlierPrediction:
 
     Attributes
     ----------
-    config : StudyConfig
-        Its settings.
-    shown : StudyConfig
-        Those of the figure that it is put into: its name says in what the first differ from them.
+    config, shown : StudyConfig
+        Its settings, and those of the figure that it is put into: its name says in what the first differ from them.
     of : str
         The held-out test that it is of, where the figure is not of that alone.
     """
@@ -33,16 +31,11 @@ class EarlierPrediction:
     @property
     def text(self) -> str:
         """In what its settings differ, in words; with a test that it is of, its name."""
-        return self.name if self.of else otherwise(self.config, self.shown)
+        return self.curve()[0] if self.of else otherwise(self.config, self.shown)
 
-    @property
-    def name(self) -> str:
-        """Its name in a legend."""
-        return earlier_name(self.estimate.approach, self.config, self.shown, self.of)
-
-    def curve(self, _: Display) -> tuple[str, Estimate]:
+    def curve(self, _: Display | None = None) -> tuple[str, Estimate]:
         """Its name in a legend, and itself."""
-        return self.name, self.estimate
+        return earlier_name(self.estimate.approach, self.config, self.shown, self.of), self.estimate
 
 
 def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig, of: str = "") -> str:
@@ -53,9 +46,6 @@ def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig, of: str
 
 def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
     """In what some settings differ from others, in words: ``paper settings, seed 1, left out alone``."""
-    said = {
-        f"{config.preset} settings": config.preset != shown.preset,
-        f"seed {config.seed}": config.seed != shown.seed,
-        LEFT_OUT[config.leave_out]: config.leave_out != shown.leave_out,
-    }
-    return ", ".join(words for words, differs in said.items() if differs)
+    left_out = LEFT_OUT.get(config.leave_out, config.leave_out)
+    words = {"preset": f"{config.preset} settings", "seed": f"seed {config.seed}", "leave_out": left_out}
+    return ", ".join(text for name, text in words.items() if getattr(config, name) != getattr(shown, name))

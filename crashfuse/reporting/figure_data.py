@@ -18,12 +18,11 @@ from crashfuse.signals.pulse import FloatArray
 
 _TAG = re.compile(r"<[^>]*>")
 _UNIT = re.compile(r"(?P<quantity>.*\S)\s+(?P<unit>\([^()]*\))")
-_BAND_IN_NAME = re.compile(r" \(95 % band\)")
 _ROUNDING = 0.01  # of a number in words
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Shown:
+class _Curve:
     """One curve, band or set of points: values by the column they belong to, all over the same positions."""
 
     name: str
@@ -31,13 +30,8 @@ class _Shown:
     x: pd.Series
     y: dict[str, FloatArray]
     is_band: bool = False
-    beside: dict[str, Sequence[object]] = field(default_factory=dict)
+    beside: dict[str, Any] = field(default_factory=dict)
     plot: str = ""  # heading of its plot, of several above each other
-
-    @property
-    def names(self) -> dict[str, str]:
-        """What it is, and in which of several plots."""
-        return {"Curve": self.name, **({"Plot": self.plot} if self.plot else {})}
 
 
 def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
@@ -64,33 +58,28 @@ def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] 
     for trace in shown:
         if trace["type"] == "heatmap":
             return _matrix(trace)
-    shown = list(_named(shown))
-    read = [_band(trace, layout) if "lower" in trace else _points(trace, layout) for trace in shown]
     headings = _headings(layout)
-    curves = _named_apart([replace(curve, plot=headings.get(curve.axis, "")) for curve in read if len(curve.x)])
+    read = (_read(trace, layout, headings) for trace in _named(shown))
+    curves = _named_apart(curve for curve in read if len(curve.x))
     return _side_by_side(curves) if _have_one_axis(curves) else _long(curves)
 
 
 def _named(traces: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    """Traces by their own names, without markup; what the legend does not list says whose it is."""
+    """Traces by their names, without markup; what the legend does not list says whose it is."""
+    names = [_text(trace.get("name")).replace(" (95 % band)", "") for trace in traces]
     listed: dict[str, str] = {}
-    for trace in traces:
+    for trace, name in zip(traces, names, strict=True):
         if trace.get("showlegend", True) and trace.get("legendgroup"):
-            listed.setdefault(trace["legendgroup"], _name(trace))
-    for trace in traces:
-        whose, name = listed.get(trace.get("legendgroup", ""), ""), _name(trace)
+            listed.setdefault(trace["legendgroup"], name)
+    for trace, name in zip(traces, names, strict=True):
+        whose = listed.get(trace.get("legendgroup", ""), "")
         yield {**trace, **trace.get("meta", {}), "name": name if whose in ("", name) else f"{whose}: {name}"}
-
-
-def _name(trace: Mapping[str, Any]) -> str:
-    return _BAND_IN_NAME.sub("", _text(trace.get("name")))
 
 
 def _is_invisible(trace: Mapping[str, Any]) -> bool:
     """True for marks that only take clicks, and for entries of the legend alone."""
-    marker = trace.get("marker", {})
-    entry = all(value is None for value in trace["x"]) if isinstance(trace.get("x"), list | tuple) else False
-    return entry or (trace.get("mode") == "markers" and marker.get("opacity") == 0)
+    entry = isinstance(trace.get("x"), list | tuple) and all(value is None for value in trace["x"])
+    return entry or (trace.get("mode") == "markers" and trace.get("marker", {}).get("opacity") == 0)
 
 
 def unpacked(packed: Mapping[str, Any]) -> np.ndarray[Any, Any]:
@@ -101,7 +90,6 @@ def unpacked(packed: Mapping[str, Any]) -> np.ndarray[Any, Any]:
 
 
 def _values(data: object) -> np.ndarray[Any, Any]:
-    """Values of a trace, which Plotly may hold packed."""
     return unpacked(data) if isinstance(data, Mapping) else np.array([] if data is None else data)
 
 
@@ -110,71 +98,52 @@ def _numbers(data: object) -> FloatArray:
 
 
 def _text(words: object) -> str:
-    """Words of a figure without their markup."""
     return " ".join(_TAG.sub(" ", str(words or "")).split())
 
 
-def _axis(layout: Mapping[str, Any], reference: str) -> Mapping[str, Any]:
-    """The axis ``x2`` of a layout, say."""
-    found: Mapping[str, Any] = layout.get(f"{reference[0]}axis{reference[1:]}", {})
-    return found
-
-
 def _title(layout: Mapping[str, Any], reference: str) -> str:
-    """Title of an axis; of plots above or beside each other one may carry it for all."""
+    """Title of an axis, ``x2`` say; of plots above or beside each other one may carry it for all."""
     direction = reference[0]
-    others = [layout[key] for key in layout if key.startswith(f"{direction}axis")]
-    titles = [_text(axis.get("title", {}).get("text")) for axis in (_axis(layout, reference), *others)]
+    axes = [layout.get(f"{direction}axis{reference[1:]}", {})]
+    axes += [layout[key] for key in layout if key.startswith(f"{direction}axis")]
+    titles = (_text(axis.get("title", {}).get("text")) for axis in axes)
     return next(filter(None, titles), direction)
-
-
-def _positions(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> pd.Series:
-    """Positions on the x axis, numbers or names."""
-    values = _values(trace.get("x"))
-    if values.dtype.kind not in "fiu":
-        values = np.array([_text(each) for each in values], dtype=object)
-    return pd.Series(values, name=_title(layout, trace.get("xaxis") or "x"))
 
 
 def _headings(layout: Mapping[str, Any]) -> dict[str, str]:
     """What stands above each plot, by its y axis, where something does."""
     tops = {f"y{key[5:]}": axis["domain"][1] for key, axis in layout.items() if key[:5] == "yaxis" and "domain" in axis}
     texts = {note["y"]: _text(note["text"]) for note in layout.get("annotations", ()) if note.get("yref") == "paper"}
-    found = {"y" if axis == "y1" else axis: texts[top] for axis, top in tops.items() if top in texts}
-    return found if len(found) > 1 else {}
+    headings = {"y" if axis == "y1" else axis: texts[top] for axis, top in tops.items() if top in texts}
+    return headings if len(headings) > 1 else {}
 
 
-def _points(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
-    """A curve or points, with the ends of their intervals."""
-    axis, x = trace.get("yaxis") or "y", _positions(trace, layout)
-    title, values = _title(layout, axis), _numbers(trace.get("y"))
-    beside: dict[str, Sequence[object]] = {}
-    if isinstance(trace.get("text"), list | tuple):
-        beside["Label"] = [_text(each) for each in trace["text"]]
-    y = {title: values}
+def _read(trace: Mapping[str, Any], layout: Mapping[str, Any], headings: Mapping[str, str]) -> _Curve:
+    """A band, a curve or points, with the ends of their intervals."""
+    axis, positions = trace.get("yaxis") or "y", _values(trace.get("x"))
+    if positions.dtype.kind not in "fiu":
+        positions = np.array([_text(name) for name in positions], dtype=object)
+    x, title = pd.Series(positions, name=_title(layout, trace.get("xaxis") or "x")), _title(layout, axis)
+    curve = _Curve(trace["name"], axis, x, {}, plot=headings.get(axis, ""))
+    if "lower" in trace:
+        return replace(curve, y=_ends(title, _numbers(trace["lower"]), _numbers(trace["upper"])), is_band=True)
+    values = _numbers(trace.get("y"))
     if trace["type"] == "bar" and trace.get("base") is not None:  # from its base to its end
-        base = _numbers(trace["base"])
-        y = _ends(title, base, base + values)
-    elif (ends := _interval(trace.get("error_y", {}), values)) is not None:
-        y |= _ends(title, *ends)
-    if (ends := _interval(trace.get("error_x", {}), _values(trace.get("x")))) is not None:
-        beside |= {name: list(each) for name, each in _ends(str(x.name), *ends).items()}
-    return _Shown(trace["name"], axis, x, y, beside=beside)
+        curve.y.update(_ends(title, base := _numbers(trace["base"]), base + values))
+    else:
+        curve.y.update({title: values} | _interval(title, trace.get("error_y", {}), values))
+    if isinstance(trace.get("text"), list | tuple):
+        curve.beside["Label"] = [_text(label) for label in trace["text"]]
+    curve.beside.update(_interval(str(x.name), trace.get("error_x", {}), _values(trace.get("x"))))
+    return curve
 
 
-def _interval(error: Mapping[str, Any], values: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Lower and upper ends of error bars, if there are any."""
+def _interval(title: str, error: Mapping[str, Any], values: FloatArray) -> dict[str, FloatArray]:
     if error.get("array") is None:
-        return None
+        return {}
     up = _numbers(error["array"])
-    return values - (up if error.get("arrayminus") is None else _numbers(error["arrayminus"])), values + up
-
-
-def _band(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
-    """A band by its ends."""
-    axis = trace.get("yaxis") or "y"
-    ends = _ends(_title(layout, axis), _numbers(trace["lower"]), _numbers(trace["upper"]))
-    return _Shown(trace["name"], axis, _positions(trace, layout), ends, is_band=True)
+    down = up if error.get("arrayminus") is None else _numbers(error["arrayminus"])
+    return _ends(title, values - down, values + up)
 
 
 def _ends(title: str, lower: FloatArray, upper: FloatArray) -> dict[str, FloatArray]:
@@ -184,10 +153,10 @@ def _ends(title: str, lower: FloatArray, upper: FloatArray) -> dict[str, FloatAr
     return {f"{name}, lower{unit}": lower, f"{name}, upper{unit}": upper}
 
 
-def _named_apart(curves: Iterable[_Shown]) -> list[_Shown]:
+def _named_apart(curves: Iterable[_Curve]) -> list[_Curve]:
     """Curves as they first appear, each before its band; where several in a plot have one name, they are numbered."""
     taken: set[tuple[str, ...]] = set()
-    order: dict[tuple[str, str], list[_Shown]] = {}
+    order: dict[tuple[str, str], list[_Curve]] = {}
     for curve in curves:
         name, number = curve.name, 1
         while (name, curve.axis, *curve.y) in taken:
@@ -195,10 +164,10 @@ def _named_apart(curves: Iterable[_Shown]) -> list[_Shown]:
             name = f"{curve.name} {number}"
         taken.add((name, curve.axis, *curve.y))
         order.setdefault((curve.axis, name), []).append(replace(curve, name=name))
-    return [curve for same in order.values() for curve in sorted(same, key=lambda own: own.is_band)]
+    return [curve for same in order.values() for curve in sorted(same, key=lambda curve: curve.is_band)]
 
 
-def _have_one_axis(curves: Sequence[_Shown]) -> bool:
+def _have_one_axis(curves: Sequence[_Curve]) -> bool:
     """True if all positions are numbers that rise, and among those of the longest curve."""
     if not curves or any(curve.beside or curve.x.dtype.kind not in "fiu" or curve.x.name == "x" for curve in curves):
         return False
@@ -208,21 +177,21 @@ def _have_one_axis(curves: Sequence[_Shown]) -> bool:
     )
 
 
-def _side_by_side(curves: Sequence[_Shown]) -> pd.DataFrame:
+def _side_by_side(curves: Sequence[_Curve]) -> pd.DataFrame:
     longest = max((curve.x for curve in curves), key=len)
-    columns: dict[str, pd.Series] = {}
-    for curve in curves:
-        for title, values in curve.y.items():
-            columns[f"{curve.name}: {title}" if curve.name else title] = pd.Series(values, index=curve.x)
-    table = pd.DataFrame(columns).reindex(longest)
-    return table.rename_axis(longest.name).reset_index()
-
-
-def _long(curves: Sequence[_Shown]) -> pd.DataFrame:
-    parts = [
-        pd.DataFrame({**curve.names, str(curve.x.name): curve.x.to_numpy(), **curve.y, **curve.beside})
+    columns = {
+        f"{curve.name}: {title}" if curve.name else title: pd.Series(values, index=curve.x)
         for curve in curves
-    ]
+        for title, values in curve.y.items()
+    }
+    return pd.DataFrame(columns).reindex(longest).rename_axis(longest.name).reset_index()
+
+
+def _long(curves: Sequence[_Curve]) -> pd.DataFrame:
+    parts = []
+    for curve in curves:
+        names = {"Curve": curve.name, **({"Plot": curve.plot} if curve.plot else {})}
+        parts.append(pd.DataFrame({**names, str(curve.x.name): curve.x.to_numpy(), **curve.y, **curve.beside}))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
@@ -231,9 +200,9 @@ def _matrix(trace: Mapping[str, Any]) -> pd.DataFrame:
     cells = _numbers(trace["z"]).astype(object)
     words = _values(trace.get("text"))
     if words.size and not all(map(_begins_with, words.flat, cells.flat)):
-        cells = np.array([_text(each) for each in words.flat], dtype=object).reshape(cells.shape)
-    table = pd.DataFrame(cells, columns=[_text(each) for each in _values(trace["x"])]).infer_objects()
-    table.insert(0, "Row", [_text(each) for each in _values(trace["y"])])
+        cells = np.array([_text(cell) for cell in words.flat], dtype=object).reshape(cells.shape)
+    table = pd.DataFrame(cells, columns=[_text(name) for name in _values(trace["x"])]).infer_objects()
+    table.insert(0, "Row", [_text(name) for name in _values(trace["y"])])
     return table.assign(**trace.get("meta", {}))
 
 

@@ -12,11 +12,10 @@ import os
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
@@ -38,16 +37,14 @@ _POLICY = (  # the page loads its scripts and nothing that a figure names, from 
 _MOST_BYTES = 256 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class ReportFigure:
+class ReportFigure(NamedTuple):
     """A figure of a report: its heading, and what Plotly draws."""
 
     title: str
-    drawn: dict[str, Any] = field(repr=False)
+    drawn: dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class FiguresOfReport:
+class FiguresOfReport(NamedTuple):
     """The figures of a report, its title, and its notices: what has to be known of its data, and each in few words."""
 
     title: str
@@ -59,23 +56,24 @@ class FiguresOfReport:
 def read_figures(path: Path) -> FiguresOfReport:
     """The figures of a report that was written as a file.
 
-    Raises
-    ------
-    DataError
-        If there is no such file, or it is not a report with figures.
+    Raises DataError if there is no such file, or it is not a report with figures.
     """
-    expected, advice = "a report.html of crashfuse with figures", "name the report that a command has written"
+
+    def problem(found: str) -> DataError:
+        expected, advice = "a report.html of crashfuse with figures", "name the report that a command has written"
+        return DataError(Problem(str(path), expected, found, advice))
+
     if not path.is_file():
-        raise DataError(Problem(str(path), expected, "no such file", advice))
+        raise problem("no such file")
     if path.stat().st_size > _MOST_BYTES:
-        raise DataError(Problem(str(path), expected, f"{path.stat().st_size >> 20} MB", advice))
+        raise problem(f"{path.stat().st_size >> 20} MB")
     try:
-        found = figures_of(path.read_text(encoding="utf-8"))
+        report = figures_of(path.read_text(encoding="utf-8"))
     except (ValueError, TypeError, RecursionError) as error:
-        raise DataError(Problem(str(path), expected, f"text that cannot be read as one ({error})", advice)) from error
-    if not found.figures:
-        raise DataError(Problem(str(path), expected, "no figure", advice))
-    return found
+        raise problem(f"text that cannot be read as one ({error})") from error
+    if not report.figures:
+        raise problem("no figure")
+    return report
 
 
 def figures_of(report: str) -> FiguresOfReport:
@@ -152,14 +150,8 @@ def _browser() -> str | None:
 def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> dict[str, bytes]:
     """The figures as files, by name: ``01-heading.svg``, ``.png`` and ``.csv`` and, all in one, ``figures.pptx``.
 
-    Raises
-    ------
-    UsageError
-        If a format is unknown, or the extra or the browser that it needs is not there.
-    DataError
-        If the numbers of a figure cannot be read.
-    CrashfuseError
-        If the browser fails.
+    Raises UsageError if a format is unknown, or the extra or the browser that it needs is not there, DataError if the
+    numbers of a figure cannot be read, CrashfuseError if the browser fails.
     """
     if unknown := [form for form in formats if form not in FIGURE_FORMATS]:
         raise UsageError(f"A figure is written as {', '.join(FIGURE_FORMATS)}, not as {unknown[0]}.")
@@ -187,7 +179,6 @@ def _file_name(title: str) -> str:
 
 
 def _numbers(figure: ReportFigure) -> bytes:
-    """What a figure shows, as CSV."""
     try:
         return csv_bytes(figure_table(figure.drawn))
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -196,7 +187,6 @@ def _numbers(figure: ReportFigure) -> bytes:
 
 
 def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:
-    """Every figure in every kind, drawn in one browser."""
     from choreographer.errors import BrowserClosedError, BrowserFailedError
     from kaleido import Kaleido, PageGenerator
     from kaleido.errors import JavascriptError, KaleidoError
@@ -205,9 +195,17 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
         def generate_index(self) -> str:
             return str(super().generate_index()).replace("<head>", f"<head>{_POLICY}", 1)
 
+    def options(figure: dict[str, Any], kind: str) -> dict[str, Any]:
+        layout, scale = figure["layout"], _DENSITY if kind == "png" else 1
+        width, height = layout.get("width") or _WIDTH_PX, layout.get("height") or _HEIGHT_PX
+        return {"format": kind, "width": width, "height": height, "scale": scale}
+
     async def drawn() -> dict[str, list[bytes]]:
         async with Kaleido(n=1, page_generator=Page(mathjax=False), proxy_server=_NO_NETWORK) as browser:
-            return {kind: [await browser.calc_fig(each, opts=_size(each, kind)) for each in figures] for kind in kinds}
+            return {
+                kind: [await browser.calc_fig(figure, opts=options(figure, kind)) for figure in figures]
+                for kind in kinds
+            }
 
     try:
         with ThreadPoolExecutor(1) as pool:  # there may be a loop of events in this thread
@@ -215,12 +213,6 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
     except (BrowserClosedError, BrowserFailedError, JavascriptError, KaleidoError, OSError) as error:
         reason = " ".join(str(error).split())[:300] or type(error).__name__
         raise CrashfuseError(f"The browser {_browser()} did not draw the figures: {reason}") from error
-
-
-def _size(figure: dict[str, Any], kind: str) -> dict[str, Any]:
-    layout = figure["layout"]
-    width, height = layout.get("width") or _WIDTH_PX, layout.get("height") or _HEIGHT_PX
-    return {"format": kind, "width": width, "height": height, "scale": _DENSITY if kind == "png" else 1}
 
 
 def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:

@@ -1,27 +1,41 @@
-"""Figures of pulses by name: a test and predictions of it, or predictions alone, and whatever is put beside them."""
+"""Figures by name: of a campaign, of a study and a test in it, of predicted pulses and whatever is put beside them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, Unpack
 
+import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.calibration import LEVELS
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.approaches.fit_cache import fitted
+from crashfuse.approaches.registry import LABELS, by_preference
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, one_of, printable, several
-from crashfuse.reporting.plots.displacement import energy_over_crush, integration_check, over_displacement
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.pulses import motion, overlay
-from crashfuse.signals.metrics import Metric
+from crashfuse.errors import UsageError, one_of, printable, require_a, several
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting.plots import displacement, learning, pulses, ratings
+from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.reporting.plots.curves import add_marks
+from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.signals.pulse import Pulse
+from crashfuse.study.config import require_rated
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.study import Fold, Study
 
 T = TypeVar("T")
+Draw = Callable[[], go.Figure]
 
 RUN = "cae:"
 """What may stand before the id of a CAE run, and must where a test has the same id."""
+
+_STEP_M = 0.004  # grid of the parts of a bias
+_BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it
+_ACCELERATIONS = ("motion", "acceleration")  # figures that begin with acceleration over time
 
 
 class OtherPrediction(Protocol):
@@ -36,21 +50,14 @@ class OtherPrediction(Protocol):
 
 
 Further = str | OtherPrediction
-"""What a figure shows beside its own curves: a test or CAE run by its id, or another prediction."""
+"""What a figure shows beside its curves: a test or CAE run by its id, or another prediction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What a figure of pulses shows.
+    """What a figure of pulses shows: the measured one, if any, and estimates by approach, then whatever is beside them.
 
-    Attributes
-    ----------
-    measured : Pulse or None
-        Of the test at the condition, if one is to be shown.
-    shown : mapping of str to Estimate or Prediction
-        Estimates by approach; then whatever is put beside them, by its name in the legend.
-    band : str or None
-        The approach whose band is filled; None for the preferred one.
+    The band of the approach ``band`` is filled; None for the preferred one.
     """
 
     measured: Pulse | None
@@ -63,47 +70,194 @@ class Curves:
         """The pulses by their names."""
         return pulses_of(self.shown)
 
-    @property
-    def crush(self) -> dict[str, Metric]:
-        """Maximum crush of every estimate, with the interval that tables give."""
-        own = {name: each.metrics for name, each in self.shown.items() if isinstance(each, Estimate)}
-        return {name: metric for name, metrics in own.items() for metric in metrics if metric.name == "max_crush"}
-
     def draw(self, figure: str, display: Display) -> go.Figure:
-        """The figure of this name.
+        """The figure of this name; a UsageError if there is none."""
+        return one_of("figure of pulses", figure, self.figures(display))()
 
-        Raises
-        ------
-        UsageError
-            If there is none.
-        """
-        return one_of("figure of pulses", figure, PULSES)(self, display)
+    def figures(self, display: Display) -> dict[str, Draw]:
+        """What draws each of its figures."""
+        both, speed_mps = (self.measured, self.predictions), self.condition.speed_mps
+        filled, mass_kg = self.band, self.condition.mass_kg
+
+        def over_displacement() -> go.Figure:
+            metrics = {name: own.metrics for name, own in self.shown.items() if isinstance(own, Estimate)}
+            crush = {name: m for name, own in metrics.items() for m in own if m.name == "max_crush"}
+            return displacement.over_displacement(*both, speed_mps, display, filled=filled, crush=crush)
+
+        return {
+            "motion": lambda: pulses.motion(*both, speed_mps, display, filled=filled),
+            "acceleration": lambda: pulses.overlay(*both, display, filled=filled),
+            "displacement": over_displacement,
+            "energy": lambda: displacement.energy_over_crush(*both, speed_mps, mass_kg, filled=filled),
+            "integration": lambda: displacement.integration_check(*both, speed_mps),
+        }
 
 
-PULSES: dict[str, Callable[[Curves, Display], go.Figure]] = {
-    "motion": lambda own, display: motion(
-        own.measured, own.predictions, own.condition.speed_mps, display, filled=own.band
-    ),
-    "acceleration": lambda own, display: overlay(own.measured, own.predictions, display, filled=own.band),
-    "displacement": lambda own, display: over_displacement(
-        own.measured, own.predictions, own.condition.speed_mps, display, filled=own.band, crush=own.crush
-    ),
-    "energy": lambda own, _: energy_over_crush(
-        own.measured, own.predictions, own.condition.speed_mps, own.condition.mass_kg, filled=own.band
-    ),
-    "integration": lambda own, _: integration_check(own.measured, own.predictions, own.condition.speed_mps),
-}
-"""Acceleration, velocity and displacement over time; acceleration alone, over time and over displacement; the energy
-absorbed over crush; a check of the integration over displacement."""
+def campaign_figure(
+    campaign: Campaign,
+    figure: str,
+    *,
+    tests: Sequence[str],
+    held_out: str | None,
+    cfc: float | None,
+    also: Sequence[Further],
+    **options: Unpack[DisplayOptions],
+) -> go.Figure:
+    """A figure of a campaign, see :meth:`Campaign.plot`."""
+    display, everything = Display.of(campaign.units, **options), campaign.tests
+    shown = [campaign.test(test) for test in several(tests) or campaign.test_ids]
+    further = pulses_of(beside(campaign, also, display))
+    marked: dict[str, Any] = {"among": everything, "highlight": held_out, "display": display}
+
+    def bias() -> go.Figure:
+        model = CaeModel(cache=Cache()).fit(campaign.cae)
+        return displacement.bias_by_speed(shown, [measured_bias(test, model) for test in shown], **marked)
+
+    figures: dict[str, Draw] = {
+        "tests": lambda: pulses.measured_pulses(shown, cfc=cfc, further=further, **marked),
+        "conditions": lambda: condition_space(campaign.cae, shown, held_out=held_out, display=display),
+        "cae": lambda: pulses.library_band(campaign.cae, shown, display=display, further=further),
+        "bias": bias,
+    }
+    draw = one_of("figure of a campaign", figure, figures)
+    if cfc is not None and figure != "tests":
+        raise UsageError("A filter is for the figure tests.")
+    if also and figure not in ("tests", "cae"):
+        raise UsageError("Further curves are for the figures tests and cae.")
+    if held_out is not None:
+        campaign.test(held_out)
+    return draw()
+
+
+def overview(
+    study: Study, figure: str, approaches: Sequence[str] | None, **options: Unpack[DisplayOptions]
+) -> go.Figure:
+    """A figure of all held-out tests, see :meth:`Study.plot`."""
+    names = chosen({name: name for fold in study.folds for name in fold.ratings}, approaches)
+    window_ms = _rated(study, _display(study, options))
+
+    def asked(by_approach: Mapping[str, T]) -> dict[str, T]:
+        return {name: by_approach[name] for name in by_approach if name in names}
+
+    def heatmap() -> go.Figure:
+        overall = {
+            fold.held_out: {name: rated[window_ms].overall for name, rated in asked(fold.ratings).items()}
+            for fold in study.folds
+        }
+        return ratings.rating_heatmap(overall, study.repeats(window_ms))
+
+    def spread() -> go.Figure:
+        drawn = {test: asked(by_approach) for test, by_approach in study.rating_spread(window_ms).items()}
+        if not any(drawn.values()):
+            raise UsageError("None of these approaches has a band to draw pulses from.")
+        return ratings.rating_spread(drawn, study.repeats(window_ms))
+
+    def calibration() -> go.Figure:
+        return ratings.calibration_curves(LEVELS, asked(study.reliability))
+
+    figures: dict[str, Draw] = {"ratings": heatmap, "draws": spread, "calibration": calibration}
+    return one_of("figure of a whole study", figure, figures)()
+
+
+def figure_of_test(
+    study: Study,
+    held_out: str,
+    figure: str,
+    approaches: Sequence[str] | None,
+    *,
+    also: Sequence[Further],
+    band: str | None,
+    measured: bool,
+    corridors: bool,
+    notes: Sequence[Note],
+    **options: Unpack[DisplayOptions],
+) -> go.Figure:
+    """A figure of one held-out test, see :meth:`Study.plot`."""
+    require_a(bool, measured, "measured=False leaves the test out")
+    require_a(bool, corridors, "corridors=True shades them")
+    for note in notes:
+        require_a(Note, note, "crashfuse.Note(test, text)")
+    fold, display = study.fold(held_out), _display(study, options)
+    estimates = chosen({estimate.approach: estimate for estimate in fold.estimates}, approaches, band)
+    further = beside(study.campaign, also, display)
+    pulse = fold.test.pulse if measured else None
+    curves = Curves(pulse, estimates | further, fold.test.condition, band)
+
+    def scores() -> go.Figure:
+        window_ms = _rated(study, display)
+        return ratings.rating_parts({name: fold.ratings[name][window_ms] for name in estimates})
+
+    def rating() -> go.Figure:
+        name = by_preference(estimates)[0]
+        explanation = fold.explained(name, _rated(study, display))
+        return ratings.rated_curves(explanation, name, display, pulses_of(further))
+
+    figures: dict[str, Draw] = {
+        **curves.figures(display),
+        "residuals": lambda: pulses.residuals(fold.test.pulse, curves.predictions, display, filled=band),
+        "scores": scores,
+        "rating": rating,
+        "bias parts": lambda: _bias_parts(study, fold, display, measured=measured),
+        "training": lambda: _losses(
+            _state(estimates, "learning_curve")["learning_curve"], "Mean square error", "Epoch"
+        ),
+        "fine-tuning": lambda: _fine_tuning(_state(estimates, "left_out_rmse", "tuning_curve")),
+    }
+    draw = one_of("figure of a held-out test", figure, figures)
+    if corridors and figure not in _ACCELERATIONS:
+        raise UsageError(f"Corridors stand in the figures {' and '.join(_ACCELERATIONS)}, not in {figure}.")
+    drawn = draw()
+    if corridors:
+        pulses.add_corridors(drawn, fold.test.pulse, display)
+    is_over_time = figure in (*_ACCELERATIONS, "residuals")
+    return add_marks(drawn, [note for note in notes if note.test == held_out]) if is_over_time else drawn
+
+
+def _display(study: Study, options: DisplayOptions) -> Display:
+    return Display.of(study.campaign.units, max(study.config.windows_ms), **options)
+
+
+def _rated(study: Study, display: Display) -> float:
+    require_rated("study", display.window_ms, study.config.windows_ms)
+    return display.window_ms
+
+
+def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -> go.Figure:
+    config, test = study.config, fold.test
+    if config.preset == "paper":
+        raise UsageError(
+            "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
+        )
+    unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=config.seed, cache=Cache())
+    domain, _ = fitted(unfitted, config.training_campaign(study.campaign, test.id), Cache())
+    grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).phase.crush_m, _STEP_M)
+    bias = measured_bias(test, domain.model_) if measured else None
+    return displacement.bias_parts(domain.bias_parts(test.condition, grid), grid, bias, display)
+
+
+def _state(estimates: Mapping[str, Estimate], *keys: str) -> dict[str, Any]:
+    for name in by_preference(estimates):
+        if any(key in estimates[name].state for key in keys):
+            return estimates[name].state
+    raise UsageError(f"None of these approaches trained a network like that: {', '.join(estimates)}.")
+
+
+def _fine_tuning(state: dict[str, Any]) -> go.Figure:
+    if "tuning_curve" in state:
+        return _losses(state["tuning_curve"], "Loss", "Step")
+    return learning.tuning_strength(state["rmse"], state["left_out_rmse"], str(state["penalty"]))
+
+
+def _losses(curve: dict[str, list[float]], value: str, step: str) -> go.Figure:
+    steps = [int(number) for number in curve["epoch"]]
+    losses = {name.replace("_", " "): list(zip(steps, curve[name], strict=True)) for name in curve if name != "epoch"}
+    return learning.learning_curves(losses, value=value, step=step, total=steps[-1])
 
 
 def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str | None = None) -> dict[str, T]:
     """What is known by approach, of those that are asked for, by default all.
 
-    Raises
-    ------
-    UsageError
-        If one of them did not predict, or that whose band is to be filled, shown or not.
+    A UsageError if one of them did not predict, or that whose band is to be filled, shown or not.
     """
     if band is not None:
         one_of("prediction by", band, known)
@@ -112,14 +266,8 @@ def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str |
 
 
 def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Estimate | Prediction]:
-    """Further pulses by their names in the legend.
-
-    Raises
-    ------
-    UsageError
-        If there is no such test or CAE run.
-    """
-    return dict(_further(campaign, each, display) for each in several(also))
+    """Further pulses by their names in the legend; a UsageError if there is no such test or CAE run."""
+    return dict(_further(campaign, asked, display) for asked in several(also))
 
 
 def pulses_of(shown: Mapping[str, Estimate | Prediction]) -> dict[str, Prediction]:
@@ -138,21 +286,20 @@ def prediction_name(approach: str, condition: Condition, display: Display) -> st
     return f"{LABELS[approach]} at {display.briefly(condition)}"
 
 
-def _further(campaign: Campaign, each: Further, display: Display) -> tuple[str, Estimate | Prediction]:
-    if not isinstance(each, str):
-        if not hasattr(each, "curve"):
-            raise UsageError(f"Shown beside are ids and predictions, not {printable(repr(each), 60)}.")
-        return each.curve(display)
-    if each in campaign.test_ids:
-        test = campaign.test(each)
-        return pulse_name(each, test.condition, display), Prediction(test.condition, test.pulse.accel_mps2)
-    run = each.removeprefix(RUN)
-    if run not in campaign.cae.ids:
-        raise UsageError(
-            f"{campaign.name} has no test and no CAE run {run!r}; its tests are {', '.join(campaign.test_ids)}."
-        )
-    number = campaign.cae.ids.index(run)
-    condition = campaign.cae.conditions[number]
-    return pulse_name(RUN + run, condition, display), Prediction(
-        condition, campaign.cae.accel_mps2[number].astype(float)
-    )
+def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str, Estimate | Prediction]:
+    if not isinstance(asked, str):
+        if not hasattr(asked, "curve"):
+            raise UsageError(f"Shown beside are ids and predictions, not {printable(repr(asked), 60)}.")
+        return asked.curve(display)
+    run = asked.removeprefix(RUN)
+    if asked in campaign.test_ids:
+        test = campaign.test(asked)
+        name, condition, accel_mps2 = asked, test.condition, test.pulse.accel_mps2
+    elif run in campaign.cae.ids:
+        number = campaign.cae.ids.index(run)
+        name, condition = RUN + run, campaign.cae.conditions[number]
+        accel_mps2 = campaign.cae.accel_mps2[number].astype(float)
+    else:
+        tests = ", ".join(campaign.test_ids)
+        raise UsageError(f"{campaign.name} has no test and no CAE run {run!r}; its tests are {tests}.")
+    return pulse_name(name, condition, display), Prediction(condition, accel_mps2)

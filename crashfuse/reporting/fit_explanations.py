@@ -22,10 +22,7 @@ def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
         {
             "Approach": LABELS[name],
             **{heading: _percent(calibration.share(column)) for column, heading in _HEADINGS.items()},
-            **{
-                heading: f"{calibration.count(column)} of {len(calibration.tests)}"
-                for column, heading in _COUNTS.items()
-            },
+            **{title: f"{calibration.count(column)} of {len(calibration.tests)}" for column, title in _COUNTS.items()},
         }
         for name, calibration in coverage.items()
     )
@@ -33,23 +30,19 @@ def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
 
 def fit_table(state: Mapping[str, Any], units: UnitSystem = MPH_LB) -> pd.DataFrame:
     """Hyperparameters of a bias model and their uncertainty; empty for an approach without any."""
-
-    def shown(name: str, value: float) -> tuple[str, float]:
-        for si, unit in ((" in m/s", "mph"), (" in kg", "lb")):
-            if name.endswith(si):
-                return f"{name.removesuffix(si)} in {units.unit(unit)}", value / units.in_si(unit)
-        return name, value
-
-    spread, touched = state.get("spread_factors", {}), state.get("touched_bounds", [])
-    return pd.DataFrame(
-        {
-            "Hyperparameter": shown(name, value)[0],
-            "Value": f"{shown(name, value)[1]:.3g}",
-            "Known to a factor of": f"{spread[name]:.2f}" if name in spread else "–",
-            "At its bound": "yes" if name in touched else "no",
-        }
-        for name, value in state.get("hyperparameters", {}).items()
-    )
+    spread, touched, rows = state.get("spread_factors", {}), state.get("touched_bounds", []), []
+    for name, value in state.get("hyperparameters", {}).items():
+        quantity, _, si = name.rpartition(" in ")
+        unit = {"m/s": "mph", "kg": "lb"}.get(si)
+        rows.append(
+            {
+                "Hyperparameter": f"{quantity} in {units.unit(unit)}" if unit else name,
+                "Value": f"{value / (units.in_si(unit) if unit else 1):.3g}",
+                "Known to a factor of": f"{spread[name]:.2f}" if name in spread else "–",
+                "At its bound": "yes" if name in touched else "no",
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
@@ -115,8 +108,8 @@ def _band_sentence(check: Mapping[str, Any]) -> str:
     return (
         f"Band: calibrated on {n} tests, each predicted from the others, and scaled by {check['widening']:g}{late}. "
         f"Up to the time of zero velocity (TTZV) it holds a(t) {_percent(check['accel_inside'])} and v(t) "
-        f"{_percent(check['velocity_inside'])} of the time, after it a(t) {_percent(after)}; it holds maximum crush in "
-        f"{check['crush_inside']} of {n} tests and peak deceleration in {check['peak_inside']}.{verdict}"
+        f"{_percent(check['velocity_inside'])} of the time, after it a(t) {_percent(after)}; maximum crush in "
+        f"{check['crush_inside']} of {n} tests, peak deceleration in {check['peak_inside']}.{verdict}"
     )
 
 

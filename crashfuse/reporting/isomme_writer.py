@@ -38,8 +38,7 @@ def _channel_header(channel: Channel) -> list[tuple[str, str]]:
     header = [
         ("Test object number", channel.code[:1]),
         ("Name of the channel", channel.name),
-        ("Laboratory channel code", ""),
-        ("Customer channel code", ""),
+        *((name, "") for name in ("Laboratory channel code", "Customer channel code")),
         ("Channel code", channel.code),
         *(("Comments", comment) for comment in channel.comments),
         ("Location", channel.code),
@@ -47,12 +46,8 @@ def _channel_header(channel: Channel) -> list[tuple[str, str]]:
         ("Direction", channel.code[14:15]),
         ("Channel frequency class", channel.filter_class),
         ("Unit", channel.unit),
-        ("Reference system", ""),
-        ("Transducer type", ""),
-        ("Pre-filter type", ""),
-        ("Cut off frequency", ""),
-        ("Channel amplitude class", ""),
-        ("Bit resolution", ""),
+        *((name, "") for name in ("Reference system", "Transducer type", "Pre-filter type", "Cut off frequency")),
+        *((name, "") for name in ("Channel amplitude class", "Bit resolution")),
         ("Reference channel", "implicit" if channel.interval_s is not None else ""),
         ("Reference channel name", ""),
         ("Data source", channel.source),
@@ -93,25 +88,12 @@ def isomme_pulse(
     location: str,
     comments: Sequence[str],
 ) -> dict[str, bytes]:
-    """One pulse as an ISO-MME test of three channels at a location: AC, VE and DV in X.
+    """One pulse as an ISO-MME test of three channels at a location: AC, VE and DV in X; content by relative path.
 
     Velocity and displacement are integrated from the acceleration. The filter class, in the code and in the header, is
     that of the campaign's records (D: CFC 60); the code ends in S if they were used as they are. Codes: ISO/TS 13499,
-    see :mod:`crashfuse.readers.isomme`.
-
-    Parameters
-    ----------
-    name : str
-        Name of the test, its folder and its files.
-    location : str
-        The first 12 characters of the channel codes.
-    comments : sequence of str
-        What the headers of the test and of each channel say about it.
-
-    Returns
-    -------
-    dict of str to bytes
-        Content by relative path, below a folder with the test's name.
+    see :mod:`crashfuse.readers.isomme`. ``location`` is the first 12 characters of the channel codes; the headers have
+    the comments.
     """
     descriptors = [
         ("Data format edition number", "1.6"),

@@ -88,21 +88,18 @@ class PulseExport:
     def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
         """The files of each format that is asked for; each states these remarks, besides its own.
 
-        Raises
-        ------
-        UsageError
-            If an approach has fewer draws than asked for, or no approach has any.
+        A UsageError if an approach has fewer draws than asked for, or no approach has any.
         """
         written: dict[PulseFormat, dict[str, bytes]] = {name: {} for name in self.formats}
         cfc = campaign.channel_filter_class
+        records = "taken as they are" if cfc is None else f"filtered with CFC {cfc:g}"
         origin = (
             f"From the campaign {campaign.name}, SHA-256 {campaign.fingerprint}.",
-            f"Its records are {'taken as they are' if cfc is None else f'filtered with CFC {cfc:g}'}; the pulse is as "
-            "band-limited as these.",
+            f"Its records are {records}; the pulse is as band-limited as these.",
             *(fact.sentence for fact in campaign_facts(campaign)),
         )
         for place, pulse in enumerate(outgoing(estimates, self.draws, self.seed)):
-            comments = (*pulse.comments, *remarks, *filter(None, origin))
+            comments = (*pulse.comments, *remarks, *origin)
             for name, files in written.items():
                 if name == "isomme":
                     files |= isomme_pulse(
@@ -140,33 +137,27 @@ class OutgoingPulse:
     @property
     def comments(self) -> tuple[str, ...]:
         """That it is predicted, by what, at which condition."""
-        return (
-            f"Predicted by crashfuse {__version__}, not measured: {self.title}.",
-            f"Condition: {self.condition.stated}.",
-            *self.remarks,
-        )
+        made = f"Predicted by crashfuse {__version__}, not measured: {self.title}."
+        return made, f"Condition: {self.condition.stated}.", *self.remarks
 
 
 def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
     """The expected pulse of each approach, then this many of its draws, chosen at random by the seed.
 
-    Raises
-    ------
-    UsageError
-        If an approach has fewer draws than asked for, or no approach has any.
+    Raises UsageError if an approach has fewer draws than asked for, or no approach has any.
     """
-    with_draws = [estimate.prediction.draws_mps2 for estimate in estimates]
-    if draws and all(own is None for own in with_draws):
-        raise UsageError(f"There are no draws of {', '.join(each.approach for each in estimates)}: no band.")
-    for estimate, own in zip(estimates, with_draws, strict=True):
-        prediction = estimate.prediction
+    if draws and all(estimate.prediction.draws_mps2 is None for estimate in estimates):
+        names = ", ".join(estimate.approach for estimate in estimates)
+        raise UsageError(f"There are no draws of {names}: no band.")
+    for estimate in estimates:
+        prediction, drawn = estimate.prediction, estimate.prediction.draws_mps2
         pulses: list[tuple[int | None, FloatArray, str]] = [(None, prediction.accel_mps2, "The expected pulse.")]
-        if draws and own is not None:
-            if draws > len(own):
-                raise UsageError(f"The approach {estimate.approach} has {len(own)} draws; ask for at most these.")
-            chosen = np.sort(np.random.default_rng(seed).choice(len(own), draws, replace=False))
-            one_of = f"One of {len(own)} whole pulses, all equally likely."
-            pulses += [(int(number) + 1, own[number], one_of) for number in chosen]
+        if draws and drawn is not None:
+            if draws > len(drawn):
+                raise UsageError(f"The approach {estimate.approach} has {len(drawn)} draws; ask for at most these.")
+            chosen = np.sort(np.random.default_rng(seed).choice(len(drawn), draws, replace=False))
+            remark = f"One of {len(drawn)} whole pulses, all equally likely."
+            pulses += [(int(number) + 1, drawn[number], remark) for number in chosen]
         for draw, pulse, remark in pulses:
             accel = np.asarray(pulse, dtype=np.float64)
             remarks = (remark, *_unfinished(accel, prediction.condition), *prediction.notes)
@@ -176,11 +167,7 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
 def _unfinished(accel_mps2: FloatArray, condition: Condition) -> tuple[str, ...]:
     """What a model that goes on after the record has to know about its end."""
     motion = kinematics(accel_mps2, condition.speed_mps, DT_S)
-    end, speed, last_g = (
-        f"The pulse ends at {accel_mps2.size * DT_S / MS:g} ms",
-        motion.velocity_mps[-1],
-        accel_mps2[-1] / G,
-    )
+    end, last_g = f"The pulse ends at {accel_mps2.size * DT_S / MS:g} ms", accel_mps2[-1] / G
     if not np.isfinite(motion.t0_s):
-        return (f"{end}, while the vehicle still moves forward at {speed:.3g} m/s.",)
+        return (f"{end}, while the vehicle still moves forward at {motion.velocity_mps[-1]:.3g} m/s.",)
     return (f"{end} with {last_g:.1f} g left.",) if abs(last_g) > _REST_G else ()

@@ -1,4 +1,4 @@
-"""Tables and sentences on past results: the list of them, and two studies beside each other."""
+"""Tables on past results: the list of them, and two studies beside each other."""
 
 import json
 from collections.abc import Iterable
@@ -19,36 +19,30 @@ _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "b
 
 
 def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> pd.DataFrame:
-    """One row per result: what was asked, with which settings, and how it rated over the longest window.
-
-    Notes have a column if there are any.
-    """
+    """One row per result: what was asked, with which settings, and how it rated over the longest window."""
     table = pd.DataFrame([_row(result, display) for result in results])
     return table if table.empty or table["Note"].any() else table.drop(columns="Note")
 
 
 def described(result: PastResult, display: Display = DEFAULT) -> str:
-    """A result in a few words, to choose it by: date, what, settings, campaign."""
-    note = f" · {result.note}" if result.note else ""
-    return f"{_date(result)} · {_what(result, display)} · {_settings(result)} · {result.campaign}{note}"
+    """A result in a few words, to choose it by: date, what, settings, campaign, note."""
+    row = _row(result, display)
+    names = ("Date (UTC)", "What", "Settings", "Campaign", "Note")
+    return " · ".join(filter(None, (row[name] for name in names)))
 
 
 def left_out_in_words(way: str) -> str:
     """A way of leaving tests out, as :class:`StudyComparison` has it: that of both, or of the first and the second."""
-    words = [_LEFT_OUT[own] for own in way.split(", ")]
+    words = [_LEFT_OUT[part] for part in way.split(", ")]
     return f"Each test left out {words[0] if len(words) == 1 else '{} in the first, {} in the second'.format(*words)}"
 
 
 def comparison_table(compared: StudyComparison, approach: str, window_ms: float, left_out: str) -> pd.DataFrame:
     """Ratings of each test by one approach, as a table for readers: first, second, their difference; then the mean."""
     table = compared.over(window_ms, left_out)
-    own = table[table["approach"] == approach]
-    rows = own[["held_out", "first", "second"]].values.tolist()
-    rows.append(["Mean", *own[["first", "second"]].mean()])
-    return pd.DataFrame(
-        {"Test": test, "First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": _gain(first, second)}
-        for test, first, second in rows
-    )
+    ratings = table[table["approach"] == approach][["held_out", "first", "second"]]
+    rows = [*ratings.values.tolist(), ["Mean", *ratings[["first", "second"]].mean()]]
+    return pd.DataFrame({"Test": test, **_pair(first, second)} for test, first, second in rows)
 
 
 def comparison_means(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
@@ -57,10 +51,8 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
         {
             "Approach": LABELS.get(row["approach"], row["approach"]),
             "Tests": f"{row['tests']}",
-            "First": f"{row['first']:.3f}",
-            "Second": f"{row['second']:.3f}",
-            "Difference": _gain(row["first"], row["second"]),
-            "Standard error": "–" if row["tests"] < 2 else f"{row['standard_error']:.3f}",
+            **_pair(row["first"], row["second"]),
+            "Standard error": f"{row['standard_error']:.3f}".replace("nan", "–"),
             "Second higher in": f"{row['higher']}",
             "Second lower in": f"{row['lower']}",
         }
@@ -71,30 +63,25 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
 
 def comparison_tests(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
     """Every test by every approach, as a table for readers: its rating in the second study, and the difference."""
-    table = compared.over(window_ms, left_out)
-    cells = pd.DataFrame(
-        {
-            "Test": table["held_out"],
-            "approach": [LABELS.get(name, name) for name in table["approach"]],
-            "cell": [f"{b:.3f} ({_gain(a, b)})" for a, b in zip(table["first"], table["second"], strict=True)],
-        }
+    rows = (
+        (test, LABELS.get(name, name), "{Second} ({Difference})".format(**_pair(first, second)))
+        for _, test, name, _, first, second, _ in compared.over(window_ms, left_out).itertuples(index=False)
     )
-    wide = cells.pivot_table(index="Test", columns="approach", values="cell", aggfunc="first", sort=False)
-    return wide.fillna("–").rename_axis(columns=None).reset_index()
+    return _wide(pd.DataFrame(rows, columns=["Test", "column", "cell"]), "Test")
 
 
 def comparison_by_window(compared: StudyComparison, left_out: str) -> pd.DataFrame:
     """Mean ratings by approach and window, as a table for readers: first, second, and their difference."""
-    cells: dict[str, dict[str, str]] = {}
-    for window in compared.windows_ms:
-        for row in compared.means(window, left_out).to_dict("records"):
-            told = f"{row['first']:.3f}  {row['second']:.3f}  {_gain(row['first'], row['second'])}"
-            cells.setdefault(LABELS.get(row["approach"], row["approach"]), {})[f"0–{window:g} ms"] = told
-    return pd.DataFrame.from_dict(cells, orient="index").fillna("–").rename_axis("Approach").reset_index()
-
-
-def _gain(first: float, second: float) -> str:
-    return difference(second, first, 3)
+    rows = (
+        (
+            LABELS.get(row["approach"], row["approach"]),
+            f"0–{window:g} ms",
+            "  ".join(_pair(row["first"], row["second"]).values()),
+        )
+        for window in compared.windows_ms
+        for row in compared.means(window, left_out).to_dict("records")
+    )
+    return _wide(pd.DataFrame(rows, columns=["Approach", "column", "cell"]), "Approach")
 
 
 def studies_table(first: PastResult, second: PastResult, display: Display = DEFAULT) -> pd.DataFrame:
@@ -104,61 +91,47 @@ def studies_table(first: PastResult, second: PastResult, display: Display = DEFA
     return rows.set_axis(["First", "Second"], axis=1).rename_axis("Study").reset_index()
 
 
+def _pair(first: float, second: float) -> dict[str, str]:
+    return {"First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": difference(second, first, 3)}
+
+
+def _wide(cells: pd.DataFrame, index: str) -> pd.DataFrame:
+    wide = cells.pivot_table(index=index, columns="column", values="cell", aggfunc="first", sort=False)
+    return wide.fillna("–").rename_axis(columns=None).reset_index()
+
+
 def _row(result: PastResult, display: Display) -> dict[str, str]:
-    rated = {"Mean rating": "–", "Worst test": "–"}
+    mean, worst, config = "–", "–", result.config
     if result.tests:
         window = max(result.windows_ms)
-        worst, rating = result.worst(result.approach, window)
-        rated = {
-            "Mean rating": f"{result.mean(result.approach, window):.3f}",
-            "Worst test": f"{worst} {rating:.3f}",
-        }
+        mean = f"{result.mean(result.approach, window):.3f}"
+        worst = "{} {:.3f}".format(*result.worst(result.approach, window))
     elif result.expected:
-        rated["Mean rating"] = f"{result.expected.replace(' to ', '–')} (80 %)"
+        mean = f"{result.expected.replace(' to ', '–')} (80 %)"
+    if result.condition is not None:
+        what = f"at {display.briefly(result.condition)}"
+    else:
+        tests = f"test {result.tests[0]}" if len(result.tests) == 1 else f"study of {len(result.tests)} tests, each"
+        what = f"{tests} {_LEFT_OUT[config.leave_out]}"
+    n = len(config.approaches)
+    approaches = "" if n == len(APPROACHES) else f", {n} approach{'es' * (n > 1)}"
     return {
-        "Date (UTC)": _date(result),
+        "Date (UTC)": result.date[:16].replace("T", " "),
         "Campaign": result.campaign,
-        "What": _what(result, display),
+        "What": what,
         "Note": result.note,
         "Recommended": LABELS.get(result.approach, result.approach),
-        **rated,
-        "Settings": _settings(result),
+        "Mean rating": mean,
+        "Worst test": worst,
+        "Settings": f"{config.preset}, seed {config.seed}{approaches}",
         "Data": result.fingerprint[:8],
     }
-
-
-def _what(result: PastResult, display: Display) -> str:
-    if result.condition is not None:
-        return f"at {display.briefly(result.condition)}"
-    left_out = _LEFT_OUT[result.config.leave_out]
-    if len(result.tests) == 1:
-        return f"test {result.tests[0]} {left_out}"
-    return f"study of {len(result.tests)} tests, each {left_out}"
-
-
-def _settings(result: PastResult) -> str:
-    config = result.config
-    n = len(config.approaches)
-    some = "" if n == len(APPROACHES) else ", 1 approach" if n == 1 else f", {n} approaches"
-    return f"{config.preset}, seed {config.seed}{some}"
-
-
-def _date(result: PastResult) -> str:
-    return result.date[:16].replace("T", " ")
-
-
-_COLUMNS = ["held_out", "approach", "window_ms", "overall"]
 
 
 def read_study(folder: Path) -> PastResult:
     """Read what two studies are compared by from ``study.json``, ``scores.csv`` and ``speed_groups.csv``.
 
-    Raises
-    ------
-    UsageError
-        If the folder holds no finished study.
-    DataError
-        If one of the files is damaged.
+    A UsageError if the folder holds no finished study, a DataError if one of the files is damaged.
     """
     path = folder / "study.json"
     if not path.is_file():
@@ -170,9 +143,7 @@ def read_study(folder: Path) -> PastResult:
         groups = folder / "speed_groups.csv"
         return parsed(
             {
-                "campaign": values["campaign"],
-                "fingerprint": values["fingerprint"],
-                "config": values["config"],
+                **{name: values[name] for name in ("campaign", "fingerprint", "config")},
                 "basis": values["rating"],
                 "approach": values["recommendation"]["campaign"]["approach"],
                 "date": datetime.fromtimestamp(path.stat().st_mtime, UTC).isoformat(timespec="seconds"),
@@ -187,8 +158,8 @@ def read_study(folder: Path) -> PastResult:
 
 
 def _ratings(path: Path) -> Ratings:
-    table = read_csv_table(path, ("window_ms", "overall"))
+    columns = ["held_out", "approach", "window_ms", "overall"]
     ratings: dict[str, dict[str, dict[float, float]]] = {}
-    for test, approach, window, overall in table[_COLUMNS].itertuples(index=False):
+    for test, approach, window, overall in read_csv_table(path, columns[2:])[columns].itertuples(index=False):
         ratings.setdefault(test, {}).setdefault(approach, {})[window] = overall
     return ratings

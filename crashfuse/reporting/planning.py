@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Unpack, cast
+from typing import ClassVar, Unpack, cast
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -19,23 +19,38 @@ from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.sweep import BEST, next_tests, sweep_figure
 from crashfuse.reporting.predicted import check_factors, fits_of
-from crashfuse.reporting.result_tables import sweep_table
+from crashfuse.reporting.result_tables import next_tests_table, sweep_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import FASTEST_MPS, Fit
-from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
+from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests
 from crashfuse.study.sweep import Sweep, speeds_between, sweep_speed, usual_speeds
 from crashfuse.units import MPH
 from crashfuse.wording import speed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpeedSweep:
-    """Pulse metrics over impact speed; ``sweeps`` has them by approach, as objects."""
+class _Plan:
+    """What a campaign's models say of tests that were not run."""
 
     campaign: Campaign
+    kind: ClassVar[str]
+
+    def write(self, folder: str | Path, **display: Unpack[DisplayOptions]) -> None:
+        """Write what the command writes: its table as CSV and ``report.html``.
+
+        Raises OSError if the folder cannot be written.
+        """
+        views.write_result(self.kind, folder, self, Display.of(self.campaign.units, **display))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpeedSweep(_Plan):
+    """Pulse metrics over impact speed; ``sweeps`` has them by approach, as objects."""
+
     sweeps: tuple[Sweep, ...]
     config: StudyConfig = StudyConfig()
+    kind = "sweep"
 
     def __post_init__(self) -> None:
         names = tuple(sweep.approach for sweep in self.sweeps)
@@ -57,40 +72,29 @@ class SpeedSweep:
         one_of("metric", metric, METRIC_LABELS)
         return sweep_figure(self.sweeps, metric, self.campaign, Display.of(self.campaign.units, **display))
 
-    def write(self, folder: str | Path, **display: Unpack[DisplayOptions]) -> None:
-        """Write what ``crashfuse sweep`` writes: ``sweep.csv`` and ``report.html``.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        """
-        views.write_sweep(self, folder, Display.of(self.campaign.units, **display))
-
     def __repr__(self) -> str:
-        first, speeds = self.sweeps[0], self.sweeps[0].speeds_mps
-        names = ", ".join(sweep.approach for sweep in self.sweeps)
+        names, speeds = ", ".join(sweep.approach for sweep in self.sweeps), self.sweeps[0].speeds_mps
         ends = speed(float(speeds[0]), float(speeds[-1]), between=" to ")
-        return f"<SpeedSweep, {names}, {len(first.metrics)} speeds from {ends}>"
+        return f"<SpeedSweep, {names}, {len(speeds)} speeds from {ends}>"
 
     def _repr_html_(self) -> str:
         shown, headings, display = self.sweeps[-1], self.campaign.metric_headings, Display(system=self.campaign.units)
         rows = (
             {"Speed": display.speed(speed_mps)}
-            | {display.heading(headings[m.name]): display.metric(m).text for m in own if m.name in MAIN_METRICS}
-            for speed_mps, own in zip(shown.speeds_mps.tolist(), shown.metrics, strict=True)
+            | {display.heading(headings[m.name]): display.metric(m).text for m in metrics if m.name in MAIN_METRICS}
+            for speed_mps, metrics in zip(shown.speeds_mps.tolist(), shown.metrics, strict=True)
         )
         return card(repr(self)[1:-1], pd.DataFrame(rows), (f"By {shown.approach}.",))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NextTests:
+class NextTests(_Plan):
     """Tests that might be run next, by how much each would narrow the band; ``ranked`` has them as objects."""
 
-    campaign: Campaign
     over: ConditionRange
     ranked: tuple[NextTest, ...]
     config: StudyConfig = StudyConfig()
+    kind = "ranking of next tests"
 
     @property
     def table(self) -> pd.DataFrame:
@@ -101,26 +105,13 @@ class NextTests:
         """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
         return next_tests(self.ranked, self.campaign.tests, Display.of(self.campaign.units, **display))
 
-    def write(self, folder: str | Path, **display: Unpack[DisplayOptions]) -> None:
-        """Write what ``crashfuse next-test`` writes: ``next_tests.csv`` and ``report.html``.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        """
-        views.write_next_tests(self, folder, Display.of(self.campaign.units, **display))
-
     def __repr__(self) -> str:
         best = self.ranked[0]
         return f"<NextTests, the best of {len(self.ranked)} at {best.condition}: {100 * best.gain:.0f} % narrower>"
 
     def _repr_html_(self) -> str:
         low, high = map(Display(system=self.campaign.units).condition, (self.over.low, self.over.high))
-        return card(
-            f"The band over {low} to {high}: which test would narrow it most",
-            self.table.head(BEST),
-        )
+        return card(f"The band over {low} to {high}: which test would narrow it most", self.table.head(BEST))
 
 
 def sweep(
@@ -153,21 +144,15 @@ def sweep(
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     speeds = usual_speeds(campaign)
     if speeds_mph is not None:
-        speeds = speeds_between(*_ends_mps(speeds_mph))
+        for end in several(speeds_mph):
+            require_number("A speed of a sweep", end)
+        ends = [float(end) * MPH for end in several(speeds_mph)]
+        if len(ends) != 2 or not 0 < ends[0] < ends[1] <= FASTEST_MPS:
+            found, most = printable(repr(speeds_mph), 60), f"{FASTEST_MPS / MPH:.0f}"
+            raise UsageError(f"A sweep takes a speed above 0 and a higher one, up to {most} mph, not {found}.")
+        speeds = speeds_between(*ends)
     fits = fits_of(campaign, (approach,) if isinstance(approach, Fit) else several(approach), config, cache, watch)
     return SpeedSweep(campaign, sweep_speed(fits, condition, speeds, watch), fits[0].config)
-
-
-def _ends_mps(speeds_mph: tuple[float, float]) -> tuple[float, float]:
-    """Both ends of a sweep; a UsageError if they are none."""
-    ends: list[float] = []
-    for end in several(speeds_mph):
-        require_number("A speed of a sweep", end)
-        ends.append(float(end) * MPH)
-    if len(ends) != 2 or not 0 < ends[0] < ends[1] <= FASTEST_MPS:
-        found, most = printable(repr(speeds_mph), 60), f"{FASTEST_MPS / MPH:.0f}"
-        raise UsageError(f"A sweep takes a speed above 0 and a higher one, up to {most} mph, not {found}.")
-    return ends[0], ends[1]
 
 
 def next_test(

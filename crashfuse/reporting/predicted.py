@@ -21,7 +21,7 @@ from crashfuse.reporting.earlier_prediction import EarlierPrediction, otherwise
 from crashfuse.reporting.figures import Curves, Further, OtherPrediction, beside, chosen, prediction_name
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
-from crashfuse.reporting.result_tables import metrics_table, pulses_table
+from crashfuse.reporting.result_tables import metric_texts, metrics_table, pulses_table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
@@ -36,19 +36,15 @@ _MM = 1e-3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedPulse:
-    """The pulse at a condition as one or several approaches predict it with some settings, and its band.
-
-    ``estimates`` have the draws; of the settings, the approaches are theirs, and it does not matter how tests would be
-    left out, as none is.
-    """
+    """The pulse at a condition as one or several approaches predict it, and its band; ``estimates`` have the draws."""
 
     campaign: Campaign
     estimates: tuple[Estimate, ...]
     config: StudyConfig = StudyConfig()
 
     def __post_init__(self) -> None:
-        """Take the settings of these approaches, without what means nothing here: two would seem to differ in it."""
         names = tuple(estimate.approach for estimate in self.estimates)
+        # no test is left out: two predictions would seem to differ in how that is done
         object.__setattr__(self, "config", replace(self.config, approaches=names, leave_out="test"))
 
     @property
@@ -141,9 +137,10 @@ class PredictedPulse:
             If there is no such figure, approach, test, CAE run, option or unit.
         """
         shown = Display.of(self.campaign.units, **display)
-        own = chosen({each.approach: each for each in self.estimates}, approaches, band)
-        others = [each.beside(self) if isinstance(each, PredictedPulse) else each for each in several(also)]
-        return Curves(None, own | beside(self.campaign, others, shown), self.condition, band).draw(figure, shown)
+        estimates = chosen({each.approach: each for each in self.estimates}, approaches, band)
+        others = [other.beside(self) if isinstance(other, PredictedPulse) else other for other in several(also)]
+        further = beside(self.campaign, others, shown)
+        return Curves(None, estimates | further, self.condition, band).draw(figure, shown)
 
     def write(
         self,
@@ -164,7 +161,8 @@ class PredictedPulse:
         """
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
-        views.write_prediction(self, folder, Display.of(self.campaign.units, **display), export, report)
+        pulses, shown = export.files(self.campaign, self.estimates), Display.of(self.campaign.units, **display)
+        views.write_result("prediction", folder, self, pulses, shown, report)
 
     def beside(self, other: "PredictedPulse") -> OtherPrediction:
         """Itself in a figure of another one: at the same condition it is named by its settings."""
@@ -181,21 +179,11 @@ class PredictedPulse:
         return f"<PredictedPulse, {names}, at {self.condition}>"
 
     def _repr_html_(self) -> str:
-        display, labels = Display(system=self.campaign.units), self.campaign.metric_headings
-        texts = {
-            LABELS[each.approach]: {metric.name: display.metric(metric).text for metric in each.metrics}
-            for each in self.estimates
-        }
-        rows = (
-            {"Metric": display.heading(labels[name]), **{who: own[name] for who, own in texts.items()}}
-            for name in MAIN_METRICS
-        )
-        note = "In brackets: the 95 % interval of a single test."
-        return card(
-            f"The pulse at {display.condition(self.condition)}",
-            pd.DataFrame(rows),
-            (note, *map(display.words, self.sentences)),
-        )
+        display = Display(system=self.campaign.units)
+        columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in self.estimates]
+        table = metric_texts(columns, self.campaign, display, "Metric").loc[[*MAIN_METRICS]]
+        notes = ("In brackets: the 95 % interval of a single test.", *map(display.words, self.sentences))
+        return card(f"The pulse at {display.condition(self.condition)}", table, notes)
 
 
 def predict(
@@ -246,14 +234,12 @@ def fits_of(
     asked = dict.fromkeys(approaches)
     if not asked:
         raise UsageError("A prediction takes an approach at least, such as fused.")
-    for each in asked:
-        if not isinstance(each, Fit):
-            replace(config, approaches=(each,)).check()
-        elif each.campaign.fingerprint != campaign.fingerprint:
-            raise UsageError(f"The fit of {each.approach.name} learned from other data than {campaign.name} holds.")
-    return [
-        each if isinstance(each, Fit) else Fit.of(campaign, each, config, cache=cache, watch=watch) for each in asked
-    ]
+    for one in asked:
+        if not isinstance(one, Fit):
+            replace(config, approaches=(one,)).check()
+        elif one.campaign.fingerprint != campaign.fingerprint:
+            raise UsageError(f"The fit of {one.approach.name} learned from other data than {campaign.name} holds.")
+    return [one if isinstance(one, Fit) else Fit.of(campaign, one, config, cache=cache, watch=watch) for one in asked]
 
 
 def check_factors(campaign: Campaign, condition: Condition) -> None:

@@ -18,7 +18,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
-from crashfuse.study.recommendation import recommend, recommend_for, recommend_without
+from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without
 from crashfuse.study.study import Study
 from crashfuse.version import COMPUTING, __version__
 from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem
@@ -113,7 +113,6 @@ def _command(name: str, options: Sequence[str], units: UnitSystem) -> str:
 
 
 def _axes(units: UnitSystem, *conditions: Condition, only: Sequence[str] = tuple(_AXES)) -> list[str]:
-    """Options for speed and weights, each with its value at these conditions."""
     options: list[str] = []
     for axis in only:
         unit = "mph" if axis == "speed" else "lb"
@@ -138,18 +137,16 @@ def _windows(config: StudyConfig) -> list[str]:
 
 def study_record(study: Study) -> dict[str, object]:
     """``study.json`` of a finished study."""
-    campaign, config = study.campaign, study.config
+    campaign, config, groups = study.campaign, study.config, study.speed_groups
     window = max(config.windows_ms)
     tests = {}
     for fold in study.folds:
         advice = recommend_without(study, fold, window)
         rating = fold.ratings[advice.approach][window].overall
         tests[fold.held_out] = {
-            "approach": advice.approach,
-            "sentences": list(advice.sentences),
-            "expected_rating": None if advice.expected is None else asdict(advice.expected),
+            **_recommendation(advice),
             "rating": rating,
-            "outcome": None if advice.expected is None else advice.expected.outcome(rating),
+            "outcome": advice.expected and advice.expected.outcome(rating),
             "why": rating_sentences(fold.explained(advice.approach, window))["overall"],
         }
     verdict, worst = recommend(study), worst_test(study)
@@ -166,16 +163,15 @@ def study_record(study: Study) -> dict[str, object]:
             "approach": worst.approach,
             "rating": worst.rating,
             "without_neighbours": worst.without_neighbours,
-            "departure": None if worst.departure is None else asdict(worst.departure),
-            "stands_apart": None if worst.departure is None else worst.departure.apart,
+            "departure": worst.departure and asdict(worst.departure),
+            "stands_apart": worst.departure and worst.departure.apart,
             "sentences": list(worst.sentences),
         },
-        "coverage": {name: found.counts for name, found in study.coverage.items()},
-        "speed_groups": None
-        if (groups := study.speed_groups) is None
-        else {
+        "coverage": {name: coverage.counts for name, coverage in study.coverage.items()},
+        "speed_groups": groups
+        and {
             "mean_rating": {name: round(groups.mean_rating(name, window), 4) for name in config.approaches},
-            "coverage": {name: found.counts for name, found in groups.coverage.items()},
+            "coverage": {name: coverage.counts for name, coverage in groups.coverage.items()},
         },
         "rating_intervals": {
             fold.held_out: {
@@ -200,22 +196,30 @@ def study_record(study: Study) -> dict[str, object]:
 def prediction_record(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> dict[str, object]:
     """``prediction.json``."""
     condition = estimates[0].prediction.condition
-    advice = recommend_for(estimates, campaign, condition)
+    advice = _recommendation(recommend_for(estimates, campaign, condition))
+    expected = advice.pop("expected_rating")
     return {
         **provenance(campaign, (), config),
         "condition": {k: v for k, v in asdict(condition).items() if k != "units"},
         "extrapolation": list(campaign.cae.extrapolation(condition)),
         "facts_here": [fact.record for fact in condition_facts(campaign, condition)],
         "nearest": list(nearest_sentences(campaign, condition)),
-        "recommendation": {"approach": advice.approach, "sentences": list(advice.sentences)},
-        "expected_rating": None if advice.expected is None else asdict(advice.expected),
+        "recommendation": advice,
+        "expected_rating": expected,
         "fits": [_fit_record(estimate) for estimate in estimates],
+    }
+
+
+def _recommendation(advice: Recommendation) -> dict[str, object]:
+    return {
+        "approach": advice.approach,
+        "sentences": list(advice.sentences),
+        "expected_rating": advice.expected and asdict(advice.expected),
     }
 
 
 def learning_curve_record(curve: LearningCurve, cost: Cost | None) -> dict[str, object]:
     """``learning_curve.json``."""
-    more = one_more(curve)
     return {
         **provenance(curve.campaign, curve.campaign.test_ids, curve.config),
         "repeats": curve.repeats,
@@ -223,8 +227,8 @@ def learning_curve_record(curve: LearningCurve, cost: Cost | None) -> dict[str, 
         "approach": curve.judged,
         "sentences": list(sentences(curve, cost)),
         "gains": [asdict(gain) for gain in gains(curve)],
-        "one_more_test": None if more is None else asdict(more),
-        "cost_per_test": None if cost is None else asdict(cost),
+        "one_more_test": (more := one_more(curve)) and asdict(more),
+        "cost_per_test": cost and asdict(cost),
     }
 
 

@@ -1,4 +1,4 @@
-"""What a rating is made of as tables for reading, and as plain JSON values."""
+"""Ratings, and what a rating is made of, as tables for reading and as plain JSON values."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -43,25 +43,19 @@ def excursions_table(explanation: RatingExplanation, display: Display = DEFAULT)
     ]  # fmt: skip
     rows = [
         (
-            f"{own.begin_s / MS:.1f}",
-            f"{own.end_s / MS:.1f}",
-            signed(own.difference_mps2 * display.accel_scale, 1),
-            "yes" if own.beyond_outer else "no",
-            f"{own.loss:.3f}",
+            f"{excursion.begin_s / MS:.1f}",
+            f"{excursion.end_s / MS:.1f}",
+            signed(excursion.difference_mps2 * display.accel_scale, 1),
+            "yes" if excursion.beyond_outer else "no",
+            f"{excursion.loss:.3f}",
         )
-        for own in explanation.excursions
+        for excursion in explanation.excursions
     ]
     return pd.DataFrame(rows, columns=columns)
 
 
 def explanation_record(explanation: RatingExplanation, comparison: str = "prediction") -> dict[str, Any]:
-    """As plain JSON values, times in ms and accelerations in g, with the sentences.
-
-    Parameters
-    ----------
-    comparison : str
-        What the curve that is compared with the test is called in the sentences, in a word.
-    """
+    """As plain JSON values, times in ms and accelerations in g, with sentences that call the curve ``comparison``."""
     return {
         "sentences": {part: str(text) for part, text in rating_sentences(explanation, comparison).items()},
         "losses": explanation.losses,
@@ -70,13 +64,13 @@ def explanation_record(explanation: RatingExplanation, comparison: str = "predic
         "outer_corridor_g": explanation.outer_mps2 / G,
         "outside_inner_corridor": [
             {
-                "begin_ms": own.begin_s / MS,
-                "end_ms": own.end_s / MS,
-                "difference_g": own.difference_mps2 / G,
-                "beyond_outer": own.beyond_outer,
-                "loss": own.loss,
+                "begin_ms": excursion.begin_s / MS,
+                "end_ms": excursion.end_s / MS,
+                "difference_g": excursion.difference_mps2 / G,
+                "beyond_outer": excursion.beyond_outer,
+                "loss": excursion.loss,
             }
-            for own in explanation.excursions
+            for excursion in explanation.excursions
         ],
         "humps": [
             {
@@ -109,54 +103,51 @@ REPEAT = "A repeat"
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
     """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over several tests in the last rows.
 
-    Under the approaches stands what a repeat of the test would rate, if it is known.
-
-    Parameters
-    ----------
-    rows : mapping of str to str
-        Labels by approach: :data:`TABLE_3` or :data:`TABLE_5`; those not in the study are left out.
-
-    Returns
-    -------
-    DataFrame
-        Indexed by test and approach, one column per window ("(0, 20) ms"), unrounded.
+    Under the approaches stands what a repeat of the test would rate, if it is known. ``rows`` are labels by approach:
+    :data:`TABLE_3` or :data:`TABLE_5`; those not in the study are left out. Indexed by test and approach, one column
+    per window ("(0, 20) ms"), unrounded.
     """
-    config = study.config
-    columns = {window: f"(0, {window:g}) ms" for window in config.windows_ms}
-    own = {name: label for name, label in rows.items() if name in config.approaches}
-    found: dict[tuple[str, str], list[float]] = {}
-    for fold in study.folds:
-        for name, label in own.items():
-            found[fold.held_out, label] = [fold.ratings[name][window].overall for window in columns]
-        if own and fold.held_out in study.repeatability:
+    windows = study.config.windows_ms
+    labels = {name: label for name, label in rows.items() if name in study.config.approaches}
+    table: dict[tuple[str, str], list[float]] = {}
+    for fold in study.folds if labels else ():
+        for name, label in labels.items():
+            table[fold.held_out, label] = [fold.ratings[name][window].overall for window in windows]
+        if fold.held_out in study.repeatability:
             repeats = study.repeatability[fold.held_out]
-            found[fold.held_out, REPEAT] = [repeats[w].value if w in repeats else np.nan for w in columns]
-    if len(study.folds) > 1:
-        found |= {(MEAN, label): [study.mean_rating(name, window) for window in columns] for name, label in own.items()}
-        if own and study.repeatability:
-            found[MEAN, REPEAT] = [np.nan if (mean := study.mean_repeat(w)) is None else mean for w in columns]
-    index = pd.MultiIndex.from_tuples(list(found), names=["Test", "Approach"])
-    return pd.DataFrame([*found.values()], index=index, columns=list(columns.values()))
+            table[fold.held_out, REPEAT] = [repeats[w].value if w in repeats else np.nan for w in windows]
+    if labels and len(study.folds) > 1:
+        means = mean_values(study).rename(index=labels)
+        table |= {(MEAN, label): means.loc[label].tolist() for label in labels.values()}
+        if study.repeatability:
+            table[MEAN, REPEAT] = means.loc[REPEAT].tolist() if REPEAT in means.index else [np.nan] * len(windows)
+    index = pd.MultiIndex.from_tuples(list(table), names=["Test", "Approach"])
+    return pd.DataFrame([*table.values()], index=index, columns=[f"(0, {window:g}) ms" for window in windows])
 
 
-def mean_ratings(study: Study) -> pd.DataFrame:
-    """Overall rating averaged over the held-out tests with its grade, as text, by approach and window.
+def mean_values(study: Study) -> pd.DataFrame:
+    """Overall rating averaged over the held-out tests by approach and window ("0–20 ms"), unrounded.
 
     The last row is what repeats of the tests would rate, where it is known.
     """
     windows = {window: f"0–{window:g} ms" for window in study.config.windows_ms}
-    rows = [
-        {"Approach": LABELS[name], **{label: graded(study.mean_rating(name, w)) for w, label in windows.items()}}
+    rows = {
+        name: {label: study.mean_rating(name, window) for window, label in windows.items()}
         for name in study.config.approaches
-    ]
-    means = {label: study.mean_repeat(w) for w, label in windows.items()}
-    if known := {label: graded(mean) for label, mean in means.items() if mean is not None}:
-        rows.append({"Approach": REPEAT, **known})
-    return pd.DataFrame(rows).fillna("–")
+    }
+    repeats = {label: mean for window, label in windows.items() if (mean := study.mean_repeat(window)) is not None}
+    return pd.DataFrame.from_dict(rows | ({REPEAT: repeats} if repeats else {}), orient="index")
+
+
+def mean_ratings(study: Study) -> pd.DataFrame:
+    """Mean ratings with their grades, as text, by approach and window."""
+    means = mean_values(study).rename(index=LABELS).rename_axis("Approach")
+    return means.map(lambda mean: "–" if np.isnan(mean) else graded(mean)).reset_index()
 
 
 def best(table: pd.DataFrame) -> pd.DataFrame:
     """Mask of the best approach of each test and window, compared as shown, to three digits. Same shape, bool."""
     shown = table.round(3)
-    shown.loc[table.index.get_level_values(1) == REPEAT] = np.nan
-    return shown == shown.groupby(level=0, sort=False).transform("max")
+    shown.loc[table.index.get_level_values(-1) == REPEAT] = np.nan
+    by_test = shown.groupby(level=0, sort=False).transform("max") if table.index.nlevels > 1 else shown.max()
+    return shown == by_test

@@ -1,4 +1,4 @@
-"""Tables of the numbers of a study or prediction, as written to files."""
+"""Tables of the numbers of studies, predictions and plans, as written to files and as read."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -14,11 +14,14 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
+from crashfuse.study.next_test import NextTest
 from crashfuse.study.one_more_test import Cost, gains, plus_minus, summary
 from crashfuse.study.study import Study
 from crashfuse.study.sweep import Sweep
 from crashfuse.units import MPH, MS, G
-from crashfuse.wording import number, signed
+from crashfuse.wording import MPH_LB, UnitSystem, number, signed
+
+_MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
 
 
 def scores_table(study: Study) -> pd.DataFrame:
@@ -39,46 +42,66 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
     """
     parts = []
     for name, study in studies:
-        for one in (study, study.speed_groups):
-            if one is not None:
-                config = one.config.split_configs[0]
-                table = scores_table(one).groupby(["approach", "window_ms"], sort=False)["overall"]
-                rows = table.agg(tests="size", mean="mean", least="min").reset_index()
-                about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.leave_out}
-                about["held_out"] = " ".join(fold.held_out for fold in one.folds)
-                parts.append(rows.assign(**about)[[*about, *rows.columns]].assign(basis=one.campaign.rating_basis))
+        for one in filter(None, (study, study.speed_groups)):
+            config = one.config.split_configs[0]
+            table = scores_table(one).groupby(["approach", "window_ms"], sort=False)["overall"]
+            rows = table.agg(tests="size", mean="mean", least="min").reset_index()
+            about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.leave_out}
+            about["held_out"] = " ".join(fold.held_out for fold in one.folds)
+            parts.append(rows.assign(**about)[[*about, *rows.columns]].assign(basis=one.campaign.rating_basis))
     return pd.concat(parts, ignore_index=True)
 
 
 def pulses_table(estimates: Iterable[Estimate]) -> pd.DataFrame:
     """Predicted pulses at a new condition in ms and g with the central 95 % band, empty where an approach has none."""
-    rows = [_pulse_rows("", estimate.approach, estimate.prediction) for estimate in estimates]
-    return pd.concat(rows, ignore_index=True)
+    return _pulses(("", estimate.approach, estimate.prediction) for estimate in estimates)
 
 
 def study_pulses(study: Study) -> pd.DataFrame:
     """The pulse of every held-out test as measured (``test``) and as predicted, as :func:`pulses_table` has them."""
     rows = []
     for fold in study.folds:
-        measured = Prediction(fold.test.condition, fold.test.pulse.accel_mps2)
-        rows.append(_pulse_rows(fold.held_out, "test", measured))
-        rows += [_pulse_rows(fold.held_out, each.approach, each.prediction) for each in fold.estimates]
-    return pd.concat(rows, ignore_index=True)
+        rows.append((fold.held_out, "test", Prediction(fold.test.condition, fold.test.pulse.accel_mps2)))
+        rows += [(fold.held_out, estimate.approach, estimate.prediction) for estimate in fold.estimates]
+    return _pulses(rows)
 
 
-def metrics_table(
-    rows: Iterable[tuple[object, str, Sequence[Metric]]], campaign: Campaign, first: str = "held_out"
-) -> pd.DataFrame:
+def _pulses(rows: Iterable[tuple[str, str, Prediction]]) -> pd.DataFrame:
+    parts = []
+    for held_out, approach, prediction in rows:
+        lower, upper = prediction.band() or (np.full(prediction.time_s.size, np.nan),) * 2
+        columns = {
+            "held_out": held_out,
+            "approach": approach,
+            "time_ms": (prediction.time_s / MS).round(6),
+            "acceleration_g": prediction.accel_mps2 / G,
+            "lower_g": lower / G,
+            "upper_g": upper / G,
+        }
+        parts.append(pd.DataFrame(columns))
+    return pd.concat(parts, ignore_index=True)
+
+
+def metrics_table(rows: _MetricRows, campaign: Campaign, first: str = "held_out") -> pd.DataFrame:
     """Pulse metrics, one per row, from (held-out test, or what else comes ``first``, approach or ``test``, metrics)."""
     bases = campaign.metric_bases
     return pd.DataFrame(
         [
             (key, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name])
-            for key, approach, own in rows
-            for m in own
+            for key, approach, metrics in rows
+            for m in metrics
         ],
         columns=[first, "approach", "metric", "value", "lower", "upper", "unit", "basis"],
     ).astype(dict.fromkeys(("value", "lower", "upper"), float))
+
+
+def metric_texts(
+    columns: Iterable[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display, head: str = "Pulse metric"
+) -> pd.DataFrame:
+    """Metrics in the reader's units, a column for each whose they are; indexed by their names."""
+    texts = pd.DataFrame({who: {m.name: display.metric(m).text for m in metrics} for who, metrics in columns})
+    texts.insert(0, head, [display.heading(campaign.metric_headings[name]) for name in texts.index])
+    return texts
 
 
 def study_metrics(study: Study) -> pd.DataFrame:
@@ -86,7 +109,7 @@ def study_metrics(study: Study) -> pd.DataFrame:
     rows: list[tuple[object, str, Sequence[Metric]]] = []
     for fold in study.folds:
         rows.append((fold.held_out, "test", study.campaign.metrics_of(study.campaign.test(fold.held_out))))
-        rows.extend((fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates)
+        rows += [(fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates]
     return metrics_table(rows, study.campaign)
 
 
@@ -101,13 +124,32 @@ def sweep_table(sweeps: Sequence[Sweep], campaign: Campaign) -> pd.DataFrame:
     return metrics_table(rows, campaign, "speed_mph")
 
 
+def next_tests_table(ranked: Sequence[NextTest], units: UnitSystem = MPH_LB) -> pd.DataFrame:
+    """Ranked tests as a readable table, one row each."""
+    speed, weight, band = (units.in_si(unit) for unit in ("mph", "lb", "g"))
+    return pd.DataFrame(
+        {
+            "rank": rank,
+            f"speed ({units.speed})": round(test.condition.speed_mps / speed, 1),
+            f"front weight ({units.weight})": round(test.condition.front_weight_kg / weight),
+            f"rear weight ({units.weight})": round(test.condition.rear_weight_kg / weight),
+            **dict(test.condition.factors),
+            f"band now (± {units.acceleration})": round(test.before_mps2 / band, 2),
+            f"band then (± {units.acceleration})": round(test.after_mps2 / band, 2),
+            "gain (%)": round(100 * test.gain, 1),
+            "extrapolation": "yes" if test.extrapolation else "no",
+        }
+        for rank, test in enumerate(ranked, start=1)
+    )
+
+
 def repeat_scores(study: Study) -> pd.DataFrame:
     """What a repeat of each held-out test would rate over each window, with its interval and the actual repeats."""
     return pd.DataFrame(
         [
-            (fold.held_out, window, own.value, own.lower, own.upper, " ".join(own.repeats))
+            (fold.held_out, window, repeat.value, repeat.lower, repeat.upper, " ".join(repeat.repeats))
             for fold in study.folds
-            for window, own in study.repeatability.get(fold.held_out, {}).items()
+            for window, repeat in study.repeatability.get(fold.held_out, {}).items()
         ],
         columns=["held_out", "window_ms", "value", "lower", "upper", "repeats"],
     )
@@ -146,44 +188,26 @@ def curve_table(curve: LearningCurve, display: Display = DEFAULT) -> pd.DataFram
     )
 
 
-def _pulse_rows(held_out: str, approach: str, prediction: Prediction) -> pd.DataFrame:
-    lower, upper = prediction.band() or (np.full(prediction.time_s.size, np.nan),) * 2
-    return pd.DataFrame(
-        {
-            "held_out": held_out,
-            "approach": approach,
-            "time_ms": (prediction.time_s / MS).round(6),
-            "acceleration_g": prediction.accel_mps2 / G,
-            "lower_g": lower / G,
-            "upper_g": upper / G,
-        }
-    )
-
-
 _OF = {
-    "energy change": "energy at the start",
-    "hourglass energy": "largest internal energy",
-    "added mass": "mass at the start",
+    "energy change": ("energy at the start", "≤"),
+    "hourglass energy": ("largest internal energy", "<"),
+    "added mass": ("mass at the start", "<"),
 }
 
 
 def quality_table(verdict: QualityVerdict) -> pd.DataFrame:
-    """One row a quantity, as texts; empty if nothing is recorded for any run."""
+    """What the solver says of the CAE runs, one row a quantity, as texts; empty if nothing is recorded."""
     judged = verdict.limits is not None
     return pd.DataFrame(
         {
             "Quantity": f"{row['quantity'].capitalize()}, largest",
-            "In % of": _OF[row["quantity"]],
-            "Limit (%)": "none" if pd.isna(row["limit"]) else _limit(row),
+            "In % of": of,
+            "Limit (%)": "none" if pd.isna(row["limit"]) else f"{sign} {100 * row['limit']:g}",
             **({"Pass": f"{row['passed']:,}", "Fail": f"{row['failed']:,}"} if judged else {}),
             "Not recorded": f"{row['not_recorded']:,}",
             "At worst (%)": "–" if pd.isna(row["worst"]) else number(100 * row["worst"], ".3g"),
             "In run": row["worst_run"] or "–",
         }
         for row in verdict.table.to_dict("records")
+        for of, sign in [_OF[row["quantity"]]]
     )
-
-
-def _limit(row: dict[str, object]) -> str:
-    sign = "≤" if row["quantity"] == "energy change" else "<"
-    return f"{sign} {100 * float(str(row['limit'])):g}"

@@ -107,12 +107,12 @@ class SolverCurve:
     def comments(self) -> tuple[str, ...]:
         """What a reader of the file has to know about its numbers."""
         units = UNIT_SYSTEMS[self.unit_system]
-        return (
+        comments = (
             f"Units {self.unit_system}: time in {units.time}, acceleration in {units.acceleration}.",
             f"Braking is {self.deceleration_sign}.",
             f"Contact is at {self.start_s * units.per_s:g} {units.time}; the curve ends at zero.",
-            *((f"Accelerations are scaled by {self.scale:g}.",) if self.scale != 1 else ()),
         )
+        return comments if self.scale == 1 else (*comments, f"Accelerations are scaled by {self.scale:g}.")
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,13 +37,7 @@ class Step:
         return any(len(points) > 1 for points in list(self.curves.values()))
 
     def plot(self) -> go.Figure:
-        """The values reported so far, such as losses, over the step's progress; as pages show it while networks train.
-
-        Raises
-        ------
-        UsageError
-            If it has reported none.
-        """
+        """The values reported so far, such as losses, over the step's progress; a UsageError if there are none."""
         if not self.learns:
             raise UsageError(f"The step {self.progress.step} has reported no values to draw.")
         curves = {name.replace("_", " "): list(points) for name, points in list(self.curves.items())}
@@ -63,13 +57,7 @@ class Step:
 
 
 class Watched(Watch):
-    """A watch that keeps what it is told.
-
-    Attributes
-    ----------
-    steps : dict of str to Step
-        Every step so far by its name, in order of start; of one that starts over (for the next test) the last.
-    """
+    """A watch that keeps what is reported: every step so far by its name; of one that starts over the last."""
 
     def __init__(
         self,
@@ -85,13 +73,7 @@ class Watched(Watch):
         self.steps: dict[str, Step] = {}
 
     def plot(self, step: str = "") -> go.Figure:
-        """What a step has reported so far, by default the last that reported values, see :meth:`Step.plot`.
-
-        Raises
-        ------
-        UsageError
-            If there is no such step, or it has reported none.
-        """
+        """What a step has reported so far, by default the last that reported values, see :meth:`Step.plot`."""
         learning = [name for name, own in self.steps.items() if own.learns]
         if not (step or learning):
             raise UsageError("No step has reported values to draw: only the training of networks does.")

@@ -25,40 +25,25 @@ _CHANGED = 0.02  # in rating: less is no difference
 
 @dataclass(frozen=True, eq=False)
 class Account:
-    """What became of the prediction of a left-out test.
-
-    Attributes
-    ----------
-    approach : str
-        The approach whose prediction it is.
-    rating : float
-        Its overall rating.
-    window_ms : float
-        The rating is over [0, window_ms).
-    expected : ExpectedRating, optional
-        What was expected of it before the test was known; None if that was not asked.
-    neighbours : int
-        Number of other tests at about its speed.
-    departure : Departure, optional
-        How the test differs from these, if they are enough to tell.
-    without_neighbours : float, optional
-        The rating of the same approach if these are left out as well, where it is known.
-    inside : float, optional
-        Share of a(t) up to the time of zero velocity inside the 95 % band, if there is one.
-    with_group : bool
-        Whether the other tests at about its speed were left out with it.
-    """
+    """What became of the prediction of a left-out test."""
 
     test: CrashTest
     approach: str
     rating: float
+    """Overall, over [0, window_ms)."""
     window_ms: float
     expected: ExpectedRating | None
+    """Before the test was known; None if that was not asked."""
     neighbours: int
+    """Number of other tests at about its speed."""
     departure: Departure | None
+    """From the neighbours, if they are enough to tell."""
     without_neighbours: float | None
+    """The rating of the same approach if these are left out as well, where it is known."""
     inside: float | None
+    """Share of a(t) up to the time of zero velocity inside the 95 % band, if there is one."""
     with_group: bool
+    """Whether the neighbours were left out with it."""
 
     def __repr__(self) -> str:
         return f"<Account of {self.test.id}: {self.outcome}>"
@@ -78,27 +63,26 @@ class Account:
     @property
     def sentences(self) -> tuple[str, ...]:
         """How the expectation came out, and what the measurements say about the test itself."""
-        test, few = self.test, "it takes three to tell whether a test stands apart."
+        test, with_group = self.test, self.with_group and self.neighbours
+        way = ", left out with all at about its speed" if with_group else ""
         outcome = self.outcome.replace("Expected", "expected", 1)
-        way = ", left out with all at about its speed" if self.with_group and self.neighbours else ""
-        over = f"{way}, over 0–{self.window_ms:g} ms"
-        said: list[str] = [Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), over, outcome)]
+        where = f"{way}, over 0–{self.window_ms:g} ms"
+        sentences: list[str] = [Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), where, outcome)]
         if test.faults:
-            said.append(Sentence("Its record is in doubt: {}.", joined([fault.text for fault in test.faults], "; ")))
+            faults = joined([fault.text for fault in test.faults], "; ")
+            sentences.append(Sentence("Its record is in doubt: {}.", faults))
         if self.departure is not None:
-            said += [self.departure.sentence, self.departure.evidence]
-        elif self.neighbours:
-            there = "is 1 other test" if self.neighbours == 1 else f"are {self.neighbours} other tests"
-            said.append(f"There {there} at about its speed; {few}")
+            sentences += [self.departure.sentence, self.departure.evidence]
         else:
-            said.append(f"There is no other test at about its speed; {few}")
+            few = f"Other tests at about its speed: {self.neighbours}"
+            sentences.append(f"{few}; it takes {LEAST} to tell whether a test stands apart.")
         if self.without_neighbours is not None:
-            told = f"It is rated {self.without_neighbours:.3f} without its neighbours and {self.rating:.3f} with them"
-            gained = self.without_neighbours > self.rating + _CHANGED
-            said.append(f"{told}{': what they teach does not hold for it' if gained else ''}.")
+            compared = f"Rated {self.without_neighbours:.3f} without its neighbours, {self.rating:.3f} with them"
+            misled = self.without_neighbours > self.rating + _CHANGED
+            sentences.append(f"{compared}{': what they teach does not hold for it' if misled else ''}.")
         if self.inside is not None:
-            said.append(f"{100 * self.inside:.0f} % of its a(t) up to TTZV lies inside the band that should hold 95 %.")
-        return tuple(said)
+            sentences.append(f"Inside the 95 % band is {100 * self.inside:.0f} % of its a(t) up to TTZV.")
+        return tuple(sentences)
 
 
 def account(
@@ -111,22 +95,10 @@ def account(
     without_neighbours: float | None = None,
     cache: Cache | None = None,
 ) -> Account:
-    """Account of an approach's prediction of a left-out test.
+    """Account of an approach's prediction of a left-out test of a whole campaign, with the settings of its fold.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The whole campaign, the test among the others.
-    config : StudyConfig
-        Of the fold.
-    window_ms : float
-        The rating is over [0, window_ms).
-    approach : str, optional
-        By default the one that was recommended for this test before it was known.
-    without_neighbours : float, optional
-        Its rating if the tests at about its speed are left out as well, if it is known.
-    cache : Cache, optional
-        Where the CAE model and, if it was ever made, the prediction without the neighbours are found.
+    The approach is by default the one that was recommended for this test before it was known; the rating
+    ``without_neighbours`` is by default looked up in the cache.
     """
     cache, test = cache or Cache(), fold.test
     others = config.training_campaign(campaign, test.id)
@@ -138,7 +110,10 @@ def account(
     if not neighbours or with_group:
         without_neighbours = None
     elif without_neighbours is None:
-        without_neighbours = _without_neighbours(campaign, config, fold, approach, window_ms, cache)
+        rest = campaign.without(campaign.speed_group(test.id))
+        if (alone := find_estimate(rest, test.condition, approach, config, cache)) is not None:
+            pulse = Pulse(GRID_S, alone.prediction.accel_mps2)
+            without_neighbours = rate_windows(test.pulse, pulse, [window_ms])[float(window_ms)].overall
     apart = None
     if neighbours >= LEAST:
         apart = departure(campaign, test.id, CaeModel(cache=cache).fit(campaign.cae), window_ms)
@@ -168,37 +143,25 @@ def worst_test(
     approach : str, optional
         By default the one that the study recommends for the campaign.
     cache : Cache, optional
-        As for :func:`account`.
+        Where the CAE model and, if it was ever made, the prediction without the neighbours are found.
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms
-    chosen = recommend(study).approach if approach is None else approach
-    one_of("approach of this study", chosen, dict.fromkeys(study.config.approaches))
+    approach = recommend(study).approach if approach is None else approach
+    one_of("approach of this study", approach, dict.fromkeys(study.config.approaches))
     known = _worst.setdefault(study, {})  # requested by files, report, and terminal or page
-    if (window, chosen) not in known:
-        known[window, chosen] = _worst_test(study, window, chosen, cache)
-    return known[window, chosen]
+    if (window, approach) not in known:
+        fold = min(study.folds, key=lambda fold: fold.ratings[approach][window].overall)
+        groups = () if study.speed_groups is None else study.speed_groups.folds
+        # there is none while a study is running
+        apart = next(
+            (group.ratings[approach][window].overall for group in groups if group.held_out == fold.held_out), None
+        )
+        config = study.config.split_configs[0]
+        known[window, approach] = account(
+            study.campaign, config, fold, window, approach=approach, without_neighbours=apart, cache=cache
+        )
+    return known[window, approach]
 
 
 _worst: WeakKeyDictionary[Study, dict[tuple[float, str], Account]] = WeakKeyDictionary()
-
-
-def _worst_test(study: Study, window: float, chosen: str, cache: Cache | None) -> Account:
-    fold = min(study.folds, key=lambda fold: fold.ratings[chosen][window].overall)
-    groups = () if study.speed_groups is None else study.speed_groups.folds
-    group = next((each for each in groups if each.held_out == fold.held_out), None)  # none while a study is running
-    known = None if group is None else group.ratings[chosen][window].overall
-    config = study.config.split_configs[0]
-    return account(study.campaign, config, fold, window, approach=chosen, without_neighbours=known, cache=cache)
-
-
-def _without_neighbours(
-    campaign: Campaign, config: StudyConfig, fold: Fold, approach: str, window_ms: float, cache: Cache
-) -> float | None:
-    """Rating of the prediction without all tests at about its speed, if it was ever made with these settings."""
-    test, rest = fold.test, campaign.without(campaign.speed_group(fold.held_out))
-    found = find_estimate(rest, test.condition, approach, config, cache)
-    if found is None:
-        return None
-    pulse = Pulse(GRID_S, found.prediction.accel_mps2)
-    return rate_windows(test.pulse, pulse, [window_ms])[float(window_ms)].overall

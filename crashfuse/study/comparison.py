@@ -1,6 +1,6 @@
 """Two studies beside each other: which one rates higher, in which tests, and by how much."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -16,6 +16,7 @@ from crashfuse.wording import difference
 
 _CLEARLY = 2.0  # standard errors
 _SAME = 1e-6  # records are rounded to six digits
+_KEY = ["held_out", "approach", "window_ms"]
 
 
 def telling_pair(studies: Sequence[PastResult]) -> tuple[PastResult, PastResult] | None:
@@ -26,7 +27,8 @@ def telling_pair(studies: Sequence[PastResult]) -> tuple[PastResult, PastResult]
     """
     best, most = None, 0
     latest_first = sorted(studies, key=lambda study: study.date, reverse=True)
-    for (other, others), (one, rated) in combinations([(study, _rated(study)) for study in latest_first], 2):
+    keys = [(study, {row[:3] for row in _rows(study.ratings)}) for study in latest_first]
+    for (other, others), (one, rated) in combinations(keys, 2):
         if min(len(rated), len(others)) <= most or not _can_differ(one, other):  # before what takes long
             continue
         if (common := len(rated & others)) > most and not _are_perhaps_two_vehicles(one, other):
@@ -42,33 +44,31 @@ class StudyComparison:
     second: PastResult
 
     def __post_init__(self) -> None:
+        first, second = self.first, self.second
         if self.ratings.empty:
+            raise UsageError("These two have no rating in common: no common test, approach, or window.")
+        # of one vehicle: one campaign, or a changed copy of which some test and CAE run are the same
+        is_named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
+        if not (is_named or any(_alike(first, second).values())):
             raise UsageError(
-                "These two have no rating in common: no test that both left out, no approach, or no window."
-            )
-        if not self._of_one_vehicle:
-            names = f"{self.first.campaign} and {self.second.campaign}"
-            why = (
-                f"{names} are not one vehicle: a test of the one is not the test of the same name of the other"
-                if self._alike
-                else f"Whether {names} are one vehicle cannot be told without the raw CAE model in both"
-            )
-            raise UsageError(
-                f"{why}, so nothing is compared. Choose two studies of one campaign, or of a changed copy of it."
+                f"{first.campaign} and {second.campaign} are not known to be one vehicle (the raw CAE model is rated "
+                "equally in no common test), so nothing is compared. Choose two studies of one campaign, or of a "
+                "changed copy of it."
             )
 
     @cached_property
     def ratings(self) -> pd.DataFrame:
         """One row per way of leaving out, test, approach and window: both ratings, and second minus first."""
-        rows = [
-            (way, test, approach, window, rating, second[test][approach][window])
-            for way, (first, second) in self._by_way.items()
-            for test, by_approach in first.items()
-            for approach, by_window in by_approach.items()
-            for window, rating in by_window.items()
-            if window in second.get(test, {}).get(approach, {})
-        ]
-        table = pd.DataFrame(rows, columns=["left_out", "held_out", "approach", "window_ms", "first", "second"])
+        parts = []
+        for way, ratings in self._by_way.items():
+            first, second = (
+                pd.DataFrame(_rows(own), columns=[*_KEY, which]).astype({"window_ms": float, which: float})
+                for which, own in zip(("first", "second"), ratings, strict=True)
+            )
+            both = first.merge(second, on=_KEY)
+            both.insert(0, "left_out", way)
+            parts.append(both)
+        table = pd.concat(parts, ignore_index=True)
         return table.assign(difference=table["second"] - table["first"])
 
     @property
@@ -123,7 +123,7 @@ class StudyComparison:
                 "question."
             )
         if first.fingerprint != second.fingerprint:
-            cautions.append(f"Their data differ: {self._what_differs}")
+            cautions.append(f"Their data differ: {_what_differs(first, second)}")
         if first.basis != second.basis:
             cautions.append(f"Their ratings rest on different things: {first.basis}; {second.basis}.")
         for one, other, which in ((first, second, "first"), (second, first, "second")):
@@ -146,56 +146,30 @@ class StudyComparison:
         (way, ratings), (other_way, others) = *first.items(), *second.items()
         return {f"{way}, {other_way}": (ratings, others)}
 
-    @cached_property
-    def _alike(self) -> dict[str, bool]:
-        return _alike(self.first, self.second)
 
-    @property
-    def _of_one_vehicle(self) -> bool:
-        """True for one campaign, and for a changed copy: named otherwise, but some test and CAE run are the same."""
-        first, second = self.first, self.second
-        is_named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
-        return is_named or any(self._alike.values())
-
-    @property
-    def _what_differs(self) -> str:
-        if not self._alike:
-            return "tests are compared by their ids, whatever was measured in them."
-        if _are_perhaps_two_vehicles(self.first, self.second):
-            return (
-                "the raw CAE model is rated differently in every common test, so these are perhaps two vehicles, "
-                "unless all tests or CAE runs were changed."
-            )
-        if changed := ", ".join(test for test, alike in self._alike.items() if not alike):
-            return f"the raw CAE model is rated differently in {changed}, so these tests or CAE runs are not the same."
-        return "not in these tests, in which the raw CAE model is rated the same."
+def _rows(ratings: Ratings) -> Iterator[tuple[str, str, float, float]]:
+    return (
+        (test, approach, window, rating)
+        for test, by_approach in ratings.items()
+        for approach, by_window in by_approach.items()
+        for window, rating in by_window.items()
+    )
 
 
 def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
     label = LABELS.get(str(row["approach"]), row["approach"])
     gain, error, n = row["difference"], row["standard_error"], row["tests"]
     if not table["difference"].any():
-        return f"{label}: the same in both, {'mean ' * (n > 1)}{row['first']:.3f}."
-    ratings = f"{row['first']:.3f} in the first, {row['second']:.3f} in the second"
-    by = difference(row["second"], row["first"], 3)
-    if n == 1:
-        return f"{label}: {ratings}, a difference of {by} in one test."
+        return f"{label}: the same in both, {row['first']:.3f}."
     higher = "second" if gain > 0 else "first"
     verdict = f"clearly higher in the {higher}" if abs(gain) > _CLEARLY * error else "no clear difference"
+    by = difference(row["second"], row["first"], 3)
     most = table.loc[table["difference"].abs().idxmax()]
     return (
-        f"{label}: {verdict}; mean {ratings} ({by} ± {error:.3f} over {n} tests). The second is higher in "
+        f"{label}: {verdict}; mean {row['first']:.3f} in the first, {row['second']:.3f} in the second "
+        f"({by}{'' if n == 1 else f' ± {error:.3f}'} over {n} test{'s' * (n > 1)}). The second is higher in "
         f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} "
         f"({difference(most['second'], most['first'], 3)})."
-    )
-
-
-def _rated(study: PastResult) -> frozenset[tuple[str, str, float]]:
-    return frozenset(
-        (test, approach, window)
-        for test, by_approach in study.ratings.items()
-        for approach, by_window in by_approach.items()
-        for window in by_window
     )
 
 
@@ -209,6 +183,17 @@ def _can_differ(one: PastResult, other: PastResult) -> bool:
 def _are_perhaps_two_vehicles(one: PastResult, other: PastResult) -> bool:
     alike = _alike(one, other) if one.fingerprint != other.fingerprint else {}
     return bool(alike) and not any(alike.values())
+
+
+def _what_differs(one: PastResult, other: PastResult) -> str:
+    alike = _alike(one, other)
+    if not alike:
+        return "tests are compared by their ids, whatever was measured in them."
+    changed = ", ".join(test for test, is_alike in alike.items() if not is_alike)
+    if not changed:
+        return "not in these tests, in which the raw CAE model is rated the same."
+    vehicles = "" if any(alike.values()) else " These are perhaps two vehicles."
+    return f"the raw CAE model is rated differently in {changed}: other tests or CAE runs.{vehicles}"
 
 
 def _alike(one: PastResult, other: PastResult) -> dict[str, bool]:

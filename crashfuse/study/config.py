@@ -73,13 +73,7 @@ class StudyConfig:
 
     @classmethod
     def parse(cls, values: Mapping[str, Any]) -> Self:
-        """The configuration that :func:`dataclasses.asdict` and JSON have made plain values of.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they are none.
-        """
+        """The configuration of plain values as in JSON; a ValueError or TypeError if they are none."""
         given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
         try:
             return cls(**given)
@@ -134,12 +128,8 @@ def require_rated(what: str, window_ms: float, known: Sequence[float]) -> None:
 class StudyPlan:
     """Which tests of a campaign to leave out in turn (empty: all), and how; checked, so any plan can be run.
 
-    Raises
-    ------
-    UsageError
-        If a name, a window or the number of tests makes the study impossible.
-    DataError
-        If a held-out test cannot be rated over a window: it is constant there, or its record is too short.
+    A UsageError if a name, a window or the number of tests makes the study impossible, a DataError if a held-out test
+    cannot be rated over a window.
     """
 
     campaign: Campaign
@@ -186,8 +176,7 @@ def check_window(test: CrashTest, window_ms: float) -> None:
 def telling_test(campaign: Campaign) -> CrashTest:
     """The test to leave out first: the nearest to the middle of the speeds with slower and faster tests beside it.
 
-    Beyond the slowest or the fastest test an approach has to extrapolate. Tests of its speed group are no neighbours.
-    Where no test lies between others, the one nearest to the middle is taken; of equal ones, the first.
+    Tests of its speed group are no neighbours. Where no test lies between others, the one nearest to the middle.
     """
     speeds = np.array([test.condition.speed_mps for test in campaign.tests])
     middle = (speeds.min() + speeds.max()) / 2

@@ -5,7 +5,9 @@ folded in another way (a bifurcation), which the next test may do again.
 """
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import cache as cached
 from itertools import combinations
 from math import sqrt
 from typing import Any
@@ -37,7 +39,7 @@ class Departure:
     Attributes
     ----------
     neighbours : tuple of str
-        Ids of the other tests of its speed group, at least three.
+        Ids of at least three other tests of its speed group.
     bias_mps2, bias_between_mps2 : tuple of float
         Root mean square differences of what the CAE model gets wrong, over displacement: of the test from each
         neighbour, and of every two of them from each other.
@@ -56,27 +58,16 @@ class Departure:
     ratings_between: tuple[float, ...]
 
     @property
-    def by_bias(self) -> bool:
-        """Whether its bias differs from that of every neighbour by more than any two of theirs do."""
-        return min(self.bias_mps2) > max(self.bias_between_mps2)
-
-    @property
-    def by_pulse(self) -> bool:
-        """Whether its pulse rates worse against every neighbour than any two of theirs do against each other."""
-        return max(self.ratings) < min(self.ratings_between)
-
-    @property
     def apart(self) -> bool:
-        """Whether the test stands apart, both by its bias and its pulse."""
-        return self.by_bias and self.by_pulse
+        """Whether it differs more from every neighbour than any two of them from each other, by bias and by pulse."""
+        by_bias = min(self.bias_mps2) > max(self.bias_between_mps2)
+        return by_bias and max(self.ratings) < min(self.ratings_between)
 
     @property
     def sentence(self) -> str:
         """That the test stands apart, by how much, and what to do; or that it does not."""
         if not self.apart:
-            return Sentence(
-                "{} does not stand apart from the tests at its speed: they differ from each other as much.", self.test
-            )
+            return Sentence("{} differs from the tests at its speed no more than these from each other.", self.test)
         return Sentence(
             "{} differs from the other {} tests at about {} by {} or more (RMS over crush), these from each other by "
             "{} or less. A test there may fold either way: check its record, or judge {} by both.",
@@ -102,93 +93,84 @@ class Departure:
 def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: float = WINDOW_MS) -> Departure | None:
     """Compare a test with the others of its speed group, and those with each other; None if there are under three.
 
-    Of a larger group, with the twelve of nearest weights.
-
-    Parameters
-    ----------
-    model : CaeModel
-        Fitted to the campaign's CAE runs.
-    window_ms : float
-        Pulses are rated over [0, window_ms).
+    Of a larger group, with the twelve of nearest weights. The model is fitted to the campaign's CAE runs.
     """
-    return _departure(campaign, test_id, model, window_ms, only_apart=False)
+    return _departure(campaign, campaign.test(test_id), lambda test: measured_bias(test, model), window_ms)
 
 
-def departures(campaign: Campaign, cache: Cache | None = None) -> tuple[Departure, ...]:
+def departures(campaign: Campaign) -> tuple[Departure, ...]:
     """How each test that stands apart differs from the others at its speed, over 0–60 ms; kept in the cache."""
     if campaign not in _known:  # asked for at every condition
-        _known[campaign] = _kept(campaign, cache or Cache())
+        has_groups = any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids)
+        _known[campaign] = _cached_departures(campaign, Cache()) if has_groups else ()
     return _known[campaign]
 
 
 _known: WeakKeyDictionary[Campaign, tuple[Departure, ...]] = WeakKeyDictionary()
 
 
-def _kept(campaign: Campaign, cache: Cache) -> tuple[Departure, ...]:
-    if not any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids):
-        return ()
+def _cached_departures(campaign: Campaign, cache: Cache) -> tuple[Departure, ...]:
+    def compute() -> tuple[tuple[Departure, ...], Entry]:
+        model = CaeModel(cache=cache).fit(campaign.cae)
+        bias = cached(lambda test_id: measured_bias(campaign.test(test_id), model))  # of each test once
+        compared = (
+            _departure(campaign, test, lambda test: bias(test.id), WINDOW_MS, only_apart=True)
+            for test in campaign.tests
+        )
+        apart = tuple(departure for departure in compared if departure is not None and departure.apart)
+        return apart, {"departures": np.array(json.dumps([asdict(departure) for departure in apart]))}
+
+    def restore(entry: Entry) -> tuple[Departure, ...]:
+        records = json.loads(str(entry["departures"]))
+        tuples: list[dict[str, Any]] = [
+            {name: tuple(x) if isinstance(x, list) else x for name, x in record.items()} for record in records
+        ]
+        return tuple(Departure(**values) for values in tuples)
+
     key = {"campaign": campaign.fingerprint, "code": code_digest(__name__)}
-    return cache.get_or_compute(_KIND, key, lambda: _found(campaign, cache), _restored)
-
-
-def _found(campaign: Campaign, cache: Cache) -> tuple[tuple[Departure, ...], dict[str, np.ndarray]]:
-    model = CaeModel(cache=cache).fit(campaign.cae)
-    compared = (_departure(campaign, test_id, model, WINDOW_MS, only_apart=True) for test_id in campaign.test_ids)
-    apart = tuple(departure for departure in compared if departure is not None and departure.apart)
-    return apart, {"departures": np.array(json.dumps([asdict(departure) for departure in apart]))}
-
-
-def _restored(entry: Entry) -> tuple[Departure, ...]:
-    return tuple(map(_departure_of, json.loads(str(entry["departures"]))))
-
-
-def _departure_of(record: dict[str, Any]) -> Departure:
-    values: dict[str, Any] = {name: tuple(x) if isinstance(x, list) else x for name, x in record.items()}
-    return Departure(**values)
+    return cache.get_or_compute(_KIND, key, compute, restore)
 
 
 def _departure(
-    campaign: Campaign, test_id: str, model: CaeModel, window_ms: float, *, only_apart: bool
+    campaign: Campaign,
+    test: CrashTest,
+    bias_of: Callable[[CrashTest], BiasPoints],
+    window_ms: float,
+    *,
+    only_apart: bool = False,
 ) -> Departure | None:
     """See :func:`departure`; None also, if only tests that stand apart are of interest, where the bias excludes it."""
-    test = campaign.test(test_id)
-    others = [campaign.test(other) for other in campaign.speed_group(test_id) if other != test_id]
+    others = [campaign.test(other) for other in campaign.speed_group(test.id) if other != test.id]
     if len(others) < LEAST:
         return None
     nearest = sorted(others, key=lambda other: abs(other.condition.mass_kg - test.condition.mass_kg))[:_MOST]
     others = [other for other in others if other in nearest]
-    bias = {own.id: measured_bias(own, model) for own in (test, *others)}
-    pairs = list(combinations(others, 2))
-    away = tuple(_bias_difference(bias[test.id], bias[other.id]) for other in others)
-    between = tuple(_bias_difference(bias[one.id], bias[other.id]) for one, other in pairs)
-    if only_apart and min(away) <= max(between):
-        return None
-    return Departure(
-        test.id,
-        tuple(other.id for other in others),
-        test.condition.speed_mps,
-        float(window_ms),
-        away,
-        between,
-        tuple(_rated_both_ways(test, other, window_ms) for other in others),
-        tuple(_rated_both_ways(one, other, window_ms) for one, other in pairs),
+    away, between = [(test, other) for other in others], list(combinations(others, 2))
+    bias, bias_between = (
+        tuple(_bias_difference(bias_of(one), bias_of(other)) for one, other in pairs) for pairs in (away, between)
     )
+    if only_apart and min(bias) <= max(bias_between):
+        return None
+    ratings, ratings_between = (
+        tuple(_rated_both_ways(*pair, window_ms) for pair in pairs) for pairs in (away, between)
+    )
+    ids, speed_mps = tuple(other.id for other in others), test.condition.speed_mps
+    return Departure(test.id, ids, speed_mps, float(window_ms), bias, bias_between, ratings, ratings_between)
 
 
 def _bias_difference(one: BiasPoints, other: BiasPoints) -> float:
     """Root mean square difference over the displacement that both reach, in m/s²."""
     end = min(one.displacement_m[-1], other.displacement_m[-1])
     at = np.linspace(0.0, end, 200)
-    first, second = (np.interp(at, own.displacement_m, own.bias_mps2) for own in (one, other))
+    first, second = (np.interp(at, points.displacement_m, points.bias_mps2) for points in (one, other))
     return sqrt(float(((first - second) ** 2).mean()))
 
 
 def _rated_both_ways(one: CrashTest, other: CrashTest, window_ms: float) -> float:
     """Mean of the ratings of each pulse against the other, which is scaled to its speed."""
-    return float(np.mean([_rated(one, other, window_ms), _rated(other, one, window_ms)]))
-
-
-def _rated(test: CrashTest, other: CrashTest, window_ms: float) -> float:
-    scale = test.condition.speed_mps / other.condition.speed_mps
-    scaled = replace(other.pulse, accel_mps2=scale * other.pulse.accel_mps2)
-    return rate_windows(test.pulse, scaled, [window_ms])[float(window_ms)].overall
+    ratings = []
+    for test, compared in ((one, other), (other, one)):
+        scale = test.condition.speed_mps / compared.condition.speed_mps
+        scaled = replace(compared.pulse, accel_mps2=scale * compared.pulse.accel_mps2)
+        ratings.append(rate_windows(test.pulse, scaled, [window_ms])[float(window_ms)].overall)
+    return float(np.mean(ratings))

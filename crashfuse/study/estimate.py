@@ -34,9 +34,7 @@ FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
 
 BOUNDS = Sentence("at most {} and {} in all", speed(FASTEST_MPS, form=".0f"), weight(HEAVIEST_KG))
 
-_JUDGED = "metric errors"  # the kind of a cache entry
-
-_KIND = "predictions"  # of cache entries
+_JUDGED, _KIND = "metric errors", "predictions"  # of cache entries
 _LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of a metric, in the names of arrays there
 
 
@@ -111,11 +109,10 @@ class Fit:
             errors = metric_errors(left_out, campaign)
             return errors, errors
 
-        key = {**settings(learned), "campaign": campaign.fingerprint, "code": code_digest(__name__)}
-
         def restore(entry: Entry) -> Errors:
             return {name: numbers(entry, name, len(left_out)) for name in METRIC_LABELS}
 
+        key = {**settings(learned), "campaign": campaign.fingerprint, "code": code_digest(__name__)}
         errors = cache.get_or_compute(_JUDGED, key, judge, restore, watch)
         return cls(learned, config, seconds, left_out, errors, campaign)
 
@@ -144,15 +141,10 @@ def is_beyond(condition: Condition) -> bool:
 
 
 def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
-    """Predictions of several approaches at a condition, with numbers rounded as for storage.
+    """Predictions of several approaches, fitted to one campaign, at a condition, with numbers rounded as for storage.
 
-    All fits are of one campaign. Predictions that a mixture shares with other approaches are computed once, and
-    those that need no networks while networks predict.
-
-    Raises
-    ------
-    UsageError
-        If the speed or a weight is not above 0, or beyond any barrier test.
+    Predictions that a mixture shares with other approaches are computed once, those that need no networks while
+    networks predict. A UsageError if the speed or a weight is not above 0, or beyond any barrier test.
     """
     require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
@@ -205,10 +197,7 @@ def estimate_at(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> Estimate:
-    """Fit an approach to the whole campaign as given and predict at a condition; cached.
-
-    Raises as :meth:`Fit.of` and :func:`estimates_at`.
-    """
+    """Fit an approach to the whole campaign as given and predict at a condition; cached."""
     cache = cache or Cache()
 
     def compute() -> tuple[Estimate, Entry]:
@@ -223,11 +212,8 @@ def find_estimate(
     campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> Estimate | None:
     """The cached estimate for these settings and exactly this campaign (without the held-out test), or None."""
-    return cache.find(
-        _KIND,
-        _cache_key(campaign, condition, approach, config),
-        partial(_restored, condition, approach, campaign.occupant),
-    )
+    restore = partial(_restored, condition, approach, campaign.occupant)
+    return cache.find(_KIND, _cache_key(campaign, condition, approach, config), restore)
 
 
 def is_estimate_cached(

@@ -17,9 +17,9 @@ from crashfuse.wording import Sentence, speed
 
 _REACH_MPS = 5 * MPH
 _LEAST = 3  # minimum number of tests, at any distance
-_ALIKE_MPS = 0.1 * MPH  # no farther, as speeds are told: a test beside the last one is not left unsaid
+_ALIKE_MPS = 0.1 * MPH  # no farther, as speeds are shown: a test as near as the last one is listed, too
 _BESIDE_MPS = 1 * MPH  # a test this near counts as beside the condition
-_SHARES = 0.5, 0.1, 0.9, 0.025, 0.975  # the median, the ends of the range that is told, and of what is no surprise
+_SHARES = 0.5, 0.1, 0.9, 0.025, 0.975  # the median, the ends of the range that is shown, and of what is no surprise
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +32,8 @@ class ExpectedRating:
         Overall ISO/TS 18571 ratings, over one window, of those of them that are near the condition.
     median : float
         The rating that a test at the condition is as likely to be above as below.
-    lower, upper : float
-        Where the rating of a test at the condition is likely to be: the central 80 %.
-    least, most : float
-        The central 95 %; a rating outside is a surprise.
+    lower, upper, least, most : float
+        The central 80 % and 95 % of the rating of a test at the condition; outside the latter it is a surprise.
     tests : tuple of str
         Ids of the near tests, nearest in speed first.
     reach_mps : float
@@ -65,13 +63,15 @@ class ExpectedRating:
 
     @property
     def sentence(self) -> str:
-        """A sentence on the expected rating, and the number of tests near the condition."""
-        n, within = len(self.tests), speed(self.reach_mps)
-        tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
+        """The expected rating, and how many tests near the condition it rests on."""
+        n, rated = len(self.tests), rating_range(self.lowest, self.highest)
         likely = "a guess" if self.beyond else self.grades
-        expected = f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {likely})"
         where = f"up to {{}} {self.side}" if self.side else "within {}"
-        return Sentence(f"{expected}; {tests} {where} rated {rated}.", within)
+        return Sentence(
+            f"Expected over 0–{self.window_ms:g} ms: {self.range} (80 %, {likely}); "
+            f"{n} left-out test{'s' * (n > 1)} {where} rated {rated}.",
+            speed(self.reach_mps),
+        )
 
     @property
     def range(self) -> str:
@@ -97,23 +97,16 @@ class ExpectedRating:
         return "below" in self.surprise(rating)
 
     def outcome(self, rating: float) -> str:
-        """A sentence on how the expectation came out, once the test is known."""
+        """How the expectation came out, once the test is known."""
         return f"Expected {self.range} (80 %), came out {rating:.3f} ({grade(rating)}): {self.surprise(rating)}."
 
 
 def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 60.0) -> ExpectedRating | None:
-    """The rating of an estimate, once there is a test at its condition.
+    """The rating of an estimate over [0, window_ms), once there is a test at its condition; None if none was left out.
 
     The range rests on all tests that were left out, the nearer the more, and on how well the draws of their predictions
-    and of this one agree. The near tests beside it are those within 5 mph in speed, at least the three nearest and any
-    as near as these. The result is None if none was left out.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign that the approach learned from.
-    window_ms : float
-        The rating is over [0, window_ms).
+    and of this one agree. Near are those within 5 mph in speed, at least the three nearest and any as near as these.
+    The campaign is the one that the approach learned from.
     """
     require_number("window_ms", window_ms)
     speed_mps, left_out = estimate.prediction.condition.speed_mps, estimate.left_out_mps2
@@ -130,7 +123,6 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     single = RatingDistribution.learned(np.array(ratings), away, agreements, agreement(estimate.prediction))
     median, lower, upper, least, most = map(single.quantile, _SHARES)
     below, above = speeds.min() - speed_mps, speed_mps - speeds.max()
-    side = "faster" if below > SPEED_STEP_MPS else "slower" if above > SPEED_STEP_MPS else ""
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
     return ExpectedRating(
         float(np.mean(ratings[: len(near)])),
@@ -141,18 +133,18 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
         upper,
         least,
         most,
-        float(window_ms),
-        tuple(test.id for test in near),
-        float(away[len(near) - 1]),
-        bool(np.abs(speeds - speed_mps).min() > max(*gaps, _BESIDE_MPS)),
-        bool(max(below, above) > _REACH_MPS),
-        side,
+        window_ms=float(window_ms),
+        tests=tuple(test.id for test in near),
+        reach_mps=float(away[len(near) - 1]),
+        farther=bool(np.abs(speeds - speed_mps).min() > max(*gaps, _BESIDE_MPS)),
+        beyond=bool(max(below, above) > _REACH_MPS),
+        side="faster" if below > SPEED_STEP_MPS else "slower" if above > SPEED_STEP_MPS else "",
     )
 
 
 @lru_cache(maxsize=512)  # at every condition the same tests are asked about; up to 10 kB each
 def _overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
-    """Overall rating over one window of a prediction in m/s², given as bytes of float64 so that it can be a key."""
+    """Overall rating of a prediction, given as bytes of float64 so that it can be a key."""
     predicted = Pulse(GRID_S, np.frombuffer(predicted_mps2))
     return rate_windows(measured, predicted, [window_ms])[window_ms].overall
 

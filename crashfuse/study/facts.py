@@ -7,39 +7,32 @@ from crashfuse.approaches.nearness import doubtful_tests
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import SPEED_STEP_MPS
-from crashfuse.execution.cache import Cache
 from crashfuse.fact import Fact, by_importance
 from crashfuse.study.departure import Departure, departures
 from crashfuse.units import G
 from crashfuse.wording import joined
 
 
-def campaign_facts(campaign: Campaign, cache: Cache | None = None) -> tuple[Fact, ...]:
-    """Facts of a campaign, the most important one first.
-
-    Parameters
-    ----------
-    cache : Cache, optional
-        Where the CAE model, and how tests differ, are found or kept.
-    """
+def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
+    """Facts of a campaign, the most important one first."""
     if campaign not in _known:  # asked for by every page and file
-        _known[campaign] = by_importance(_campaign_facts(campaign, cache))
+        _known[campaign] = by_importance(_campaign_facts(campaign))
     return _known[campaign]
 
 
-def condition_facts(campaign: Campaign, condition: Condition, cache: Cache | None = None) -> tuple[Fact, ...]:
+def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...]:
     """Facts of a prediction at a condition: what stands apart or is in doubt near it, what is extrapolated."""
-    apart = [_apart(departure) for departure in departures_near(campaign, condition, cache)]
+    apart = [_apart(departure) for departure in departures_near(campaign, condition)]
     doubtful = [Fact("test.in_doubt", text, "Test in doubt") for text in doubtful_tests(campaign, condition)]
     beyond = [Fact("condition.extrapolated", text, "Extrapolation") for text in campaign.cae.extrapolation(condition)]
     return (*apart, *doubtful, *beyond)
 
 
-def departures_near(campaign: Campaign, condition: Condition, cache: Cache | None = None) -> tuple[Departure, ...]:
+def departures_near(campaign: Campaign, condition: Condition) -> tuple[Departure, ...]:
     """How the tests that stand apart at about the speed of a condition differ from the others there."""
     return tuple(
         departure
-        for departure in departures(campaign, cache)
+        for departure in departures(campaign)
         if abs(campaign.test(departure.test).condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
     )
 
@@ -47,8 +40,8 @@ def departures_near(campaign: Campaign, condition: Condition, cache: Cache | Non
 _known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()
 
 
-def _campaign_facts(campaign: Campaign, cache: Cache | None) -> Iterator[Fact]:
-    yield from map(_apart, departures(campaign, cache))
+def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
+    yield from map(_apart, departures(campaign))
     quality = campaign.quality
     if quality.failing:
         sentence = joined([quality.summary, *quality.named])

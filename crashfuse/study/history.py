@@ -42,20 +42,7 @@ _DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00")
 
 @dataclass(frozen=True)
 class PastResult:
-    """A study, or a prediction at a condition, that was computed before.
-
-    Attributes
-    ----------
-    ratings, speed_groups : mapping
-        Of a study: by each test left out alone (or, if only that was asked for, with its speed group), and with whole
-        speed groups left out if both were asked for.
-    condition : Condition, optional
-        Of a prediction.
-    expected : str
-        Rating to expect of a prediction: ``0.78 to 0.93``, ``less than 0.97``; or empty.
-    note : str
-        What somebody has written on it.
-    """
+    """A study, or a prediction at a condition, that was computed before."""
 
     campaign: str
     fingerprint: str  # SHA-256 of the campaign's content
@@ -64,9 +51,13 @@ class PastResult:
     approach: str  # the recommended one
     date: str  # UTC
     ratings: Ratings = field(default_factory=dict)
+    """Of a study, by each test left out alone or, if only that was asked for, with its speed group."""
     speed_groups: Ratings = field(default_factory=dict)
+    """With whole speed groups left out, if both were asked for."""
     condition: Condition | None = None
+    """Of a prediction."""
     expected: str = ""
+    """Rating to expect of a prediction: ``0.78 to 0.93``; or empty."""
     note: str = ""
 
     @classmethod
@@ -83,10 +74,9 @@ class PastResult:
         """The record of a prediction by several approaches at one condition."""
         condition = estimates[0].prediction.condition
         advice = recommend_for(estimates, campaign, condition)
-        expected = "" if advice.expected is None else advice.expected.range
         return cls(
             campaign.name, campaign.fingerprint, config, campaign.rating_basis, advice.approach, _now(),
-            condition=condition, expected=expected,
+            condition=condition, expected="" if advice.expected is None else advice.expected.range,
         )  # fmt: skip
 
     @property
@@ -122,12 +112,12 @@ class PastResult:
         return min(overall.items(), key=lambda rated: rated[1])
 
 
-def keep(result: PastResult, folder: Path | None = None) -> None:
-    """Keep a record, by default among those of this machine; where nothing can be written, none is kept.
+def keep(result: PastResult) -> None:
+    """Keep a record among those of this machine; where nothing can be written, none is kept.
 
     A result that is computed again keeps its date and its note.
     """
-    folder = _home() if folder is None else folder
+    folder = _home()
     try:
         with sole_writer(folder, _PATIENCE_S):
             before = _read(folder / f"{result.id}.json")
@@ -140,31 +130,26 @@ def keep(result: PastResult, folder: Path | None = None) -> None:
         log.warning("The list of results could not be kept in %s: %s", folder, error)
 
 
-def annotate(result: PastResult, note: str, folder: Path | None = None) -> None:
+def annotate(result: PastResult, note: str) -> None:
     """Write a note on a result that is kept, in place of the one that it was shown with.
 
-    Raises
-    ------
-    DataError
-        If somebody has written another note since, or taken the result off the list; nothing is changed then.
-    OSError
-        If it cannot be written.
+    A DataError if somebody has written another note since, or taken the result off the list.
     """
-    folder = _home() if folder is None else folder
-    text = printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
+    folder, text = _home(), printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
     with sole_writer(folder, _PATIENCE_S):
         before = _read(folder / f"{result.id}.json")
         if before is None or before.note not in (result.note, text):
-            found = "none: it was taken off the list" if before is None else f"“{before.note}”, which was written since"
-            expected = f"the note “{result.note}”" if result.note else "a result without a note"
-            raise DataError(Problem(result.campaign, expected, found, "look at the list, and write yours again"))
+            there = "no such result any more" if before is None else f"“{before.note}”, which was written since"
+            raise DataError(
+                Problem(result.campaign, f"the note “{result.note}”", there, "look at the list, and write yours again")
+            )
         _write(replace(before, note=text), folder)
 
 
-def forget(result: PastResult, folder: Path | None = None) -> None:
+def forget(result: PastResult) -> None:
     """Take a result off the list; the result itself is not touched."""
     with suppress(OSError):
-        ((_home() if folder is None else folder) / f"{result.id}.json").unlink()
+        (_home() / f"{result.id}.json").unlink()
 
 
 def _write(result: PastResult, folder: Path) -> None:
@@ -176,30 +161,23 @@ def _write(result: PastResult, folder: Path) -> None:
             oldest.unlink()
 
 
-def past_results(folder: Path | None = None) -> list[PastResult]:
+def past_results() -> list[PastResult]:
     """All that was kept, the latest first; what is no record, or is damaged, is passed over."""
-    records = [_read(path) for path in (_home() if folder is None else folder).glob("*.json")]
+    records = [_read(path) for path in _home().glob("*.json")]
     results = [record for record in records if record is not None]
     return sorted(results, key=lambda result: result.date, reverse=True)[:MOST]
 
 
 def parsed(values: Mapping[str, Any]) -> PastResult:
-    """A record from plain JSON values.
-
-    Raises
-    ------
-    ValueError, TypeError, KeyError, AttributeError, UsageError
-        If they are none.
-    """
-    texts = [values[name] for name in ("campaign", "fingerprint", "basis", "approach", "date")]
-    if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(values["date"]):
+    """A record from plain JSON values; a ValueError, TypeError, KeyError or UsageError if it is none."""
+    names = ("campaign", "fingerprint", "basis", "approach", "date")
+    campaign, fingerprint, basis, approach, date = texts = [values[name] for name in names]
+    if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(date):
         raise ValueError("no texts, or no date")
-    asked = values["condition"]
-    condition = None if asked is None else Condition.parse(asked)
+    condition = None if values["condition"] is None else Condition.parse(values["condition"])
     expected = values["expected"]
     if not isinstance(expected, str | float | None):
         raise ValueError("no expectation")
-    campaign, fingerprint, basis, approach, date = texts
     ratings, groups = _ratings(values["ratings"], approach), _ratings(values["speed_groups"], approach)
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")
@@ -255,10 +233,7 @@ def _now() -> str:
 def earlier_settings(
     results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig, cache: Cache
 ) -> list[StudyConfig]:
-    """Settings of past results with another prediction of a test by an approach, still in the cache, than those shown.
-
-    They differ in preset, seed or what was left out with the test, and the approach takes notice of that.
-    """
+    """Those of :func:`past_settings` whose prediction is in the cache and is another than the one that is shown."""
     condition = campaign.test(test_id).condition
 
     def identity(config: StudyConfig) -> str:
@@ -266,8 +241,7 @@ def earlier_settings(
 
     distinct = {identity(shown): shown}
     for config in past_settings(results, campaign, test_id, approach, shown):
-        training = config.training_campaign(campaign, test_id)
-        if is_estimate_cached(training, condition, approach, config, cache):
+        if is_estimate_cached(config.training_campaign(campaign, test_id), condition, approach, config, cache):
             distinct.setdefault(identity(config), config)
     return list(distinct.values())[1:]
 
@@ -275,7 +249,7 @@ def earlier_settings(
 def past_settings(
     results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig
 ) -> list[StudyConfig]:
-    """Settings of past results with a prediction of a test by an approach, otherwise like those that are shown.
+    """Settings (preset, seed, what was left out) of past results with a prediction of a test by an approach.
 
     The cache is not looked up: that takes seconds where networks have to be imported.
     """

@@ -17,7 +17,7 @@ from dataclasses import astuple, dataclass, replace
 from functools import partial
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
 import pandas as pd
@@ -64,16 +64,11 @@ _FORECAST = "forecast"  # column of what is kept, but not of the table
 _Row = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Subset:
+class Subset(NamedTuple):
     """Tests to learn from, and how they were chosen."""
 
     choice: Choice
     chosen: tuple[str, ...]  # ids in the order of the campaign
-
-    def held_out(self, campaign: Campaign) -> tuple[str, ...]:
-        """Ids of all other tests."""
-        return tuple(test_id for test_id in campaign.test_ids if test_id not in self.chosen)
 
 
 def subsets(campaign: Campaign, repeats: int, seed: int) -> tuple[Subset, ...]:
@@ -155,15 +150,12 @@ class LearningCurve:
     def decided(self, criteria: "views.CriteriaGiven") -> "LearningCurve":
         """The same curve with the share of verdicts that each prediction decides, as ``crashfuse learning-curve`` adds.
 
-        ``criteria`` are as in :func:`crashfuse.reporting.verdicts.certify`, which raises the same.
+        ``criteria`` are as in :func:`crashfuse.reporting.verdicts.certify`.
         """
         return views.with_decided(self, views.criteria_given(criteria))
 
     def plot(self, **display: "Unpack[views.DisplayOptions]") -> "go.Figure":
-        """Rating and width of the band over the number of tests, as the page Study shows them.
-
-        ``display`` are the options of :class:`crashfuse.reporting.plots.display.DisplayOptions`.
-        """
+        """Rating and width of the band over the number of tests, as the page Study shows them."""
         shown = views.Display.of(self.campaign.units, self.window_ms, **display)
         return views.over_number_of_tests(self.over(shown.window_ms), shown)
 
@@ -177,8 +169,8 @@ class LearningCurve:
         UsageError
             If the cost is none.
         """
-        shown = views.Display.of(self.campaign.units, **display)
-        views.write_learning_curve(self, folder, shown, None if cost is None else views.Cost.of(cost))
+        price = None if cost is None else views.Cost.of(cost)
+        views.write_result("learning curve", folder, self, price, views.Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         sizes = self.table["n_tests"].unique()
@@ -267,7 +259,6 @@ def _predicted(
 
 
 def _measured(estimate: Estimate, test: CrashTest, windows_ms: Sequence[float]) -> Iterator[_Row]:
-    """One row for each window, with the forecast as plain JSON values."""
     forecast = metric_distributions(estimate.prediction, estimate.metric_errors, estimate.occupant)
     plain = {name: None if metric is None else astuple(metric) for name, metric in forecast.items()}
     for window in windows_ms:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import pandas as pd
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
@@ -21,7 +20,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.execution.process import one_thread
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.wording import MPH_LB, Sentence, UnitSystem
+from crashfuse.wording import Sentence
 
 _N_TARGETS = 48
 
@@ -30,10 +29,7 @@ _N_TARGETS = 48
 class ConditionRange:
     """The range of speeds and weights of interest, for one combination of factors; equal limits keep a value fixed.
 
-    Raises
-    ------
-    UsageError
-        If a value is not above 0, a low one is above the high one, or the factors differ.
+    A UsageError if a value is not above 0, a low one is above the high one, or the factors differ.
     """
 
     low: Condition
@@ -54,10 +50,8 @@ class ConditionRange:
         if not tests:
             raise UsageError("A range needs a test at least, or limits of your own.")
         vectors = np.array([test.condition.vector for test in tests])
-        limits = np.array([vectors.min(axis=0), vectors.max(axis=0)])
         [(kind, _)] = Counter(test.condition.factors for test in tests).most_common(1)
-        low, high = (Condition.of_vector([v, front, rear], kind) for v, front, rear in limits.tolist())
-        return cls(low, high)
+        return cls(*_conditions(np.array([vectors.min(axis=0), vectors.max(axis=0)]), kind))
 
     def grid(self, n_speeds: int, n_weights: int = 1) -> tuple[Condition, ...]:
         """Conditions at evenly spaced speeds and weights, limits included; if just one, the middle value."""
@@ -66,17 +60,18 @@ class ConditionRange:
             np.unique(np.linspace(low, high, n) if n > 1 else (low + high) / 2)
             for low, high, n in zip(self.low.vector, self.high.vector, numbers, strict=True)
         ]
-        return self._at(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
+        return _conditions(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3), self.low.factors)
 
     def spread(self, n: int) -> tuple[Condition, ...]:
         """Conditions that fill the range evenly: the first points of the Halton sequence, so always the same."""
         from scipy.stats import qmc  # half a second
 
         shares = qmc.Halton(d=3, scramble=False).random(n + 1)[1:]  # the first is a corner
-        return self._at(self.low.vector + shares * (self.high.vector - self.low.vector))
+        return _conditions(self.low.vector + shares * (self.high.vector - self.low.vector), self.low.factors)
 
-    def _at(self, vectors: FloatArray) -> tuple[Condition, ...]:
-        return tuple(Condition.of_vector([v, front, rear], self.low.factors) for v, front, rear in vectors.tolist())
+
+def _conditions(vectors: FloatArray, factors: tuple[tuple[str, str], ...]) -> tuple[Condition, ...]:
+    return tuple(Condition.of_vector([v, front, rear], factors) for v, front, rear in vectors.tolist())
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +98,7 @@ def rank_next_tests(
     candidates: Sequence[Condition] | None = None,
     planned: Sequence[Condition] = (),
 ) -> tuple[NextTest, ...]:
-    """Rank conditions by how much a test there would shrink the band over a range.
+    """Rank conditions by how much a test there would shrink the band over a range, the largest gain first.
 
     The band is that of a new test's bias, including its specific deviation and stop. It is averaged over conditions
     spread over the range and, for each, over displacement up to the crush of its CAE pulse. A candidate is assumed to
@@ -113,24 +108,11 @@ def rank_next_tests(
     Parameters
     ----------
     domain : DisplacementDomain
-        Fitted to all tests that were run, with the hierarchical bias.
+        Fitted to all tests that were run, with the hierarchical bias: a UsageError if it is that of Table 4.
     candidates : sequence of Condition, optional
-        By default 14 speeds at the middle weights: gains hardly depend on weight. Candidates may lie outside the range,
-        and outside that of the CAE runs.
+        By default 14 speeds at the middle weights: gains hardly depend on weight. They may lie outside the range.
     planned : sequence of Condition
         Tests that will be run anyway, treated as already run. To choose several tests, add the best one each time.
-
-    Returns
-    -------
-    tuple of NextTest
-        Largest gain first.
-
-    Raises
-    ------
-    NotFittedError
-        If the approach has not been fitted.
-    UsageError
-        If its bias is that of Table 4, or the range does not specify a factor that the bias depends on.
     """
     candidates = over.grid(14) if candidates is None else candidates
     targets = [domain.expected_points(condition) for condition in over.spread(_N_TARGETS)]
@@ -150,23 +132,4 @@ def rank_next_tests(
     ranked = np.argsort(after, kind="stable")
     return tuple(
         NextTest(c := candidates[i], float(before), float(after[i]), cae.extrapolation(c)) for i in ranked.tolist()
-    )
-
-
-def next_tests_table(ranked: Sequence[NextTest], units: UnitSystem = MPH_LB) -> pd.DataFrame:
-    """Ranked tests as a readable table, one row each."""
-    speed, weight, band = (units.in_si(unit) for unit in ("mph", "lb", "g"))
-    return pd.DataFrame(
-        {
-            "rank": number,
-            f"speed ({units.speed})": round(test.condition.speed_mps / speed, 1),
-            f"front weight ({units.weight})": round(test.condition.front_weight_kg / weight),
-            f"rear weight ({units.weight})": round(test.condition.rear_weight_kg / weight),
-            **dict(test.condition.factors),
-            f"band now (± {units.acceleration})": round(test.before_mps2 / band, 2),
-            f"band then (± {units.acceleration})": round(test.after_mps2 / band, 2),
-            "gain (%)": round(100 * test.gain, 1),
-            "extrapolation": "yes" if test.extrapolation else "no",
-        }
-        for number, test in enumerate(ranked, start=1)
     )

@@ -43,13 +43,7 @@ class Cost:
 
     @classmethod
     def of(cls, text: str) -> Self:
-        """Read an amount such as ``60000``, ``60,000 EUR`` or ``$60000``.
-
-        Raises
-        ------
-        UsageError
-            If it is no number above 0.
-        """
+        """Read an amount such as ``60000``, ``60,000 EUR`` or ``$60000``; a UsageError if it is no number above 0."""
         match = _AMOUNT.fullmatch(str(text).strip())
         amount = float(match["number"].replace(",", "")) if match else 0.0
         if match is None or not 0 < amount < math.inf:
@@ -76,6 +70,12 @@ class Gain:
     after: int
     gain: float
     error: float  # standard error; NaN for fewer than two held-out tests
+
+    @classmethod
+    def between(cls, ratings: pd.DataFrame, before: int, after: int) -> Self:
+        """From the columns of :meth:`LearningCurve.by_test`."""
+        difference = ratings[after] - ratings[before]
+        return cls(before, after, float(difference.mean()), _error(difference))
 
     @property
     def per_test(self) -> float:
@@ -104,15 +104,14 @@ def gains(curve: LearningCurve) -> tuple[Gain, ...]:
     if not CLASSES[curve.judged].learns_from_tests:
         return ()
     ratings = curve.by_test(curve.judged)
-    sizes = ratings.columns.tolist()
-    return tuple(_gain(ratings, *pair) for pair in pairwise(sizes))
+    return tuple(Gain.between(ratings, *pair) for pair in pairwise(ratings.columns.tolist()))
 
 
 def enough(curve: LearningCurve) -> Gain | None:
     """The gain from the fewest tests beyond which all but one gain at most twice the standard error; None if more."""
     ratings = curve.by_test(curve.judged)
     *fewer, most = ratings.columns.tolist()
-    steps = [_gain(ratings, size, most) for size in fewer]
+    steps = [Gain.between(ratings, size, most) for size in fewer]
     small = takewhile(lambda step: step.gain <= 2 * step.error, reversed(steps))
     return min(small, key=lambda step: step.before, default=None)
 
@@ -170,17 +169,20 @@ def sentences(curve: LearningCurve, cost: Cost | None = None) -> tuple[str, ...]
     name, n = curve.judged, len(curve.campaign.tests)
     statements = [_standing(curve, name, n)]
     if not CLASSES[name].learns_from_tests:
-        in_words = CLASSES[name].in_words
-        subject = in_words[:1].upper() + in_words[1:]
-        return (*statements, f"{subject} learns from no test, so further tests change nothing.")
+        return (*statements, f"{CLASSES[name].label} learns from no test: further tests change nothing.")
     if steps := gains(curve):
-        last = steps[-1]
-        change = "gained" if last.gain >= 0 else "lost"
+        last, rest = steps[-1], n - 1
+        price = _price(last.per_test, cost) if last.is_clear else ": no gain that can be told from scatter"
         statements.append(
-            f"From {last.before} to {_count(last.after)} it {change} {abs(last.gain):.3f}{plus_minus(last.error)}"
-            f"{_price(last.per_test, cost) if last.is_clear else ': no gain that can be told from scatter'}."
+            f"From {last.before} to {last.after} tests it gains {signed(last.gain, 3)}{plus_minus(last.error)}{price}."
         )
-        statements.append(_enough(curve))
+        gain = enough(curve)
+        statements.append(
+            f"No fewer tests, chosen evenly over speed, rate as well as {rest}."
+            if gain is None
+            else f"{gain.before} of the tests, chosen evenly over speed, may rate as well as {rest}: the gain of "
+            f"{signed(gain.gain, 3)}{plus_minus(gain.error)} is within twice its standard error."
+        )
     statements.append(_outlook(one_more(curve), n, cost))
     return tuple(statements)
 
@@ -201,28 +203,17 @@ def _standing(curve: LearningCurve, name: str, n: int) -> str:
     return Sentence("{}. Its 95 % band is ± {} wide on average and holds {} of a(t).", standing, band, inside)
 
 
-def _enough(curve: LearningCurve) -> str:
-    most = len(curve.campaign.tests) - 1
-    gain = enough(curve)
-    if gain is None:
-        return f"No fewer tests, chosen evenly over speed, rate as well as {most}."
-    return (
-        f"{gain.before} of these tests, chosen evenly over speed, may rate as well: with {most} it rates "
-        f"{signed(gain.gain, 3)}{plus_minus(gain.error)}, within twice the standard error."
-    )
-
-
 def _outlook(more: OneMore | None, n: int, cost: Cost | None) -> str:
     if more is None:
-        return f"What one more test would add cannot be told from {_count(n)}; it takes at least 5."
+        return f"What one more test would add cannot be told from {n} tests; it takes at least 5."
+    if more.lower >= _NOTHING:
+        interval = f"{more.lower:.3f} to {more.upper:.3f} (95 %)"
+        return f"One more test, after these {n}, should add about {more.gain:.3f}, {interval}{_price(more.gain, cost)}."
     what = f"What one more test would add to these {n} cannot be told from nothing"
     if more.upper < _NOTHING:
         return f"{what}."
-    if more.lower < _NOTHING:
-        price = "" if cost is None else f"; at {cost} each, one hundredth costs {cost.times(0.01 / more.upper)} or more"
-        return f"{what}: about {max(more.gain, 0):.3f}, at most {more.upper:.3f} (95 %){price}."
-    interval = f"{more.lower:.3f} to {more.upper:.3f} (95 %)"
-    return f"One more test, after these {n}, should add about {more.gain:.3f}, {interval}{_price(more.gain, cost)}."
+    price = "" if cost is None else f"; at {cost} each, one hundredth costs {cost.times(0.01 / more.upper)} or more"
+    return f"{what}: about {max(more.gain, 0):.3f}, at most {more.upper:.3f} (95 %){price}."
 
 
 def _price(per_test: float, cost: Cost | None) -> str:
@@ -232,11 +223,6 @@ def _price(per_test: float, cost: Cost | None) -> str:
     return f" ({rate}, at {cost} each: {cost.times(0.01 / per_test)} for one hundredth of rating)"
 
 
-def _gain(ratings: pd.DataFrame, before: int, after: int) -> Gain:
-    difference = ratings[after] - ratings[before]
-    return Gain(before, after, float(difference.mean()), _error(difference))
-
-
 def _error(values: "pd.Series[float]") -> float:
     return float(values.std() / math.sqrt(len(values))) if len(values) > 1 else math.nan
 
@@ -244,7 +230,3 @@ def _error(values: "pd.Series[float]") -> float:
 def plus_minus(error: float) -> str:
     """A standard error as text to follow a value; empty if it is unknown."""
     return "" if math.isnan(error) else f" ± {error:.3f}"
-
-
-def _count(n: int) -> str:
-    return f"{n} test{'s' * (n != 1)}"

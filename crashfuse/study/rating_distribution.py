@@ -45,16 +45,9 @@ class RatingDistribution(Distribution):
     ) -> Self:
         """From ratings of left-out tests; three of them say little of their spread, so that of other campaigns counts.
 
-        Parameters
-        ----------
-        ratings : ndarray, shape (n_tests,)
-            Of left-out tests, one at least.
-        away_mps : ndarray, shape (n_tests,)
-            Difference of their speeds from the one asked for: the nearer, the more they count.
-        agreements : ndarray, shape (n_tests,), optional
-            The :func:`agreement` of the prediction of each; NaN without draws.
-        here : float, optional
-            The same of the prediction whose rating is asked for: where less is known, ratings are lower.
+        ``away_mps`` are the differences of their speeds from the one asked for: the nearer, the more they count.
+        ``agreements`` are the :func:`agreement` of the prediction of each, ``here`` that of the prediction whose rating
+        is asked for: where less is known, ratings are lower.
         """
         weights = np.exp((away_mps.min() - away_mps) / _REACH_MPS)  # the nearest test counts once
         surer = np.nan_to_num(_logs(here) - _logs(agreements)) * np.ones_like(ratings)

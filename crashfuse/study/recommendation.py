@@ -5,9 +5,8 @@ tests, of two at least: one alone cannot tell approaches apart. It is decided by
 (CRPS), and explained in ratings.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -52,12 +51,11 @@ class Recommendation:
         return f"<Recommendation: {self.sentences[0]}>"
 
     def after(self, rating: float) -> tuple[str, ...]:
-        """The sentences once the test is known: how the expectation came out is told first."""
+        """The sentences once the test is known: how the expectation came out comes first."""
         if self.expected is None:
             return self.sentences
-        first, *reasons = self.sentences
-        use = first.partition(". ")[0].removeprefix("Use ")
-        return f"Recommended was {use}. {self.expected.outcome(rating)}", self.expected.sentence, *reasons
+        use = f"Recommended was {CLASSES[self.approach].in_words}."
+        return f"{use} {self.expected.outcome(rating)}", self.expected.sentence, *self.sentences[1:]
 
 
 def recommend_for(
@@ -70,52 +68,47 @@ def recommend_for(
     """
     by_name = {estimate.approach: estimate for estimate in estimates}
     names = by_preference(by_name)
-    expected = {
-        name: found for name in names if (found := expected_rating(by_name[name], campaign, window_ms)) is not None
-    }
+    asked = {name: expected_rating(by_name[name], campaign, window_ms) for name in names}
+    expected = {name: rating for name, rating in asked.items() if rating is not None}
     if len(campaign.tests) == 1:  # not enough to learn the weights of a mixture either
         return _by_the_paper([name for name in names if not CLASSES[name].made_of] or names, campaign, condition)
     if len(expected) < len(names) and not any(CLASSES[name].learns_from_tests for name in expected):
         return _by_the_paper(names, campaign, condition)
-    most = max(expected.values(), key=lambda e: e.mean).mean
-    chosen = next(name for name in expected if expected[name].mean > most - _CLEARLY)
-    sentences: list[str] = [joined([f"Use {_in_words(chosen)}.", expected[chosen].sentence])]
-    if expected[chosen].farther:
+    most = max(rating.mean for rating in expected.values())
+    name, best = next((name, rating) for name, rating in expected.items() if rating.mean > most - _CLEARLY)
+    sentences: list[str] = [joined([f"Use {CLASSES[name].in_words}.", best.sentence])]
+    if best.farther:
         sentences.append(
-            "The condition is farther in speed from all tests than any of these was from the others; only the width of "
-            "the band tells what that costs."
+            "The condition is farther in speed from all tests than any of these was from the others: see the width of "
+            "the band."
         )
-    if chosen != BASELINE and BASELINE in expected:
-        raw = expected[BASELINE].mean
-        worse = " No better than that is to be expected here." * (expected[chosen].mean <= raw)
-        sentences.append(f"The raw CAE model rated {raw:.2f} on the same tests.{worse}")
-    if CLASSES[chosen].made_of:
-        sentences.append(by_name[chosen].prediction.notes[0])
-    if expected[chosen].median <= _GOOD:
-        good = grade(_GOOD + 1e-9)
-        likely = "to be expected" if expected[chosen].upper <= _GOOD else "likely"
-        sentences.append(f"Less than {good} is {likely}: a guide, not a proof.")
-    sentences.append(
-        "Here tests are left out of this one fit; a study fits anew without each, and rates them otherwise."
-    )
-    return Recommendation(chosen, (*sentences, *campaign.cae.extrapolation(condition)), expected[chosen])
+    if name != BASELINE and BASELINE in expected:
+        worse = " No better than that is to be expected here." * (best.mean <= expected[BASELINE].mean)
+        sentences.append(f"The raw CAE model rated {expected[BASELINE].mean:.2f} on the same tests.{worse}")
+    if CLASSES[name].made_of:
+        sentences.append(by_name[name].prediction.notes[0])
+    if best.median <= _GOOD:
+        likely = "to be expected" if best.upper <= _GOOD else "likely"
+        sentences.append(f"Less than {grade(_GOOD + 1e-9)} is {likely}: a guide, not a proof.")
+    sentences.append("Here tests are left out of this one fit; a study fits anew without each.")
+    return Recommendation(name, (*sentences, *campaign.cae.extrapolation(condition)), best)
 
 
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
-    """The paper's own advice (Sect. 4.3), for use when no left-out predictions are available."""
+    """The paper's advice (Sect. 4.3), for use when no left-out predictions are available."""
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
-    beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
-    chosen = AboutTimeDomain.name if beside else names[0]
+    is_beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
+    name = AboutTimeDomain.name if is_beside else names[0]
     reason = Sentence(
         "Use {}: the nearest test is {} away, and the paper (Sect. 4.3) trusts the time domain beside a test of about "
         "the same speed, else the displacement domain.",
-        _in_words(chosen),
+        CLASSES[name].in_words,
         speed(away),
     )
-    unknown = "How it predicts tests that it has not seen was not asked under these settings."
+    unknown = "What rating to expect is not known: no test was left out under these settings."
     if len(campaign.tests) == 1:
-        unknown = "There is only one test, which cannot be left out: what rating to expect is not known."
-    return Recommendation(chosen, (reason, unknown, *campaign.cae.extrapolation(condition)))
+        unknown = "What rating to expect is not known: there is only one test, which cannot be left out."
+    return Recommendation(name, (reason, unknown, *campaign.cae.extrapolation(condition)))
 
 
 def recommend(study: Study) -> Recommendation:
@@ -127,7 +120,13 @@ def recommend(study: Study) -> Recommendation:
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
     if study not in _recommended:  # requested by files, report, and terminal or page
-        _recommended[study] = _recommendation(study) if len(study.folds) > 1 else _recommendation_for_one(study)
+        if len(study.folds) > 1:
+            _recommended[study] = _recommendation(study)
+        else:
+            (fold,), window_ms = study.folds, max(study.config.windows_ms)
+            advice = recommend_without(study, fold, window_ms)
+            rating = fold.ratings[advice.approach][window_ms].overall
+            _recommended[study] = replace(advice, sentences=advice.after(rating))
     return _recommended[study]
 
 
@@ -140,97 +139,63 @@ def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendat
     return recommend_for(fold.estimates, rest, fold.test.condition, window_ms)
 
 
-def _recommendation_for_one(study: Study) -> Recommendation:
-    (fold,), window_ms = study.folds, max(study.config.windows_ms)
-    advice = recommend_without(study, fold, window_ms)
-    return replace(advice, sentences=advice.after(fold.ratings[advice.approach][window_ms].overall))
-
-
 def _recommendation(study: Study) -> Recommendation:
-    verdict = _Verdict(study)
-    chosen = verdict.equal[0]  # the preferred one
-    others = [name for name in verdict.names if name != chosen]
-    crps = {name: Quantity((mean,), "g", ".2f") for name, mean in verdict.mean_crps_g.items()}
-    compared = [Sentence("{} {}", _in_words(name), crps[name]) for name in others]
-    n = len(study.folds)
+    window_ms, n = max(study.config.windows_ms), len(study.folds)
+    crps = {name: _crps_g(study, name, window_ms) for name in by_preference(study.config.approaches)}
+    best = min(crps.values(), key=lambda values: float(values.mean()))
+    excess = {name: values - best for name, values in crps.items()}
+    # the best and all within a standard error of it, the preferred one first
+    name, *equal = [name for name, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(n)]
+    shown = {other: Quantity((float(values.mean()),), "g", ".2f") for other, values in crps.items()}
+    others = [Sentence("{} {}", CLASSES[other].in_words, value) for other, value in shown.items() if other != name]
     sentences: list[str] = [
         Sentence(
-            f"Use {{}} for this campaign. Over 0–{verdict.window_ms:g} ms, on {n} tests that were left out, its mean "
-            "distance from what was measured (CRPS, less is better) is {}{}{}.",
-            _in_words(chosen),
-            crps[chosen],
-            "; " if compared else "",
-            joined(compared, ", "),
+            f"Use {{}} for this campaign. Over 0–{window_ms:g} ms, on {n} tests that were left out, its mean "
+            "distance from what was measured (CRPS, less is better) is {}.",
+            CLASSES[name].in_words,
+            joined([Sentence("{}", shown[name]), *filter(None, [joined(others, ", ")])], "; "),
         ),
-        joined(["Mean", verdict.ratings_of(chosen)]),
+        joined(["Mean", _ratings(study, name, window_ms)]),
     ]
-    if equal := [name for name in verdict.equal if name != chosen]:
-        sentences.append(f"These tests can't tell it from {' and '.join(_in_words(name) for name in equal)}.")
-    if chosen in study.coverage:
-        found = study.coverage[chosen]
-        n = len(found.tests)
+    if equal:
+        sentences.append(f"These tests can't tell it from {' and '.join(CLASSES[other].in_words for other in equal)}.")
+    if name in study.coverage:
+        coverage = study.coverage[name]
+        n = len(coverage.tests)
         sentences.append(
-            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to the time of zero velocity (TTZV) "
-            f"inside, maximum crush in {found.count('crush')} of {n} left-out tests, peak in "
-            f"{found.count('peak')} of {n}."
+            f"95 % model band: {100 * coverage.share('accel'):.0f} % of a(t) up to the time of zero velocity (TTZV) "
+            f"inside, maximum crush in {coverage.count('crush')} of {n} left-out tests, peak in "
+            f"{coverage.count('peak')} of {n}."
         )
     if study.speed_groups is not None:
-        apart = _Verdict(study.speed_groups)
-        apart_ratings = apart.ratings_of(chosen)
+        without_group = _ratings(study.speed_groups, name, window_ms)
         sentences.append(
-            Sentence("Where no test of about the same speed was left to learn from: mean {}", apart_ratings)
+            Sentence("Where no test of about the same speed was left to learn from: mean {}", without_group)
         )
-    return Recommendation(chosen, tuple(sentences))
+    return Recommendation(name, tuple(sentences))
 
 
-class _Verdict:
-    """Comparison of the approaches on the left-out tests of a study."""
-
-    def __init__(self, study: Study) -> None:
-        self.study = study
-        self.window_ms = max(study.config.windows_ms)
-        self.names = by_preference(study.config.approaches)
-
-    @cached_property
-    def crps_g(self) -> Mapping[str, FloatArray]:
-        """CRPS of each approach's predictions of the tests, in g, shape (n_tests,)."""
-        return {name: np.array([self._crps(fold, name) for fold in self.study.folds]) / G for name in self.names}
-
-    def _crps(self, fold: Fold, approach: str) -> float:
+def _crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
+    """CRPS of an approach's predictions of the tests, in g, shape (n_tests,)."""
+    rated = slice(0, round(window_ms / 1e3 / DT_S), STRIDE)
+    scores = []
+    for fold in study.folds:
         prediction = fold.estimate(approach).prediction
-        rated = slice(0, round(self.window_ms / 1e3 / DT_S), STRIDE)
         draws = prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
-        measured = fold.test.pulse.accel_mps2
-        return Scores.of(measured[rated], [draws[:, rated]]).crps(np.ones(1))
-
-    @cached_property
-    def mean_crps_g(self) -> Mapping[str, float]:
-        """Mean CRPS of each approach over the tests, in g."""
-        return {name: float(values.mean()) for name, values in self.crps_g.items()}
-
-    @cached_property
-    def equal(self) -> list[str]:
-        """The best approach by CRPS and all within a standard error of it."""
-        best = self.crps_g[min(self.names, key=lambda name: self.mean_crps_g[name])]
-        n = best.size
-        excess = {name: values - best for name, values in self.crps_g.items()}
-        return [name for name, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(n)]
-
-    def ratings_of(self, name: str) -> str:
-        """The mean rating, the worst rating and the harm of an approach, to follow "mean"."""
-        overall = {f.held_out: f.ratings[name][self.window_ms].overall for f in self.study.folds}
-        mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
-        v0 = speed(self.study.campaign.test(worst).condition.speed_mps)
-        told = Sentence(f"rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({{}}, {{}})", worst, v0)
-        if name == BASELINE or BASELINE not in self.names:
-            return joined([told, "."], "")
-        raw = {f.held_out: f.ratings[BASELINE][self.window_ms].overall for f in self.study.folds}
-        below = [test for test in overall if overall[test] < raw[test]]
-        harm = max((raw[test] - overall[test] for test in below), default=0.0)
-        most = f"{'up to ' if len(below) > 1 else ''}{harm:.3f}"
-        compared = f"better than this in {', '.join(below)} (by {most})" if below else "better in no test"
-        return Sentence(f"{{}}; the raw CAE model {np.mean(list(raw.values())):.3f}, {{}}.", told, compared)
+        scores.append(Scores.of(fold.test.pulse.accel_mps2[rated], [draws[:, rated]]).crps(np.ones(1)))
+    return np.array(scores) / G
 
 
-def _in_words(approach: str) -> str:
-    return CLASSES[approach].in_words
+def _ratings(study: Study, name: str, window_ms: float) -> Sentence:
+    """The mean rating, the worst rating and the harm of an approach, to follow "mean"."""
+    overall = {fold.held_out: fold.ratings[name][window_ms].overall for fold in study.folds}
+    mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
+    v0 = speed(study.campaign.test(worst).condition.speed_mps)
+    rated = Sentence(f"rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({{}}, {{}})", worst, v0)
+    if name == BASELINE or BASELINE not in study.config.approaches:
+        return joined([rated, "."], "")
+    raw = {fold.held_out: fold.ratings[BASELINE][window_ms].overall for fold in study.folds}
+    below = [test for test in overall if overall[test] < raw[test]]
+    harm = max((raw[test] - overall[test] for test in below), default=0.0)
+    compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
+    return Sentence(f"{{}}; the raw CAE model {np.mean(list(raw.values())):.3f}, {{}}.", rated, compared)

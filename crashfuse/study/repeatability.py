@@ -36,13 +36,8 @@ _MODEL_SPREAD, _SPREAD_OF_A_TEST = 0.15, 2.0
 class Repeatability:
     """The overall ISO/TS 18571 rating that a repeat of a test would get against it over one window.
 
-    Attributes
-    ----------
-    value, lower, upper : float
-        Its expectation, and the central 95 % interval for a single repeat.
-    repeats : tuple of str
-        Ids of the tests at about the same condition whose own rating counted; empty if the scatter of tests at other
-        conditions alone tells it.
+    Its expectation, the central 95 % interval for a single repeat, and the ids of the tests at about the same condition
+    whose rating counted, beside the scatter of all tests.
     """
 
     value: float
@@ -57,14 +52,9 @@ class Repeatability:
 
     def sentence(self, rating: float, label: str) -> str:
         """How the rating of an approach's prediction compares with what a repeat would get."""
-        if rating < self.lower:
-            compared = "is below what repeats reach"
-        elif rating > self.upper:
-            compared = "is above what a repeat would get"
-        else:
-            compared = "is within what repeats reach"
+        place = "below" if rating < self.lower else "above" if rating > self.upper else "within"
         repeat = f"A repeat of this test would rate {self.text} (95 %)"
-        return f"{repeat}; the prediction's {rating:.3f} ({label}) {compared}."
+        return f"{repeat}; the prediction's {rating:.3f} ({label}) is {place} what repeats reach."
 
 
 def repeatability(
@@ -76,24 +66,10 @@ def repeatability(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> dict[str, dict[float, Repeatability]]:
-    """Estimate for tests, by default all, and windows how a repeat would rate against each; cached.
+    """Estimate for tests, by default all, and windows [0, w) how a repeat would rate against each; cached.
 
     A campaign of one test says nothing about repeats: the result is empty. So is that of a test over a window which its
     record does not fill.
-
-    Parameters
-    ----------
-    windows_ms : sequence of float
-        Ratings are over [0, w) for each w, in ms.
-    tests : sequence of str
-        Ids.
-    seed : int
-        Seed of the draws.
-
-    Raises
-    ------
-    Cancelled
-        If the watch was told to stop.
     """
     if len(campaign.tests) < 2:
         return {}
@@ -101,68 +77,59 @@ def repeatability(
     cache, chosen = cache or Cache(), tests or campaign.test_ids
     shared = {"campaign": campaign.fingerprint, "windows": windows, "seed": seed, "code": code_digest(__name__)}
     scatter: list[Scatter] = []  # learned once, and only if something is not in the cache
-    found = {}
+    by_test = {}
     for done, test_id in enumerate(chosen):
         watch.report(REPEATABILITY, done, len(chosen))
         number = campaign.test_ids.index(test_id)
+        test = campaign.tests[number]
+        repeats = repeats_of(test, campaign)
 
-        def compute(number: int = number) -> tuple[FloatArray, Entry]:
+        def compute(
+            number: int = number, test: CrashTest = test, repeats: tuple[CrashTest, ...] = repeats
+        ) -> tuple[FloatArray, Entry]:
             if not scatter:
                 scatter.append(Scatter(cache=cache).fit(campaign, watch))
-            rated = _rated(scatter[0], campaign, number, windows, np.random.default_rng([seed, number]))
+            drawn = scatter[0].repeats(test, _N_DRAWS, np.random.default_rng([seed, number]))
+            rated = _rated(test, repeats, drawn, windows, len(campaign.tests))
             return rated, {"rated": rated}
 
         rated = cache.get_or_compute(
             _KIND, {**shared, "test": test_id}, compute, lambda entry: numbers(entry, "rated", len(windows), 3), watch
         )
-        found[test_id] = _told(campaign.tests[number], campaign, windows, rated)
+        by_test[test_id] = {
+            window: Repeatability(value, lower, upper, tuple(other.id for other in repeats))
+            for window, (value, lower, upper) in zip(windows, rated.tolist(), strict=True)
+            if not np.isnan(value)
+        }
     watch.report(REPEATABILITY, len(chosen), len(chosen))
-    return found
+    return by_test
 
 
 def _rated(
-    scatter: Scatter, campaign: Campaign, number: int, windows_ms: Sequence[float], rng: np.random.Generator
+    test: CrashTest, repeats: Sequence[CrashTest], drawn: FloatArray, windows_ms: Sequence[float], n_tests: int
 ) -> FloatArray:
     """Value, lower and upper by window, NaN where there is none, shape (n_windows, 3)."""
-    test = campaign.tests[number]
-    unknown = _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / len(campaign.tests)) ** 2
-    drawn = scatter.repeats(test, _N_DRAWS, rng)
-    repeats = np.array([other.pulse.accel_mps2 for other in repeats_of(test, campaign)])
-    found = np.full((len(windows_ms), 3), np.nan)
-    for own, window in zip(found, windows_ms, strict=True):
+    unknown = _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / n_tests) ** 2
+    measured = np.array([other.pulse.accel_mps2 for other in repeats])
+    rated = np.full((len(windows_ms), 3), np.nan)
+    for row, window in zip(rated, windows_ms, strict=True):
         n = round(window / 1e3 / DT_S)
-        if window / 1e3 > test.recorded_s + 1e-3 or np.ptp(test.pulse.accel_mps2[:n]) == 0:
-            continue
-        measured = _lack(test, repeats[:, :n]) if len(repeats) else np.empty(0)
-        own[:] = combined(_lack(test, drawn[:, :n]), measured, unknown)
-    return found
-
-
-def _told(
-    test: CrashTest, campaign: Campaign, windows_ms: Sequence[float], rated: FloatArray
-) -> dict[float, Repeatability]:
-    repeats = tuple(other.id for other in repeats_of(test, campaign))
-    return {
-        window: Repeatability(value, lower, upper, repeats)
-        for window, (value, lower, upper) in zip(windows_ms, rated.tolist(), strict=True)
-        if not np.isnan(value)
-    }
+        if window / 1e3 <= test.recorded_s + 1e-3 and np.ptp(test.pulse.accel_mps2[:n]) > 0:
+            lack = _lack(test, measured[:, :n]) if len(measured) else np.empty(0)
+            row[:] = combined(_lack(test, drawn[:, :n]), lack, unknown)
+    return rated
 
 
 def repeats_of(test: CrashTest, campaign: Campaign) -> tuple[CrashTest, ...]:
     """The other tests at about the condition of this one: speed and mass within 2 %, and the same factors."""
-
-    def near(own: float, other: float) -> bool:
-        return abs(other - own) <= _SAME * own
-
-    condition = test.condition
+    mine = test.condition
     return tuple(
         other
         for other in campaign.tests
         if other.id != test.id
-        and near(condition.speed_mps, other.condition.speed_mps)
-        and near(condition.mass_kg, other.condition.mass_kg)
-        and condition.factors == other.condition.factors
+        and abs(other.condition.speed_mps - mine.speed_mps) <= _SAME * mine.speed_mps
+        and abs(other.condition.mass_kg - mine.mass_kg) <= _SAME * mine.mass_kg
+        and other.condition.factors == mine.factors
     )
 
 
@@ -173,15 +140,10 @@ def _lack(test: CrashTest, pulses_mps2: FloatArray) -> FloatArray:
 
 
 def combined(drawn: FloatArray, measured: FloatArray, unknown: float) -> tuple[float, float, float]:
-    """Value, lower and upper end of a rating from what drawn and real repeats lack to 1.
+    """Value, lower and upper end of a rating from what drawn and real repeats lack to 1, above 0.
 
     What ratings lack is taken as log-normal. The draws' mean is uncertain by the variance ``unknown`` of its logarithm,
     and each real repeat is one sample with the draws' spread, so the more repeats there are the more they count.
-
-    Parameters
-    ----------
-    drawn, measured : ndarray, shapes (n_draws,) and (n_repeats,)
-        Above 0; the second may be empty.
     """
     logs = np.log(drawn)
     spread = max(float(logs.std()), _LEAST_SPREAD)

@@ -111,7 +111,6 @@ class Computation:
     def _train_beside(
         self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Cache, early: Sequence[Wanted]
     ) -> Cache:
-        """Train the networks in a thread of this process, while the workers compute what needs none."""
         stop = threading.Event()
         with ThreadPoolExecutor(1, "training") as thread:
             try:
@@ -148,7 +147,6 @@ def _fits(wanted: Sequence[Wanted]) -> set[tuple[tuple[str, ...], str]]:
 
 
 def _tasks(wanted: Sequence[Wanted]) -> list[Task]:
-    """One task for each set of tests left out."""
     by_left_out = defaultdict[tuple[str, ...], list[Wanted]](list)
     for one in wanted:
         by_left_out[one.left_out].append(one)
@@ -219,20 +217,7 @@ def run_study(
     if approaches:
         config = replace(config, approaches=several(approaches))
     plan = StudyPlan(campaign, config, several(held_out))
-    return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
-
-
-def run_plan(
-    plan: StudyPlan,
-    *,
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    folds: MutableMapping[Hashable, Fold] | None = None,
-) -> Study:
-    """Run a plan that has already been checked, as :func:`run_study` does."""
-    campaign, config, cache = plan.campaign, plan.config, cache or Cache()
+    config, cache = plan.config, cache or Cache()
     by_fold = {
         fold_key(campaign, way, test): [Wanted(way.left_out(campaign, test), test, name) for name in config.approaches]
         for way in plan.configs

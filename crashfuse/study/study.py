@@ -85,8 +85,7 @@ class Fold:
 
     def explained(self, approach: str, window_ms: float) -> RatingExplanation:
         """What the rating of an approach's prediction over [0, window_ms) is made of."""
-        key = approach, window_ms
-        if key not in self._explained:
+        if (key := (approach, window_ms)) not in self._explained:
             predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
             self._explained[key] = explain_rating(self.test.pulse, predicted, window_ms)
         return self._explained[key]
@@ -96,8 +95,7 @@ class Fold:
 
         If the band is right, these are plausible ratings of a repeated test.
         """
-        key = approach, window_ms
-        if key not in self._drawn:  # a hundred ratings: computed on request, and once
+        if (key := (approach, window_ms)) not in self._drawn:  # a hundred ratings: computed on request, and once
             draws = self.estimate(approach).prediction.draws_mps2
             if draws is None:
                 raise UsageError(f"{approach} has no band to draw pulses from.")
@@ -229,7 +227,7 @@ class Study:
             If the folder cannot be written.
         """
         shown = views.Display.of(self.campaign.units, **display)
-        views.write_study(self, folder, shown, views.ReportOptions() if report is None else report)
+        views.write_result("study", folder, self, shown, report or views.ReportOptions())
 
     def __repr__(self) -> str:
         window = self.config.windows_ms[-1]

@@ -51,7 +51,7 @@ def sweep_speed(
     """Predict at several impact speeds (such as :func:`usual_speeds`), all else equal: one sweep for each fit.
 
     All fits are of one campaign. ``each`` is called with the estimates at each speed; the sweep keeps their metrics
-    only. Raises as :func:`crashfuse.study.estimate.estimates_at`, and Cancelled if the watch was told to stop.
+    only.
     """
     speeds = np.unique(speeds_mps)
     rows = []
@@ -62,9 +62,8 @@ def sweep_speed(
         if each is not None:
             each(estimates)
     watch.report(_STEP, len(speeds), len(speeds))
-    return tuple(
-        Sweep(fit.approach.name, condition, speeds, tuple(row[i] for row in rows)) for i, fit in enumerate(fits)
-    )
+    columns = zip(*rows, strict=True)
+    return tuple(Sweep(fit.approach.name, condition, speeds, column) for fit, column in zip(fits, columns, strict=True))
 
 
 def usual_speeds(campaign: Campaign) -> FloatArray:
@@ -76,8 +75,12 @@ def usual_speeds(campaign: Campaign) -> FloatArray:
     crashes = [*runs, *((test.condition.speed_mps, test.pulse.accel_mps2) for test in campaign.tests)]
     crashes.sort(key=lambda crash: crash[0])
     quick = [crash for crash in crashes if crash[0] >= _SLOWEST_MPS] or crashes
+
+    def stops(accel_mps2: FloatArray, speed_mps: float) -> bool:
+        return bool(np.isfinite(kinematics(accel_mps2.astype(np.float64), speed_mps, DT_S).t0_s))
+
     low, high = (
-        next((speed for speed, accel in ordered if _stops(accel, speed)), ordered[0][0])
+        next((speed for speed, accel in ordered if stops(accel, speed)), ordered[0][0])
         for ordered in (quick, quick[::-1])
     )
     return speeds_between(low, high)
@@ -87,10 +90,6 @@ def speeds_between(low_mps: float, high_mps: float) -> FloatArray:
     """Every full mph between two speeds in m/s, and these themselves."""
     within = np.arange(np.ceil(low_mps / MPH), np.floor(high_mps / MPH) + 1) * MPH
     return np.unique(np.clip([low_mps, *within, high_mps], low_mps, high_mps))
-
-
-def _stops(accel_mps2: FloatArray, speed_mps: float) -> bool:
-    return bool(np.isfinite(kinematics(accel_mps2.astype(np.float64), speed_mps, DT_S).t0_s))
 
 
 def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tuple[tuple[float, float], ...]:
@@ -115,10 +114,10 @@ def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
 
 
 def weights_sentence(condition: Condition, tests: Sequence[CrashTest]) -> str:
-    """A sentence on the weights of a sweep, and on the different ones of the tests."""
+    """The weights of a sweep, and those of the tests."""
     swept = Sentence("Swept at front {}, rear {}.", weight(condition.front_weight_kg), weight(condition.rear_weight_kg))
     if not tests:
         return swept
     weights = np.array([test.condition.vector[1:] for test in tests])
     front, rear = (weight(*ends) for ends in zip(weights.min(axis=0), weights.max(axis=0), strict=True))
-    return Sentence("{} The tests were run with weights of their own: front {}, rear {}.", swept, front, rear)
+    return Sentence("{} Weights of the tests: front {}, rear {}.", swept, front, rear)

@@ -132,7 +132,7 @@ def test_what_cannot_be_drawn_is_one_sentence(
     assert cli.main(["figures", str(tmp_path / "none.html"), *out]) == cli.WRONG_DATA
     assert "none.html: expected a report.html of crashfuse with figures, found no such file" in capsys.readouterr().err
     assert cli.main(["figures", str(report), "--out", str(report)]) == cli.WRONG_USAGE
-    assert "is a file, not a folder" in capsys.readouterr().err
+    assert "Not a folder, but a file, is" in capsys.readouterr().err
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     assert cli.main(["figures", str(report), *out]) == cli.WRONG_USAGE
     assert 'python -m pip install "crashfuse[figures]"' in capsys.readouterr().err

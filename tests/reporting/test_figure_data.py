@@ -18,11 +18,10 @@ from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import add_corridors, motion, overlay
-from crashfuse.reporting.plots.ratings import rated_curves, rating_heatmap, rating_parts, rating_spread
+from crashfuse.reporting.plots.ratings import rated_curves, rating_heatmap, rating_spread
 from crashfuse.reporting.result_tables import pulses_table
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse, kinematics
-from crashfuse.signals.rating import Rating
 from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.study.estimate import Estimate
 from crashfuse.units import MPH, MS, G
@@ -127,15 +126,6 @@ def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
     assert list(cells)[1:] == ["CAE", "Fused"]
     assert cells.iloc[:, 0].tolist() == ["Test T1", "Test T2", "Mean"]
     np.testing.assert_allclose(cells["Fused"], [0.9, 0.8, 0.85], rtol=1e-6)
-
-
-def test_bars_are_a_column_of_numbers() -> None:
-    """Each from zero to its value, with the name it stands at."""
-    scores = {"cae": (0.8, 0.5, 0.75, 0.25), "fused": (1.0, 0.9, 0.8, 0.7)}
-    bars = table(rating_parts({name: Rating(0.5, *parts, "Fair") for name, parts in scores.items()}))
-    assert bars["Curve"].tolist() == ["CAE"] * 4 + ["Fused"] * 4
-    assert bars["x"].tolist()[:2] == ["Corridor (40 %)", "Phase (20 %)"]
-    np.testing.assert_allclose(bars["Score"], [0.8, 0.5, 0.75, 0.25, 1.0, 0.9, 0.8, 0.7], rtol=1e-6)
 
 
 def test_a_name_is_no_formula() -> None:

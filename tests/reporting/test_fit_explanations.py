@@ -9,6 +9,7 @@ from crashfuse.reporting.fit_explanations import coverage_table, fit_sentences, 
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
+from tests.golden import assert_golden
 
 INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
 STATE = {
@@ -59,53 +60,15 @@ def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
     assert fit_table({}).empty
 
 
-def test_a_fit_is_told_in_sentences() -> None:
-    """What was compared, which factor won, how far the band was widened and what lies inside then."""
-    text = " ".join(fit_sentences(STATE))
-    assert "300 points" in text
-    assert "Factors: powertrain" in text
-    assert "none −10, powertrain −3" in text
-    assert "likelihood −12," in text
-    assert "scaled by 1.15." in text
-    assert "crush in 3 of 3 tests and peak deceleration in 3." in text
-    assert "too little for a 95 % band" in text  # v(t) 90 %
+def test_what_is_said_of_fits() -> None:
+    """Of a bias model, alive and dead, a fine-tuning, a mixture, and a band that was widened more after TTZV."""
+    tuned = {"members": 4, "weights": 63000, "penalty": 0.02, "left_out_rmse": {"0.02": 0.23, "0.06": 0.25}}
+    states = [
+        STATE,
+        {**STATE, "dead": True, "factors": [], "band_check": {}},
+        {**tuned, "left_out_delta_v_misfit": 0.041, "band_check": Calibration(1.0, (INSIDE,) * 3).state},
+        {"weights_at_equal_bands": {"time domain": 0.4, "displacement domain": 0.6, "raw CAE": 0.0}},
+        {"band_check": Calibration(1.15, (INSIDE,) * 3, late_widening=2.0).state},
+    ]
+    assert_golden("fits", [str(sentence) for state in states for sentence in fit_sentences(state)])
     assert fit_sentences({}) == []
-
-
-def test_a_fine_tuning_is_told_in_sentences() -> None:
-    """The members, what was chosen and from what, and how well ΔV was met."""
-    state = {
-        "members": 4,
-        "weights": 63000,
-        "penalty": 0.02,
-        "left_out_rmse": {"0.02": 0.23, "0.06": 0.25},
-        "left_out_delta_v_misfit": 0.041,
-        "band_check": Calibration(1.0, (INSIDE,) * 3).state,
-    }
-    first, second = fit_sentences(state)
-    assert "4 networks of 63,000 weights" in first
-    assert "0.02 of the increments are a test's own, chosen from 0.02, 0.06" in first
-    assert "met to 4.1 % of impact speed" in first
-    assert second.startswith("Band: calibrated on 3 tests")
-    assert fit_table(state).empty
-
-
-def test_a_dead_fit_is_called_one() -> None:
-    """So that nobody takes an uncorrected pulse for a corrected one."""
-    assert "explains no more than noise" in " ".join(fit_sentences({**STATE, "dead": True}))
-    assert "explains more than noise" in " ".join(fit_sentences(STATE))
-
-
-def test_a_mixture_is_told_in_a_sentence() -> None:
-    """The weight of each component where both approaches are equally sure, and what else counts."""
-    components = ("time domain", "displacement domain", "raw CAE")
-    (sentence,) = fit_sentences({"weights_at_equal_bands": dict(zip(components, (0.4, 0.6, 0.0), strict=True))})
-    assert "time domain 0.40, displacement domain 0.60, raw CAE 0.00" in sentence
-    assert "narrower band counts for more" in sentence
-
-
-def test_a_factor_of_its_own_after_zero_velocity_is_told() -> None:
-    """A band that was widened more after TTZV says so."""
-    check = Calibration(1.15, (INSIDE,) * 3, late_widening=2.0).state
-    (sentence,) = fit_sentences({"band_check": check})
-    assert "scaled by 1.15 (2 after TTZV)." in sentence

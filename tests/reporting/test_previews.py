@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import crashfuse
-from crashfuse.errors import DataError, UsageError
-from crashfuse.importing import Choices, import_source
+from crashfuse.importing import import_source
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import imported_pulse
 from tests.importing.crash_files import german
@@ -50,11 +49,3 @@ def test_what_is_missing_stands_beside_the_channels(table: Path) -> None:
     assert preview.plot().layout.yaxis.title.text == "As in the file"
     assert repr(preview) == f"<Preview of 'V7': {len(preview.problems)} problems>"
     assert "expected the impact speed" in preview._repr_html_()
-
-
-def test_a_preview_refuses_what_the_import_refuses(table: Path, tmp_path: Path) -> None:
-    """A channel that is not there, a source that is not there."""
-    with pytest.raises(UsageError, match="There is no channel 99"):
-        crashfuse.preview_source(table, Choices(channels=("99",), condition=GIVEN.condition))
-    with pytest.raises(DataError, match="expected a file or folder to import, found nothing there"):
-        crashfuse.preview_source(tmp_path / "none.csv")

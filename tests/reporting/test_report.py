@@ -15,7 +15,6 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.palette import COLOURS, FURTHER_COLOURS
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report import ReportOptions, prediction_report, study_report
 from crashfuse.study.account import worst_test
@@ -92,13 +91,6 @@ def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
     assert "How well tests repeat" not in study_report(study)
 
 
-def test_a_study_recommends_before_it_shows(text: str) -> None:
-    """The verdict stands at the top; each test has what was recommended before it was run, and what came of it."""
-    assert text.index("for this campaign") < text.index("<h2>Result")
-    assert text.count("Recommended before it was run") == 2
-    assert text.count("It then rated 1.000 (Excellent) over 0–60 ms.") == 2
-
-
 def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None:
     """At the top, with how it came out; in the window of the page."""
     text = study_report(replace(study, folds=study.folds[:1]), Display(window_ms=20.0))
@@ -107,23 +99,13 @@ def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None
     assert "<h3>The test itself</h3>" in text
 
 
-def test_a_study_of_one_test_has_no_means(study: Study) -> None:
-    """Nor what goes with several: tests in turn, a heat map of one row; whole and short."""
-    alone = replace(study, folds=study.folds[:1])
-    for own in (study_report(alone), study_report(alone, options=ReportOptions("short"))):
-        assert "The test was left out and predicted from the others." in own
-        assert "in turn" not in own
-        assert "Every held-out test" not in own
-        assert "<td>Mean</td>" not in own
-
-
 def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst(text: str, study: Study) -> None:
     """A sentence each; the worst test is named below the verdict, with what is known of it."""
     assert text.count("Why it is rated as it is") == 2
     assert text.count("over 0–60 ms: nothing is lost.") == 2
     worst = text.partition("<h3>The worst test</h3>")[2].partition("</section>")[0]
     assert re.search(f"<p>{worst_test(study).test.id}, .* mph, over 0–60 ms: ", worst)
-    assert "at about its speed; it takes three to tell whether a test stands apart." in worst
+    assert "it takes 3 to tell whether a test stands apart." in worst
     assert text.count("Magnitude 1.000") == 1  # the title of a row of its figure
 
 
@@ -138,12 +120,6 @@ def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, 
     assert "0 of 24 pass, 1 fail, 23 cannot be judged" in told
     assert "Runs that fail: C00 (hourglass energy 12 %)." in told
     assert "<td>Hourglass energy, largest</td><td>largest internal energy</td><td>&lt; 10</td><td>23</td>" in told
-
-
-def test_a_study_names_the_command_that_makes_it_again(text: str, campaign: Campaign) -> None:
-    """With the fingerprint of the data."""
-    assert "crashfuse study CAMPAIGN --out DIR --held-out T1 T2 --approach cae" in text
-    assert campaign.fingerprint in text
 
 
 @pytest.mark.slow
@@ -161,34 +137,18 @@ def test_the_best_rating_of_each_window_is_bold(study: Study) -> None:
     assert f"<tr><td>CAE</td><td>{ratings[20.0].overall:.3f}</td><td>{ratings[60.0].overall:.3f}</td></tr>" in text
 
 
-def test_abbreviations_are_written_out_where_they_occur(study: Study, text: str) -> None:
-    """LF and MF before the tables of a report that has the LF network, and in no other."""
-    assert "LF" not in re.sub("<script.*?</script>", "", text, flags=re.DOTALL)
-    fold = study.folds[0]
-    folds = (Fold.of(fold.test, [replace(fold.estimates[0], approach="lf_tcn")], CONFIG.windows_ms),)
-    other = study_report(replace(study, config=replace(CONFIG, approaches=("lf_tcn",)), folds=folds))
-    assert other.index("low-fidelity (LF) network") < other.index("<td>LF TCN")
-    assert other.index("multi-fidelity (MF) network") < other.index("<td>LF TCN")
-
-
-@pytest.mark.slow
-def test_every_table_of_metrics_names_its_test(text: str) -> None:
-    """On paper it may begin a page, right above the next test's heading."""
-    assert [text.count(f"<th>Pulse metric, {test}</th>") for test in ("T1", "T2")] == [2, 2]  # main and further metrics
-
-
 def test_accelerations_that_the_command_would_write_otherwise_are_said_to_be(study: Study, text: str) -> None:
     """Beside the command, in every form of a report; it has no options for their unit and sign."""
     shown = Display(unit="m/s²", deceleration=True)
-    said = "Acceleration is shown in m/s² and as deceleration here; what the command writes has it in g, with the data"
+    said = "Shown: deceleration (m/s²); the command"
     for own in (
         study_report(study, shown),
         study_report(study, shown, ReportOptions("short")),
         prediction_report(study.campaign, study.folds[0].estimates, CONFIG, shown),
     ):
         assert said in own
-    assert "Acceleration is shown as deceleration here;" in study_report(study, Display(deceleration=True))
-    assert "Acceleration is shown" not in text
+    assert "Shown: deceleration (g);" in study_report(study, Display(deceleration=True))
+    assert "Shown: " not in text
 
 
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
@@ -196,14 +156,6 @@ def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) ->
     both = study_report(replace(study, speed_groups=study))
     assert "A whole speed group left out" in both
     assert figures(both) == figures(study_report(study)) + 1
-
-
-def test_paper_gets_page_breaks_and_no_scrollbars(text: str) -> None:
-    """Figures are made to fit, no paragraph or row is cut, and nothing scrolls by itself."""
-    assert "p, li { break-inside: avoid }" in text
-    assert "beforeprint" in text
-    assert "overflow: auto" not in text
-    assert "overflow: scroll" not in text
 
 
 def test_what_users_typed_is_text(study: Study) -> None:
@@ -248,36 +200,6 @@ def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campai
     assert whole.index("Pulse metrics at") < whole.index("Beside other predictions") < whole.index("Over displacement")
     with pytest.raises(UsageError, match="whole"):
         prediction_report(campaign, [estimate(here)], CONFIG, form="brief")  # type: ignore[arg-type]
-
-
-def test_what_a_report_of_a_prediction_begins_with_it_does_not_tell_again(campaign: Campaign) -> None:
-    """What the recommended approach says of itself stands at the top; other notes stand below the metrics."""
-    known = estimate(campaign.tests[0])
-    notes = replace(known.prediction, notes=("Made of two parts.", "CAE pulse: emulated."))
-    for form in ("whole", "short"):
-        text = prediction_report(campaign, [replace(known, approach="fused", prediction=notes)], CONFIG, form=form)
-        assert text.count("Made of two parts.") == 1
-        assert text.index("Made of two parts.") < text.index("Fused: CAE pulse: emulated.")
-
-
-def test_predictions_beside_one_look_as_on_the_page(campaign: Campaign) -> None:
-    """It has the colour of its approach, others those of curves put beside; a seed is told, and its command."""
-    first, other = (estimate(test) for test in campaign.tests[:2])
-    beside = [
-        PredictedPulse(campaign, (first,), replace(CONFIG, seed=7)),
-        PredictedPulse(campaign, (other,), CONFIG),
-    ]
-    text = prediction_report(campaign, [first], CONFIG, beside=beside)
-    assert re.search("Difference, 15.0 mph[^<]*, seed 7", text)
-    assert re.search(r"--speed-mph 15 [^;]*--seed 7", text)
-    drawn = figures_of(text).figures
-    looks = [
-        {trace["name"]: trace["line"]["color"] for trace in figure.drawn["data"] if trace.get("showlegend", True)}
-        for figure in drawn
-    ]
-    (look,) = [look for look in looks if any(" at 25.0 mph" in name for name in look)]
-    assert list(look.values()) == [COLOURS["cae"], *FURTHER_COLOURS[:2]]
-    assert "CAE, seed 7 (95 % band)" in look
 
 
 def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campaign) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crashfuse import StudyConfig, UsageError, run_study, watching
+from crashfuse import StudyConfig, run_study, watching
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.watched import Watched
 
@@ -31,21 +31,6 @@ def test_a_long_curve_is_thinned_but_keeps_its_end() -> None:
     assert len(points) <= 1000
     assert points[0] == (0, 0)
     assert points[-1] == (4999, 4999)
-
-
-def test_a_watch_says_in_a_line_what_it_saw() -> None:
-    """And in a sentence what it cannot draw."""
-    watch = watched()
-    assert repr(watch) == "<Watched: nothing yet>"
-    with pytest.raises(UsageError, match="No step has reported values to draw"):
-        watch.plot()
-    watch.report("Read", 1, 1)
-    watch.report("Train", 3, 1000)
-    assert repr(watch) == "<Watched: 2 steps, at last 'Train': 3 of 1,000>"
-    with pytest.raises(UsageError, match="There is no step 'Trian'; did you mean Train"):
-        watch.plot("Trian")
-    with pytest.raises(UsageError, match="The step Train has reported no values to draw"):
-        watch.plot("Train")
 
 
 @pytest.mark.slow

@@ -47,6 +47,13 @@ def past(finished: Study) -> PastResult:
     return PastResult.of_study(finished)
 
 
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of the records."""
+    monkeypatch.setattr(history, "_home", lambda: tmp_path)
+    return tmp_path
+
+
 def test_a_study_is_found_again_with_every_rating(finished: Study, past: PastResult) -> None:
     """To six digits, in both ways; the worst test and the mean are those of the study."""
     keep(past)
@@ -105,7 +112,7 @@ def test_a_note_that_somebody_else_wrote_since_is_not_lost(past: PastResult) -> 
     annotate(replace(past, note="before the new rail"), "with the old barrier")
     assert past_results() == [replace(anew, note="with the old barrier")]
     forget(past)
-    with pytest.raises(DataError, match="it was taken off the list"):
+    with pytest.raises(DataError, match="no such result any more"):
         annotate(past, "late")
     assert not past_results()
 
@@ -128,14 +135,14 @@ def test_the_same_question_has_one_record_and_another_has_its_own(past: PastResu
     assert past_results()[0].mean("cae", 60.0) == 1.0
 
 
-def test_only_the_latest_are_kept(past: PastResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_the_latest_are_kept(past: PastResult, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The oldest file makes room."""
     monkeypatch.setattr(history, "MOST", 3)
     for seed in range(5):
         result = replace(past, config=replace(past.config, seed=seed))
-        keep(result, tmp_path)
-        os.utime(tmp_path / f"{result.id}.json", (seed, seed))
-    assert sorted(result.config.seed for result in past_results(tmp_path)) == [2, 3, 4]
+        keep(result)
+        os.utime(home / f"{result.id}.json", (seed, seed))
+    assert sorted(result.config.seed for result in past_results()) == [2, 3, 4]
 
 
 @pytest.mark.parametrize(
@@ -154,32 +161,35 @@ def test_only_the_latest_are_kept(past: PastResult, tmp_path: Path, monkeypatch:
         {"expected": [1]},
     ],
 )
-def test_a_damaged_record_is_passed_over(past: PastResult, tmp_path: Path, change: dict[str, object]) -> None:
+def test_a_damaged_record_is_passed_over(past: PastResult, home: Path, change: dict[str, object]) -> None:
     """Cut off, of another form, or no JSON at all: the others are listed nevertheless."""
-    keep(past, tmp_path)
-    whole = (tmp_path / f"{past.id}.json").read_text(encoding="utf-8")
-    (tmp_path / "cut.json").write_text(whole[:100], encoding="utf-8")
-    (tmp_path / "deep.json").write_text("[" * 100_000, encoding="utf-8")
-    (tmp_path / "bytes.json").write_bytes(b"\xff\x00")
-    (tmp_path / "huge.json").write_text(whole + " " * 2_000_000, encoding="utf-8")
-    (tmp_path / "changed.json").write_text(json.dumps({**json.loads(whole), **change}), encoding="utf-8")
-    assert past_results(tmp_path) == [past]
+    keep(past)
+    whole = (home / f"{past.id}.json").read_text(encoding="utf-8")
+    (home / "cut.json").write_text(whole[:100], encoding="utf-8")
+    (home / "deep.json").write_text("[" * 100_000, encoding="utf-8")
+    (home / "bytes.json").write_bytes(b"\xff\x00")
+    (home / "huge.json").write_text(whole + " " * 2_000_000, encoding="utf-8")
+    (home / "changed.json").write_text(json.dumps({**json.loads(whole), **change}), encoding="utf-8")
+    assert past_results() == [past]
 
 
-def test_two_that_write_at_once_lose_nothing(past: PastResult, tmp_path: Path) -> None:
+def test_two_that_write_at_once_lose_nothing(past: PastResult, home: Path) -> None:
     """Each record is a file of its own, renamed when it is whole."""
     results = [replace(past, config=replace(past.config, seed=seed % 20)) for seed in range(60)]
     with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda result: keep(result, tmp_path), results))
-    assert sorted(result.config.seed for result in past_results(tmp_path)) == list(range(20))
-    assert {path.suffix for path in tmp_path.iterdir()} == {".json"}
+        list(pool.map(lambda result: keep(result), results))
+    assert sorted(result.config.seed for result in past_results()) == list(range(20))
+    assert {path.suffix for path in home.iterdir()} == {".json"}
 
 
-def test_where_nothing_can_be_written_the_result_stands(past: PastResult, tmp_path: Path) -> None:
+def test_where_nothing_can_be_written_the_result_stands(
+    past: PastResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A full disk, or a folder of someone else, costs the record alone."""
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    keep(past, tmp_path / "file")
-    assert past_results(tmp_path / "file") == []
+    monkeypatch.setattr(history, "_home", lambda: tmp_path / "file")
+    keep(past)
+    assert past_results() == []
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_many
-from crashfuse.study.repeatability import Repeatability, combined, repeatability, repeats_of
+from crashfuse.study.repeatability import combined, repeatability, repeats_of
 from crashfuse.synthetic.models import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
 from crashfuse.synthetic.sample import TABLE_1
 from crashfuse.units import LB, MPH
@@ -106,17 +106,6 @@ def test_it_is_computed_once_and_can_be_cancelled(campaign: Campaign, tmp_path: 
     cache = Cache(tmp_path)
     assert repeatability(campaign, WINDOWS, cache=cache) == first
     assert {name.split("/")[0] for name in cache.used} == {"repeatability"}
-
-
-def test_a_sentence_places_a_prediction_beside_what_repeats_reach() -> None:
-    """Below, within and above the interval."""
-    repeat = Repeatability(0.95, 0.91, 0.97)
-    assert repeat.sentence(0.93, "Fused") == (
-        "A repeat of this test would rate 0.950 [0.91, 0.97] (95 %); the prediction's 0.930 (Fused) is within what "
-        "repeats reach."
-    )
-    assert "0.850 (CAE) is below what repeats reach" in repeat.sentence(0.85, "CAE")
-    assert "0.980 (CAE) is above what a repeat would get" in repeat.sentence(0.98, "CAE")
 
 
 @pytest.mark.slow

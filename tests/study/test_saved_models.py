@@ -87,20 +87,6 @@ def test_the_papers_models_can_be_kept_too(
     assert other.accel_mps2.tobytes() == one.accel_mps2.tobytes()
 
 
-def test_the_file_says_what_made_it(campaign: Campaign, saved: Path) -> None:
-    """Fingerprint, versions, seed and settings stand in its header as JSON, the weights beside them by name."""
-    import safetensors
-
-    with safetensors.safe_open(saved, framework="numpy") as file:
-        record = json.loads(file.metadata()["crashfuse"])
-    assert record["fingerprint"] == campaign.fingerprint
-    assert record["approach"] == "time_domain"
-    assert (record["preset"], record["seed"]) == ("fast", 0)
-    assert record["settings"]["members"] == 2
-    assert set(record["versions"]) == {"Python", "crashfuse", "numpy", "scipy", "scikit-learn", "torch"}
-    assert "lf/head.weight" in load_file(saved)
-
-
 def test_other_data_is_refused(campaign: Campaign, saved: Path) -> None:
     """A model is shown beside the data it learned from, or not at all."""
     with pytest.raises(DataError, match=r"a model of the data in Tiny .* found one of Tiny .* take the campaign"):
@@ -185,12 +171,6 @@ def test_a_pickle_is_not_opened(campaign: Campaign, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="another kind of file"):
         load_model(path, campaign)
     assert not (tmp_path / "ran").exists()
-
-
-def test_a_missing_file_says_how_to_make_it(campaign: Campaign, tmp_path: Path) -> None:
-    """One sentence with the command."""
-    with pytest.raises(DataError, match="no such file; train it with crashfuse train"):
-        load_model(tmp_path / "lf_tcn.safetensors", campaign)
 
 
 def test_an_unfitted_approach_cannot_be_saved(campaign: Campaign, tmp_path: Path) -> None:

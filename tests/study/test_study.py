@@ -343,20 +343,6 @@ def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monke
 
 
 @pytest.mark.slow
-def test_cancelling_a_parallel_study_is_quiet(campaign: Campaign) -> None:
-    """It ends with Cancelled, and without a warning."""
-    cancel = threading.Event()
-
-    def stop_at_once(progress: Progress) -> None:
-        if progress.step == "Held-out predictions":
-            cancel.set()
-
-    config = StudyConfig(approaches=("displacement_domain",))
-    with pytest.raises(Cancelled):
-        run_study(campaign, config, watch=Watch(stop_at_once, cancel), workers=2)
-
-
-@pytest.mark.slow
 def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campaign) -> None:
     """Each with the numbers that it has alone."""
     config = StudyConfig(approaches=("displacement_domain",), windows_ms=(60.0,))

@@ -21,9 +21,8 @@ from crashfuse.study.sweep import (
     sweep_speed,
     uncovered_speeds,
     usual_speeds,
-    weights_sentence,
 )
-from crashfuse.units import KPH, LB, MPH, G
+from crashfuse.units import KPH, MPH, G
 
 SPEEDS_MPS = np.array([15.0, 20.0, 30.0]) * MPH
 
@@ -59,13 +58,6 @@ def test_the_cae_sweep_is_the_closed_form(campaign: Campaign, sweeps: tuple[Swee
     peaks = np.array([metric.value for metric in cae.over_speed("peak")], dtype=float)
     # runs at these speeds have other weights, so their duration is the emulator's
     np.testing.assert_allclose(peaks, 1.1 * SPEEDS_MPS * np.pi / (2 * duration) / G, rtol=0.05)
-
-
-def test_speeds_are_put_in_order(campaign: Campaign, fits: list[Fit]) -> None:
-    """And each is predicted once."""
-    (sweep,) = sweep_speed(fits[:1], campaign.tests[0].condition, np.array([9.0, 7.0, 9.0]))
-    assert sweep.speeds_mps.tolist() == [7.0, 9.0]
-    assert len(sweep.metrics) == 2
 
 
 def test_a_speed_that_is_none_is_refused(campaign: Campaign, fits: list[Fit]) -> None:
@@ -113,14 +105,6 @@ def test_the_usual_speeds_are_those_of_runs_and_tests_that_stop(campaign: Campai
     assert usual_speeds(replace(without, tests=(test,)))[-1] == pytest.approx(31 * MPH)
 
 
-def test_a_single_speed_is_a_range_too(campaign: Campaign) -> None:
-    """Where all was run at one speed."""
-    one = CaeLibrary(
-        ("a",), (Condition.of_vector([11.0, 900.0, 700.0]),), np.full((1, GRID_S.size), -400, dtype=np.float32)
-    )
-    np.testing.assert_allclose(usual_speeds(replace(campaign, cae=one, tests=())), [11.0])
-
-
 def test_speeds_without_runs_are_found(campaign: Campaign) -> None:
     """Below, above, and between runs that are far apart; only within the range that is asked for."""
     speeds = [10.0, 12.0, 14.0, 20.0, 21.0]
@@ -142,13 +126,3 @@ def test_a_sentence_tells_where_numbers_are_missing_and_why(campaign: Campaign, 
         "Fused (1 of 2 speeds, from 10.0 to 10.0 mph): The record ends before the OLC's restraint"
     )
     assert missing_over_speed([sweep], "peak") == []
-
-
-def test_a_sentence_tells_the_weights_of_sweep_and_tests(campaign: Campaign) -> None:
-    """The tests' are a range, for each has its own."""
-    condition = Condition.of_vector([1.0, 2050 * LB, 1500 * LB])
-    assert weights_sentence(condition, campaign.tests) == (
-        "Swept at front 2050 lb, rear 1500 lb. The tests were run with weights of their own: "
-        "front 2000–2120 lb, rear 1450–1600 lb."
-    )
-    assert weights_sentence(condition, ()) == "Swept at front 2050 lb, rear 1500 lb."

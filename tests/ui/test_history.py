@@ -65,7 +65,8 @@ def test_a_link_compares_what_it_names(visit: Visit) -> None:
     link = {"first": other.id, "second": one.id}
     session = visit("history", **link)
     assert "mean 0.600 in the first, 0.500 in the second" in session.words
-    assert "a and b are not one vehicle" in visit("history", **{**link, "first": one.id, "second": elsewhere.id}).words
+    words = visit("history", **{**link, "first": one.id, "second": elsewhere.id}).words
+    assert "a and b are not known to be one vehicle" in words
     session = visit("history", **{**link, "second": "0123456789ab"})
     assert "is not in the list of this machine" in session.words
     assert "Tick two results to compare them." in session.words

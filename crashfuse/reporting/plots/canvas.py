@@ -222,7 +222,6 @@ def _add(figure: go.Figure, x: FloatArray, y: FloatArray, style: dict[str, Any])
 
 
 def _in_the_dark(part: dict[str, Any]) -> dict[str, Any]:
-    """A part of a figure with every colour replaced by its dark counterpart."""
     return {key: _exchanged(value, is_colour=key.endswith(("color", "colorscale"))) for key, value in part.items()}
 
 

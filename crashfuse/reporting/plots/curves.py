@@ -26,16 +26,7 @@ Band = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Curve:
-    """Values over an axis, in the figure's units.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-    band : tuple of ndarray of shape (m,), optional
-        Points on the same axis, and the lower and upper bounds of the 95 % band there.
-    remark : str
-        Text that the legend adds to the name.
-    """
+    """Values over an axis, in the figure's units; its 95 % band (positions, lower, upper), and what its name adds."""
 
     x: FloatArray
     y: FloatArray
@@ -46,7 +37,7 @@ class Curve:
 def draw_curves(
     figure: go.Figure, curves: Mapping[str, Curve], yaxis: str = "y", filled: str | None = None, **style: object
 ) -> None:
-    """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else, under its name, beside them.
+    """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else, under its name.
 
     The last is on top, above all bands. One band is filled, by default that of the preferred approach; of the others
     the edges are drawn. ``yaxis`` is ``"y2"`` for the second of stacked plots; the style applies to all lines.
@@ -123,8 +114,7 @@ _BEHIND = "rgba(255, 255, 255, 0.7)"
 def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
     """Draw the notes that have a time into every row of a figure over time; returns the same figure.
 
-    Their texts stand in the last row, and not on its zero line: of displacements early ones above the curves, late ones
-    below.
+    Their texts stand in the last row, off its zero line.
     """
     marks = sorted((note for note in notes if note.start_ms is not None), key=lambda note: note.start_ms or 0.0)
     rows = sorted({trace.yaxis or "y" for trace in figure.data})

@@ -40,8 +40,7 @@ def over_displacement(
     """Draw acceleration over displacement: the test, the CAE model, and every correction with its 95 % band (Fig. 7).
 
     The band at a displacement covers the draws that reach it; it ends where half of them have stopped. The mark at a
-    curve's end is the maximum dynamic crush, with its 95 % interval as far as ``crush`` has one for this name. Measured
-    pulse, predictions and the filled band are as in :func:`crashfuse.reporting.plots.pulses.overlay`.
+    curve's end is the maximum dynamic crush, with its 95 % interval as far as ``crush`` has one for this name.
     """
     figure = displacement_figure(height=460 + room_for_names(predictions))
     scale = display.accel_scale
@@ -66,8 +65,7 @@ def over_displacement(
 def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> go.Figure:
     """Check integration over displacement: integrate each pulse's a(s) by Eq. 29, and compare with its s(t) (Fig. 15).
 
-    Lines are the pulses integrated twice over time, up to zero velocity; marks are the result of integrating over
-    displacement. The lower plot shows the difference of the two.
+    Lines are the pulses integrated twice over time, up to zero velocity; marks are integrated over displacement.
     """
     figure = new_figure(height=520)
     phases = _loading_phases(measured, predictions, speed_mps)
@@ -105,11 +103,7 @@ def energy_over_crush(
     *,
     filled: str | None = None,
 ) -> go.Figure:
-    """Draw the energy absorbed by the vehicle over its crush: the test, the CAE model, every correction.
-
-    Speed and mass are those of the test; measured pulse, predictions and the filled band are as in
-    :func:`crashfuse.reporting.plots.pulses.overlay`.
-    """
+    """Draw the energy absorbed by the vehicle over its crush: the test, of this speed and mass, and predictions."""
     figure = displacement_figure(height=460 + room_for_names(predictions))
     pulses = {
         name: (checked_energy(own.accel_mps2, own.condition.speed_mps, own.draws_mps2), own.condition.mass_kg)
@@ -149,7 +143,6 @@ def _upward(error: Sequence[float | None] | None) -> float:
 def _loading_phases(
     measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float
 ) -> dict[str, LoadingPhase]:
-    """Each crash up to zero velocity, the test last, so that it is drawn on top."""
     pulses = {name: (own.accel_mps2, own.condition.speed_mps) for name, own in predictions.items()}
     if measured is not None:
         pulses[TEST] = measured.accel_mps2, speed_mps
@@ -219,18 +212,10 @@ def bias_parts(
     measured: BiasPoints | None = None,
     display: Display = DEFAULT,
 ) -> go.Figure:
-    """Draw the parts of the bias expected at a condition, and their total, each with its 95 % band.
+    """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band.
 
-    The y axes cover the range up to the measured maximum crush, if there is one: bands widen beyond it.
-
-    Parameters
-    ----------
-    parts : sequence of BiasPart
-        The total last.
-    displacement_m : ndarray, shape (n,)
-        Where the parts are given.
-    measured : BiasPoints, optional
-        The held-out test's own bias, drawn black over the total.
+    The held-out test's ``measured`` bias is black over the total. The y axes cover the range up to its maximum crush,
+    if there is one: bands widen beyond it.
     """
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)
@@ -277,7 +262,6 @@ def bias_parts(
 
 
 def _with_margin(values: FloatArray) -> list[float]:
-    """Range of an axis that includes these values and zero."""
     low, high = min(values.min(), 0.0), max(values.max(), 0.0)
     margin = 0.05 * (high - low)
     return [low - margin, high + margin]

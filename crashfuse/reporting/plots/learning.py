@@ -17,14 +17,7 @@ def learning_curves(
 ) -> go.Figure:
     """Draw values reported during training (losses, say); on a logarithmic axis if all are positive.
 
-    Parameters
-    ----------
-    curves : mapping of str to sequence of (int, float)
-        By name of the value: position within the step, and value.
-    value, step : str
-        Axis titles: quantity shown, and unit of progress.
-    total : int
-        Final position of the step.
+    ``curves`` are positions within the step and values, by name; ``total`` is the final position.
     """
     figure = new_figure(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
@@ -44,11 +37,7 @@ def learning_curves(
 
 
 def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> go.Figure:
-    """Draw the test error for each strength of fine-tuning: on tests used for it, and on tests left out in turn.
-
-    Both are root mean square errors by the share specific to each test, strongest last: on the tests that were
-    learned from, and on each test as predicted from the others.
-    """
+    """Draw the RMS error for each strength of fine-tuning: on tests used for it, and on tests left out in turn."""
     figure = new_figure(height=260)
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):
         figure.add_scatter(

@@ -41,17 +41,9 @@ def overlay(
     *,
     filled: str | None = None,
 ) -> go.Figure:
-    """Overlay the measured pulse and every approach's prediction with its 95 % band.
+    """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their 95 % bands.
 
-    Parameters
-    ----------
-    measured : Pulse or None
-        The test's pulse on the study grid, black; None where nothing was measured.
-    predictions : mapping of str to Prediction
-        By approach name; or, under any other name, a further pulse: another test, a CAE run, a prediction at another
-        condition.
-    filled : str, optional
-        Whose band is filled, by default that of the preferred approach; of the others the edges are drawn.
+    The band that is ``filled`` is by default that of the preferred approach; of the others the edges are drawn.
     """
     figure = new_figure(height=460 + room_for_names(predictions))
     draw_curves(figure, _accelerations(measured, predictions, display), filled=filled)
@@ -110,10 +102,9 @@ def residuals(
 
 
 def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT) -> go.Figure:
-    """Shade both corridors over the rated window of a figure whose first row is acceleration over time.
+    """Shade both corridors over the rated window of a figure whose first row is acceleration over time; returns it.
 
-    A curve scores 1 inside the inner corridor, 0 outside the outer. The width of both follows from the test's largest
-    acceleration in the window. Returns the same figure.
+    A curve scores 1 inside the inner corridor, 0 outside the outer; both widths follow from the test's largest value.
     """
     inside = measured.time_s < display.window_ms * MS
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
@@ -140,8 +131,7 @@ def measured_pulses(
 ) -> go.Figure:
     """Draw tests, coloured by their speeds ``among`` all; the one with the id ``highlight`` is thick.
 
-    If a channel filter class (SAE J211-1, at most 1000) is given, they are filtered, and the curves as read are drawn
-    thin behind them. Further pulses, by their labels, are drawn over them as they are.
+    With a channel filter class (SAE J211-1, at most 1000) the curves as read are thin behind the filtered ones.
     """
     further = further or {}
     figure = new_figure(height_under_names(len(tests) + len(further)))

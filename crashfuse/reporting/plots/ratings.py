@@ -34,8 +34,7 @@ def rating_heatmap(
 ) -> go.Figure:
     """Draw overall ratings by test id and approach as a table coloured by grade, below several their mean.
 
-    Ratings that are not known yet, and their mean, are left empty. What a repeat of each test would rate is the last
-    column, if it is known for all.
+    Ratings that are not known yet are left empty. The last column is what repeats would rate, if it is known for all.
     """
     tests = list(scores)
     approaches = max((list(own) for own in scores.values()), key=len)
@@ -87,10 +86,9 @@ def rating_heatmap(
 def rating_spread(
     ratings: Mapping[str, Mapping[str, tuple[float, float, float]]], repeats: Mapping[str, Repeatability] | None = None
 ) -> go.Figure:
-    """Draw each test's rating by approach, with the interval of the ratings of single draws.
+    """Draw each test's rating by approach, with the interval of the ratings of single draws (overall, lower, upper).
 
-    ``ratings`` by test id, then approach: overall rating, and lower and upper end of the interval. The interval of what
-    a repeat of each test would rate is drawn behind them.
+    The interval of what a repeat of each test would rate is drawn behind them.
     """
     figure = new_figure(height=420)
     tests = list(ratings)
@@ -131,12 +129,7 @@ def rating_spread(
 def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> go.Figure:
     """Draw how much of the left-out tests lies inside bands of each level; on the diagonal a band is calibrated.
 
-    Parameters
-    ----------
-    levels : ndarray, shape (n,)
-        Nominal levels of the bands, from 0 to 1.
-    observed : mapping of str to ndarray, shape (n,)
-        Observed coverage by approach.
+    ``levels`` are nominal, from 0 to 1, ``observed`` is the coverage by approach at each of them.
     """
     figure = new_figure(height=440)
     figure.add_scatter(
@@ -156,7 +149,6 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
 
 
 def _grade_scale() -> list[tuple[float, str]]:
-    """Colour scale of four flat steps between 0 and 1."""
     limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
     steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
     return [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]
@@ -197,8 +189,7 @@ def rated_curves(
     """Stack what the four scores compare over one time axis: as it stands, shifted, warped, and the slopes.
 
     In the first row the corridors are shaded, the prediction is marked where it leaves them, and humps have their
-    numbers: at the test, and at the prediction where it has the same hump. Further pulses, by their labels, stand there
-    as well.
+    numbers: at the test, and at the prediction where it has the same hump.
     """
     further = further or {}
     figure = new_figure(height=980 + room_for_names([TEST, approach, *further]))
@@ -244,7 +235,6 @@ def rated_curves(
 
 
 def _hows(explanation: RatingExplanation) -> tuple[str, str, str, str]:
-    """What each part compares."""
     shift_ms = explanation.shift_s / MS
     moved = f"moved {abs(shift_ms):.1f} ms {'earlier' if shift_ms > 0 else 'later'}" if shift_ms else "not moved"
     return "curves as they stand", moved, f"{moved}, and warped", f"slopes, {moved}"

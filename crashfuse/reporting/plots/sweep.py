@@ -23,24 +23,16 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, displ
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points.
 
     The line has a gap where a pulse lacks the metric because its record is too short. Speeds without CAE runs are
-    shaded; a tick on the axis marks the speed of each test. All sweeps have the same speeds and weights;
-    the tests have their own weights.
+    shaded; a tick on the axis marks the speed of each test. All sweeps have the same speeds and weights.
     """
     figure = new_figure(height=460)
     readings = {sweep.approach: list(map(display.metric, sweep.over_speed(metric))) for sweep in sweeps}
     speeds = sweeps[0].speeds_mps
-    draw_curves(
-        figure,
-        {name: _curve(display.speeds(speeds), own) for name, own in readings.items()},
-        mode="lines+markers",
-        marker={"size": 4},
-        connectgaps=False,
-    )
-    for name, own in readings.items():
+    curves = {name: _curve(display.speeds(speeds), metrics) for name, metrics in readings.items()}
+    draw_curves(figure, curves, mode="lines+markers", marker={"size": 4}, connectgaps=False)
+    for name, metrics in readings.items():
         figure.update_traces(
-            customdata=[
-                [display.speed(v0), each.text_with_unit] for v0, each in zip(speeds.tolist(), own, strict=True)
-            ],
+            customdata=[[display.speed(v0), m.text_with_unit] for v0, m in zip(speeds.tolist(), metrics, strict=True)],
             hovertemplate=f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>",
             selector={"legendgroup": name, "mode": "lines+markers"},
         )
@@ -80,7 +72,6 @@ def _points(figure: go.Figure, campaign: Campaign, metric: str, display: Display
 
 
 def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps: float, display: Display) -> None:
-    """Shade speeds without CAE runs, and mark those of the tests with ticks."""
     for number, (start, end) in enumerate(uncovered_speeds(campaign.cae, low_mps, high_mps)):
         figure.add_shape(
             type="rect", xref="x", yref="y domain", x0=display.speeds(start), x1=display.speeds(end), y0=0, y1=1,
@@ -102,8 +93,8 @@ BEST = 5
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
     """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run.
 
-    Candidates, the largest gain first, are joined by a line if all have the same weights; otherwise each is
-    a point. The best five are numbered, and those outside the CAE runs' range are drawn open.
+    Candidates, the largest gain first, are joined by a line if all have the same weights. The best five are numbered,
+    and those outside the CAE runs' range are drawn open.
     """
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)

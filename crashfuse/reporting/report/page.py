@@ -64,10 +64,10 @@ def render(
     held_out: Sequence[str] = (),
     **own: object,
 ) -> str:
-    """The complete file, from a report's own template and values; the command is the one that reproduces it."""
-    cfc = campaign.channel_filter_class
-    quality = campaign.quality
+    """The complete file, from a report's template and values; the command is the one that reproduces it."""
+    cfc, quality = campaign.channel_filter_class, campaign.quality
     speeds, front, rear = zip(*campaign.cae.range, strict=True)
+    record = provenance(campaign, held_out, config)
     return render_in_frame(
         template,
         f"{campaign.name}: {title}",
@@ -81,64 +81,42 @@ def render(
         quality_table=quality_table(quality),
         filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
         methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
-        origin=_origin(provenance(campaign, held_out, config), command),
-        shown_otherwise=_shown_otherwise(display),
+        origin={
+            "Command": command,
+            "Campaign fingerprint (SHA-256)": campaign.fingerprint,
+            "crashfuse": record["crashfuse"],
+            "Python, platform": f"{record['python']}, {record['platform']}",
+            "Packages": _listed(record["packages"]),
+            "Seed and settings": _listed(record["config"]),
+        },
+        shown_otherwise=""
+        if display.unit == "g" and not display.deceleration
+        else f"Shown: {display.accel_title.lower()}; the command's files have g, with the data's sign.",
         **own,
     )
 
 
 def render_in_frame(template: str, title: str, display: Display, *, facts: Sequence[Fact] = (), **own: object) -> str:
     """The complete file of a report that has nothing but its frame in common with the others."""
-    return (
-        _templates(display)
-        .get_template(f"{template}.html.j2")
-        .render(
-            own,
-            title=title,
-            facts=facts,
-            verdict_colours=VERDICT_COLOURS,
-            plotly=Markup(get_plotlyjs()),  # noqa: S704
-            numbers=count(1),
-        )
-    )
+    plotly = Markup(get_plotlyjs())  # noqa: S704
+    common = {"title": title, "facts": facts, "verdict_colours": VERDICT_COLOURS, "plotly": plotly, "numbers": count(1)}
+    return _templates(display).get_template(f"{template}.html.j2").render(own | common)
 
 
 def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
     """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
-    rows = []
-    for test in campaign.tests:
-        run = campaign.cae.paired_run(test.condition)
-        rows.append(
-            {
-                "Test": test.id,
-                **display.columns(test.condition),
-                **dict(test.condition.factors),
-                "CAE pulse": "emulator" if run is None else campaign.cae.ids[run],
-                "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",
-            }
-        )
-    return pd.DataFrame(rows).fillna("–")
-
-
-def _origin(record: Mapping[str, object], command: str) -> dict[str, str]:
-    return {
-        "Command": command,
-        "Campaign fingerprint (SHA-256)": str(record["fingerprint"]),
-        "crashfuse": str(record["crashfuse"]),
-        "Python, platform": f"{record['python']}, {record['platform']}",
-        "Packages": _listed(record["packages"]),
-        "Seed and settings": _listed(record["config"]),
-    }
-
-
-def _shown_otherwise(display: Display) -> str:
-    """A sentence on how the report shows accelerations and the command, which has no options for it, does not."""
-    ways = [f"in {display.unit}"] * (display.unit != "g") + ["as deceleration"] * display.deceleration
-    if not ways:
-        return ""
-    return (
-        f"Acceleration is shown {' and '.join(ways)} here; what the command writes has it in g, with the data's sign."
+    rows = (
+        {
+            "Test": test.id,
+            **display.columns(test.condition),
+            **dict(test.condition.factors),
+            "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
+            "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",
+        }
+        for test in campaign.tests
+        for run in [campaign.cae.paired_run(test.condition)]
     )
+    return pd.DataFrame(rows).fillna("–")
 
 
 def _listed(value: object) -> str:

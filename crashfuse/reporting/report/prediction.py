@@ -12,13 +12,12 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.provenance import learning_curve_command, next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import ReportForm, render
 from crashfuse.reporting.report.sections import details, unbroken_interval
-from crashfuse.reporting.result_tables import curve_table, gains_table
+from crashfuse.reporting.result_tables import curve_table, gains_table, next_tests_table
 from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.next_test import next_tests_table
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
@@ -27,10 +26,9 @@ _SHOWN = 20
 _ABREAST = 2  # predictions beside the first in one table: more would be wider than paper
 
 NEXT_TEST_MEANING = (
-    "Which test would narrow the band most is known before it is run: the variance of a Gaussian process depends on "
-    "where the tests are, not on what they measure. The band is the 95 % band of the displacement domain's bias, as a "
-    "root mean square over the range and over displacement; a test narrows it by what it tells about its "
-    "neighbourhood, as far as tests repeat."
+    "How much a test narrows the band is known before it is run: the variance of a Gaussian process depends on where "
+    "the tests are, not on what they measure. The band is the 95 % band of the displacement domain's bias, as a root "
+    "mean square over the range and over displacement."
 )
 
 
@@ -46,11 +44,6 @@ def prediction_report(
 
     What the same approaches predict at further conditions, or with other settings, is shown ``beside`` it. A short
     report has recommendation, pulses, metrics and limits on two or three pages.
-
-    Raises
-    ------
-    UsageError
-        If there is no such form.
     """
     condition = estimates[0].prediction.condition
     prediction = PredictedPulse(campaign, tuple(estimates), config)
@@ -75,7 +68,6 @@ def prediction_report(
 
 
 def _beside(predictions: Sequence[PredictedPulse], approach: str, display: Display) -> dict[str, object]:
-    """Several predictions by one approach: pulses, main metrics and their differences from the first."""
     first, *others = by_one(approach, predictions)
     return {
         "approach": LABELS[approach],
@@ -109,7 +101,7 @@ def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> str:
 
 def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
     """HTML report of a ranking of next tests."""
-    over, ranked, config = ranking.over, ranking.ranked, ranking.config
+    over, config = ranking.over, ranking.config
     return render(
         "next_test",
         "which test next",
@@ -120,19 +112,19 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
         over=over,
         meaning=NEXT_TEST_MEANING,
         drawn=ranking.plot(display=display),
-        best=next_tests_table(ranked[:_SHOWN], display.units),
-        ranked=len(ranked),
+        best=next_tests_table(ranking.ranked[:_SHOWN], display.units),
+        ranked=len(ranking.ranked),
     )
 
 
 LEARNING_CURVE_MEANING = (
-    "Parts of the tests take the place of the campaign in turn, chosen evenly over speed and at random; all other "
+    "Parts of the tests, chosen evenly over speed and at random, take the place of the campaign in turn; all other "
     "tests are predicted from each part and rated. Every mean counts each held-out test once."
 )
 ONE_MORE_MEANING = (
-    "Each gain is the mean difference on the same held-out tests, with its standard error; the cost of one hundredth "
-    "is given where the gain is above it. One more test is extrapolated by the law: rating = limit − a / n, fitted "
-    "to the means by least squares; its interval covers exponents of n from 0.5 to 2."
+    "Each gain is the mean difference on the same held-out tests, with its standard error. One more test is "
+    "extrapolated by the law rating = limit − a / n, fitted to the means by least squares; its interval covers "
+    "exponents of n from 0.5 to 2."
 )
 
 

@@ -10,6 +10,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, missing_by_table, notes_by_makers
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.result_tables import metric_texts
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
@@ -30,28 +31,19 @@ def details(
 
     Notes that the report has ``said`` already are left out.
     """
-    headings = {name: display.heading(label) for name, label in campaign.metric_headings.items()}
     columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-    metrics = pd.DataFrame(
-        {who: {metric.name: unbroken_interval(display.metric(metric).text) for metric in own} for who, own in columns}
-    )
-    main = metrics.index.isin(MAIN_METRICS)
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
-    shown = metrics.rename(index=headings).rename_axis(f"Pulse metric{of_test}").reset_index()
+    metrics = metric_texts(columns, campaign, display, f"Pulse metric{of_test}").map(unbroken_interval)
+    main = metrics.index.isin(MAIN_METRICS)
     missing, more_missing = missing_by_table(columns)
+    makers = notes_by_makers(estimates).items()
+    remarks = [joined([", ".join(who), note], ": ") for note, who in makers if note not in said]
     return {
-        "metrics": shown[main],
-        "more_metrics": shown[~main],
+        "metrics": metrics[main],
+        "more_metrics": metrics[~main],
         "more_missing": more_missing,
-        "remarks": [
-            *missing,
-            *(
-                joined([", ".join(who), note], ": ")
-                for note, who in notes_by_makers(estimates).items()
-                if note not in said
-            ),
-        ],
+        "remarks": [*missing, *remarks],
         "fits": [
             (LABELS[estimate.approach], sentences, fit_table(estimate.state, display.units))
             for estimate in estimates

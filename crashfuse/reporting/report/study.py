@@ -1,7 +1,7 @@
 """Report of a study: how well each approach predicted every test that was left out, in short or in whole."""
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from crashfuse.reporting.past_results import (
 from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import study_command
-from crashfuse.reporting.rating_tables import REPEAT, TABLE_3, TABLE_5, best, rating_table
+from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, best, mean_values, rating_table
 from crashfuse.reporting.report.page import ReportOptions, render, render_in_frame
 from crashfuse.reporting.report.sections import details, repeats_table
 from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
@@ -41,14 +41,9 @@ _CAPTIONS = (
 
 
 def study_report(study: Study, display: Display = DEFAULT, options: ReportOptions = ReportOptions()) -> str:
-    """HTML report of a study.
+    """HTML report of a study; a UsageError if a test that is to be shown was not left out.
 
     Means are over all tests of the study, whichever are shown one by one.
-
-    Raises
-    ------
-    UsageError
-        If a test that is to be shown was not left out.
     """
     require_a(Study, study, "crashfuse.run_study(campaign)")
     require_a(ReportOptions, options, "crashfuse.ReportOptions('short')")
@@ -58,23 +53,13 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         raise UsageError(f"The report cannot show {', '.join(sorted(unknown))}: the study did not leave it out.")
     if display.window_ms not in config.windows_ms:
         display = replace(display, window_ms=max(config.windows_ms))
-    worst, alone = worst_test(study, display.window_ms), len(held_out) == 1
-    common: dict[str, object] = {
-        "verdict": _verdict(study, display.window_ms),
-        "window": f"0–{display.window_ms:g} ms",
-        "result": _result(study, display),
-        "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
-        "weak_spots": _weak_spots(study, recommend(study).approach),
-        "rated": "Rating of the held-out test" if alone else "Mean rating over the held-out tests",
-        "left_out": _left_out(config, alone),
-        "worst_test": {"heading": "The test itself", "sentences": worst.sentences[1:]}  # the verdict has the first
-        if alone
-        else {"heading": "The worst test", "sentences": worst.sentences},
-    }
-    whole = options.form == "whole"
-    if whole:
-        common |= _whole(study, display)
-    shown = options.tests or tuple(held_out if whole else [worst.test.id])
+    window, alone = display.window_ms, len(held_out) == 1
+    worst, whole = worst_test(study, window), options.form == "whole"
+    verdict, heading, sentences = recommend(study).sentences, "The worst test", worst.sentences
+    if alone:  # the verdict is the recommendation for this test, with how it came out
+        advice = recommend_without(study, study.folds[0], window)
+        verdict = advice.after(study.folds[0].ratings[advice.approach][window].overall)
+        heading, sentences = "The test itself", worst.sentences[1:]
     return render(
         "study" if whole else "short",
         f"test {held_out[0]} left out" if alone else f"study with each {config.split_configs[0].leave_out} left out",
@@ -83,22 +68,23 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         study_command(campaign, held_out, config, display.system),
         display,
         held_out,
-        folds=[_fold(study, study.fold(test), options, display) for test in shown],
-        **common,
+        verdict=verdict,
+        window=f"0–{window:g} ms",
+        result=_result(study, display),
+        notes=[(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
+        weak_spots=_weak_spots(study, recommend(study).approach),
+        rated="Rating of the held-out test" if alone else "Mean rating over the held-out tests",
+        left_out=_left_out(config, alone),
+        worst_test={"heading": heading, "sentences": sentences},
+        folds=[
+            _fold(study, study.fold(test), options, display)
+            for test in options.tests or (held_out if whole else [worst.test.id])
+        ],
+        **(_whole(study, display) if whole else {}),
     )
 
 
-def _verdict(study: Study, window_ms: float) -> Sequence[str]:
-    """The recommendation for the campaign; of a study of one test that for this test, with how it came out."""
-    if len(study.folds) > 1:
-        return recommend(study).sentences
-    (fold,) = study.folds
-    advice = recommend_without(study, fold, window_ms)
-    return advice.after(fold.ratings[advice.approach][window_ms].overall)
-
-
 def _left_out(config: StudyConfig, alone: bool) -> str:
-    """What each test, or the only one, was predicted from."""
     which = "The test was left out" if alone else "Each test was left out"
     if config.leave_out == "speed group":
         return f"{which} together with all tests at about its speed, and predicted from the rest."
@@ -106,14 +92,13 @@ def _left_out(config: StudyConfig, alone: bool) -> str:
 
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
-    """What stands in the whole report only."""
-    windows_ms = study.config.windows_ms
     tables = [(caption, rating_table(study, rows)) for rows, caption in _CAPTIONS]
+    held_out = [fold.held_out for fold in study.folds]
     return {
         "speed_groups": study.speed_groups and _result(study.speed_groups, display),
         "speed_step": speed(SPEED_STEP_MPS, form=".2g"),
-        "repeats": repeats_table(study.repeatability, [fold.held_out for fold in study.folds], windows_ms),
-        "paper_tables": [(caption, _shown(table, best(table))) for caption, table in tables if len(table)],
+        "repeats": repeats_table(study.repeatability, held_out, study.config.windows_ms),
+        "paper_tables": [(caption, _shown(table)) for caption, table in tables if len(table)],
         "spread": study.plot(figure="draws", display=display) if study.coverage else None,
         "band": study.coverage
         and {
@@ -126,60 +111,52 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
 
 
 def _result(study: Study, display: Display) -> dict[str, object]:
-    """Mean ratings over the tests, and the ratings of each; of a single test they are the same."""
-    means = {w: {name: study.mean_rating(name, w) for name in study.config.approaches} for w in study.config.windows_ms}
-    for w in means:
-        if (mean := study.mean_repeat(w)) is not None:
-            means[w][REPEAT] = mean
-    return {"means": _by_approach(means), "heatmap": study.plot(display=display) if len(study.folds) > 1 else None}
+    heatmap = study.plot(display=display) if len(study.folds) > 1 else None
+    return {"means": _by_approach(mean_values(study)), "heatmap": heatmap}
 
 
-def _by_approach(ratings: dict[float, dict[str, float]]) -> pd.DataFrame:
-    """Ratings by window and approach as a table, the best of each window in bold."""
-    table = pd.DataFrame({f"0–{window:g} ms": own for window, own in ratings.items()})
-    shown = table.round(3)
-    shown.loc[table.index == REPEAT] = np.nan
-    bold = shown == shown.max()
-    return _shown(table.rename(index=LABELS).rename_axis("Approach"), bold)
+def _by_approach(ratings: pd.DataFrame) -> pd.DataFrame:
+    return _shown(ratings.rename(index=LABELS).rename_axis("Approach"))
 
 
-def _shown(ratings: pd.DataFrame, bold: pd.DataFrame) -> pd.DataFrame:
-    """Ratings to three digits, some in bold, with the index as the first columns."""
+def _shown(ratings: pd.DataFrame) -> pd.DataFrame:
+    """Ratings to three digits, the best in bold, with the index as the first columns."""
     cells = [
         [
-            Markup("<b>%.3f</b>") % value if chosen else "–" if np.isnan(value) else f"{value:.3f}"
-            for value, chosen in zip(*row, strict=True)
+            Markup("<b>%.3f</b>") % value if is_best else "–" if np.isnan(value) else f"{value:.3f}"
+            for value, is_best in zip(*row, strict=True)
         ]
-        for row in zip(ratings.to_numpy(), bold.to_numpy(), strict=True)
+        for row in zip(ratings.to_numpy(), best(ratings).to_numpy(), strict=True)
     ]
     return pd.DataFrame(cells, ratings.index, ratings.columns, dtype=object).reset_index()
 
 
-def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) -> dict[str, object]:
+def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) -> Mapping[str, object]:
     """The recommendation made for a test before it was run, and the actual outcome; its notes and marks.
 
     Of a study of one test the report begins with the recommendation.
     """
-    test = study.campaign.test(fold.held_out)
-    window = display.window_ms
+    test, window = study.campaign.test(fold.held_out), display.window_ms
     notes = [note for note in options.notes if note.test == test.id]
-    advice = recommend_without(study, fold, window)
-    repeat = study.repeats(window).get(test.id)
+    advice, repeat = recommend_without(study, fold, window), study.repeats(window).get(test.id)
+    rating = fold.ratings[advice.approach][window]
     shown: dict[str, object] = {
         "test": test,
         "advice": advice.sentences if len(study.folds) > 1 else (),
-        "outcome": fold.ratings[advice.approach][window],
-        "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
+        "outcome": rating,
+        "repeat": repeat and repeat.sentence(rating.overall, LABELS[advice.approach]),
         "motion": study.plot(test.id, notes=notes, display=display),
         "details": details(study.campaign, fold.estimates, display, test, said=advice.sentences),
     }
     if options.form == "short":
         return shown
+    overall = {
+        name: {f"0–{window:g} ms": rated[window].overall for window in study.config.windows_ms}
+        for name, rated in fold.ratings.items()
+    }
     return shown | {
         "notes": [(note.when, note.text) for note in notes],
-        "ratings": _by_approach(
-            {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
-        ),
+        "ratings": _by_approach(pd.DataFrame.from_dict(overall, orient="index")),
         "over_displacement": study.plot(test.id, "displacement", display=display),
         "why": _why(study, fold, advice, display),
     }
@@ -203,17 +180,15 @@ def _why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> 
     }
 
 
-def _weak_spots(study: Study, chosen: str) -> list[str]:
-    """Tests that the recommended approach predicted poorly, and those outside the CAE runs."""
+def _weak_spots(study: Study, approach: str) -> list[str]:
     window = max(study.config.windows_ms)
-    poor = [fold.held_out for fold in study.folds if fold.ratings[chosen][window].grade in ("Fair", "Poor")]
+    poor = [fold.held_out for fold in study.folds if fold.ratings[approach][window].grade in ("Fair", "Poor")]
     outside = [test.id for test in study.campaign.tests if study.campaign.cae.extrapolation(test.condition)]
-    said = []
-    if poor:
-        said.append(f"Rated below Good in this study: {', '.join(poor)} ({LABELS[chosen]}, 0–{window:g} ms).")
-    if outside:
-        said.append(f"Outside the range of the CAE runs: {', '.join(outside)}.")
-    return said
+    spots = {
+        f"Rated below Good in this study ({LABELS[approach]}, 0–{window:g} ms)": poor,
+        "Outside the range of the CAE runs": outside,
+    }
+    return [f"{what}: {', '.join(tests)}." for what, tests in spots.items() if tests]
 
 
 def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> str:

@@ -23,12 +23,13 @@ from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, missi
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.reporting.rating_tables import REPEAT, best, rating_table
+from crashfuse.reporting.result_tables import next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.next_test import NextTest, next_tests_table
+from crashfuse.study.next_test import NextTest
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.ui.kit.campaigns import View

@@ -1,7 +1,5 @@
 """The figure of the condition space shows every test where it is, and says which lie outside the CAE runs."""
 
-from dataclasses import replace
-
 import numpy as np
 import plotly.graph_objects as go
 import pytest
@@ -33,17 +31,6 @@ def test_tests_stand_at_their_speeds_and_weights(campaign: Campaign) -> None:
     assert not traces(figure, OUTSIDE)
 
 
-def test_a_few_cae_runs_are_seen_one_by_one(campaign: Campaign) -> None:
-    """They are larger and less sheer than the points of a cloud, in whose midst the tests would be lost."""
-    own, times = campaign.cae, 1 + 150 // len(campaign.cae)
-    ids = tuple(map(str, range(times * len(own))))
-    many = CaeLibrary(ids, times * own.conditions, np.tile(own.accel_mps2, (times, 1)))
-    few_marks, many_marks = (traces(condition_space(runs, ()), "runs")[0].marker for runs in (own, many))
-    assert len(own) < 150 < len(many)
-    assert few_marks.size > many_marks.size
-    assert few_marks.opacity > many_marks.opacity
-
-
 def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaign) -> None:
     """Outside the range that is drawn."""
     far = CrashTest("far", Condition.of_vector([30 * MPH, 2400 * LB, 1500 * LB]), campaign.tests[0].pulse)
@@ -56,20 +43,6 @@ def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaig
     box, _ = traces(figure, "range")
     runs = campaign.cae.vectors[:, 1] / LB
     np.testing.assert_allclose([min(box.y), max(box.y)], [runs.min(), runs.max()], rtol=1e-6)
-
-
-def test_a_test_with_a_paired_run_lies_in_the_range_that_is_drawn(campaign: Campaign) -> None:
-    """However far from the other runs: figure, page and report say one range."""
-    far = CrashTest("far", Condition.of_vector([30 * MPH, 2400 * LB, 1500 * LB]), campaign.tests[0].pulse)
-    library = CaeLibrary(
-        (*campaign.cae.ids, "paired"),
-        (*campaign.cae.conditions, far.condition),
-        np.vstack([campaign.cae.accel_mps2, campaign.cae.accel_mps2[:1]]),
-    )
-    figure = condition_space(library, (*campaign.tests, far))
-    assert not traces(figure, OUTSIDE)
-    box, _ = traces(figure, "range")
-    assert max(box.y) == pytest.approx(2400, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -88,23 +61,6 @@ def test_a_test_is_drawn_open_only_over_the_weight_that_lies_outside(
     assert {mark.yaxis: list(mark.text) for mark in traces(figure, INSIDE)} == {outside: ["T2"], inside: ["T2", "far"]}
 
 
-def test_the_two_plots_share_the_axis_of_speed(campaign: Campaign) -> None:
-    """One below the other: however narrow the page, neither has to make room."""
-    layout = condition_space(campaign.cae, campaign.tests).layout
-    assert layout.xaxis.matches == "x2"
-    assert layout.xaxis.domain == layout.xaxis2.domain
-    assert layout.yaxis2.domain[1] < layout.yaxis.domain[0]
-
-
-def test_the_held_out_test_has_a_ring(campaign: Campaign) -> None:
-    """And no other test has."""
-    figure = condition_space(campaign.cae, campaign.tests, held_out="T3")
-    for ring, height in zip(traces(figure, "held out"), (2080, 1550), strict=True):
-        np.testing.assert_allclose([ring.x[0], ring.y[0]], [26, height], rtol=1e-6)
-        assert len(ring.x) == 1
-    assert not traces(condition_space(campaign.cae, campaign.tests), "held out")
-
-
 @pytest.mark.slow
 def test_a_large_library_is_thinned_but_counted_whole(campaign: Campaign) -> None:
     """30,000 points would only slow the browser down; the range stays that of all runs."""
@@ -118,13 +74,3 @@ def test_a_large_library_is_thinned_but_counted_whole(campaign: Campaign) -> Non
     assert len(runs.x) <= 2000
     box, _ = traces(figure, "range")
     np.testing.assert_allclose(max(box.y), vectors[:, 1].max() / LB, rtol=1e-6)
-
-
-def test_labels_of_near_tests_take_different_sides(campaign: Campaign) -> None:
-    """Three tests at one speed, a few pounds apart: no two labels lie on each other."""
-    tests = tuple(
-        CrashTest(f"N{i}", replace(campaign.tests[1].condition, front_weight_kg=(2040 + 4 * i) * LB), test.pulse)
-        for i, test in enumerate(campaign.tests[:3])
-    )
-    front, _ = traces(condition_space(campaign.cae, tests), INSIDE)
-    assert len(set(front.textposition)) == 3

@@ -1,16 +1,13 @@
 """Curves that figures share: bands lie under all lines, names and colours are those of the approaches."""
 
-from collections.abc import Iterator, Sequence
-
 import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import add_band, new_figure
+from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.curves import TEST, Curve, add_marks, by_speed, draw_curves
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
-from crashfuse.reporting.plots.pulses import motion, overlay
+from crashfuse.reporting.plots.pulses import motion
 
 X = np.array([0.0, 1.0])
 
@@ -59,30 +56,6 @@ def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the
     assert eighth.line.width < cae.line.width
 
 
-def test_a_band_of_many_points_keeps_both_ends_and_a_few_between() -> None:
-    """1,250 samples become some 300, with the first and the last among them."""
-    figure = new_figure(300)
-    x = np.arange(1250.0)
-    add_band(figure, x, x - 1, x + 1, colour="#000000")
-    (band,) = figure.data
-    n = len(band.x) // 2
-    assert 300 < n < 330
-    assert (band.x[0], band.x[n - 1]) == (0, 1249)
-    np.testing.assert_array_equal(band.y[n:][::-1] - band.y[:n], 2)
-
-
-def test_a_test_has_one_look_whichever_others_are_shown(campaign: Campaign) -> None:
-    """Its place is among all tests."""
-    every, some = (dict(looks_of(tests, campaign)) for tests in (campaign.tests, campaign.tests[1:3]))
-    assert some == {test: every[test] for test in ("T2", "T3")}
-
-
-def looks_of(tests: Sequence[CrashTest], campaign: Campaign) -> Iterator[tuple[str, dict[str, object]]]:
-    """The line of each test in the figure of the tests."""
-    for trace in campaign.plot(tests=[test.id for test in tests]).data:
-        yield trace.legendgroup, trace.line.to_plotly_json()
-
-
 def test_tests_come_by_rising_speed_and_one_is_thick(campaign: Campaign) -> None:
     """The held-out test says that it is."""
     styles = [(test.id, style["line"]["width"], style["name"]) for test, style in by_speed(campaign.tests[::-1], "T2")]
@@ -110,42 +83,9 @@ def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
     assert len({note.yshift for note in words}) == 2  # near each other, they stand at different heights
 
 
-def test_a_long_text_takes_two_lines_and_is_shortened(campaign: Campaign) -> None:
-    """All of it is in the list of notes."""
-    test = campaign.test("T2")
-    marked = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "word " * 90, 10.0)])
-    lines = marked.layout.annotations[-1].text.split("<br>")
-    assert len(lines) == 2
-    assert max(map(len, lines)) <= 36
-    assert lines[-1].endswith("…")
-
-
-def test_a_text_stands_away_from_the_zero_line(campaign: Campaign) -> None:
-    """Displacements have theirs at the bottom, accelerations at the top; further texts stand further inside.
-
-    Late texts on displacements, which would stand on the curves, are below these.
-    """
-    test = campaign.test("T2")
-    moved, braked = motion(test.pulse, {}, 11.0), overlay(test.pulse, {})
-    above, below = (add_marks(figure, MARKS).layout.annotations[-2:] for figure in (moved, braked))
-    assert {(note.y, note.yanchor, note.yref) for note in above} == {(1, "top", "y3 domain")}
-    assert {(note.y, note.yanchor, note.yref) for note in below} == {(0, "bottom", "y domain")}
-    assert above[1].yshift < 0 < below[1].yshift
-    (late,) = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "late", 90.0)]).layout.annotations[-1:]
-    assert late.y == 0
-    assert late.yshift > 20
-
-
 def test_without_marks_or_curves_nothing_is_drawn(campaign: Campaign) -> None:
     """All curves of a figure can be hidden."""
     empty = motion(None, {}, 11.0)
     assert not add_marks(empty, MARKS).layout.shapes
     plain = motion(campaign.test("T2").pulse, {}, 11.0)
     assert add_marks(plain, []).layout == motion(campaign.test("T2").pulse, {}, 11.0).layout
-
-
-def test_a_late_mark_has_its_text_before_it(campaign: Campaign) -> None:
-    """Behind it, the figure's edge would cut the text."""
-    test = campaign.test("T2")
-    marked = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "early", 10.0), Note("T2", "late", 90.0)])
-    assert [note.xanchor for note in marked.layout.annotations[-2:]] == ["left", "right"]

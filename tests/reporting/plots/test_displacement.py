@@ -144,15 +144,6 @@ def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: 
         assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
 
 
-def test_biases_are_drawn_by_rising_speed_and_the_held_out_one_says_so(campaign: Campaign, model: CaeModel) -> None:
-    """As on the page Data, and all names stand above."""
-    tests = campaign.tests[::-1]
-    figure = bias_plots.bias_by_speed(tests, [measured_bias(test, model) for test in tests], highlight="T4")
-    assert [t.name.split(" mph")[0] for t in figure.data] == ["T1 · 15.0", "T2 · 25.0", "T3 · 26.0", "T4 · 35.0"]
-    assert [t.name.endswith("(held out)") for t in figure.data] == [False, False, False, True]
-    assert figure.layout.legend.orientation == "h"
-
-
 # --- check of the integration --------------------------------------------------------------------------------------
 
 
@@ -190,42 +181,6 @@ def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
     assert limits == [(-2, 0), (-4, -2), (1, 3), (-1, 1)]
     assert trace(figure, "Measured in this test").xaxis == expected[0].xaxis
     assert [a.text for a in figure.layout.annotations][1:] == ["Shared", "By speed", "The test's own"]
-
-
-def test_at_most_three_parts_stand_beside_each_other() -> None:
-    """More of them would overlap on a narrow page; a part by a factor is written as the others are."""
-    names = ["shared", "by speed", "by weight", "by drive", "own"]
-    figure = bias_plots.bias_parts([part(name, 1.0) for name in (*names, "total")], S)
-    titles = {a.text: (a.x, a.y) for a in figure.layout.annotations}
-    assert list(titles)[1:] == ["Shared", "By speed", "By weight", "By drive", "The test's own"]
-    heights = [y for _, y in titles.values()]
-    assert len(set(heights[1:4])) == 1
-    assert heights[0] > heights[3] > heights[4] == heights[5]
-    assert titles["Shared"][0] == titles["By drive"][0]
-
-
-def test_bands_beyond_the_crush_do_not_squeeze_what_is_before_it(test: CrashTest) -> None:
-    """The axes hold all that lies before the measured maximum crush, and no more than that."""
-    half = np.where(S > 0.4, 400.0, 5.0)
-    parts = [BiasPart(name, np.zeros(S.size), -half, half) for name in ("shared", "total")]
-    before = S[S <= 0.4]
-    measured = BiasPoints(test.condition, before, before, CaeForce(before, before), np.linspace(0.0, 30.0, before.size))
-    layout = bias_plots.bias_parts(parts, S, measured, Display(unit="m/s²")).layout
-    for axis, low, high in ((layout.yaxis, -5, 30), (layout.yaxis2, -5, 5)):
-        room = 0.1 * (high - low)
-        assert low - room < axis.range[0] <= low
-        assert high <= axis.range[1] < high + room
-
-
-def test_the_parts_share_one_scale_so_that_they_can_be_compared() -> None:
-    """It holds all of them, whichever way the sign is."""
-    parts = [part("shared", -30.0), part("by speed", 20.0), part("total", -10.0)]
-    for deceleration in (False, True):
-        figure = bias_plots.bias_parts(parts, S, display=Display(unit="m/s²", deceleration=deceleration))
-        (low, high), other = figure.layout.yaxis2.range, figure.layout.yaxis3.range
-        assert (low, high) == tuple(other)
-        assert low <= (-21 if deceleration else -31)
-        assert high >= (31 if deceleration else 21)
 
 
 def test_energy_over_crush_is_in_kilojoules_up_to_all_of_it(

@@ -20,13 +20,6 @@ def test_a_learning_curve_shows_what_was_reported() -> None:
     assert figure.layout.showlegend  # one curve alone is named, too
 
 
-def test_errors_have_names_that_need_no_explanation() -> None:
-    """Those of the networks' training; other values have their own."""
-    reported = {name: [(1, 0.5), (2, 0.25)] for name in ("train loss", "validation loss", "lml")}
-    figure = plots.learning_curves(reported, value="Mean square error", total=2)
-    assert [trace.name for trace in figure.data] == ["Training error", "Error on held-back CAE runs", "lml"]
-
-
 def test_values_that_are_not_positive_get_a_linear_axis() -> None:
     """A logarithm would hide them."""
     figure = plots.learning_curves({"log likelihood": [(1, -20.0), (2, 3.0)]}, value="Log likelihood", total=2)

@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Iterator, Sequence
-from colorsys import rgb_to_hsv
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,6 @@ from crashfuse.reporting.plots import palette
 from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion, overlay
-from crashfuse.reporting.plots.ratings import rating_heatmap
 from crashfuse.signals.pulse import FloatArray
 from tests.conftest import ROOT
 
@@ -131,18 +129,6 @@ def test_four_tests_of_one_speed_differ_in_more_than_their_dashes(campaign: Camp
     assert all(style["marker"]["color"] == style["line"]["color"] for style in (styles[name] for name in "BCD"))
 
 
-def test_four_of_eleven_tests_that_share_a_speed_differ_in_hue_on_both_pages(campaign: Campaign) -> None:
-    """By 20° of the colour wheel at least, which one sees at a glance; in the dark they were once all yellow."""
-    first = campaign.tests[0]
-    slower = [replace(first.condition, speed_mps=float(speed)) for speed in range(4, 11)]
-    conditions = [*slower, *[replace(first.condition, speed_mps=15.6)] * 4]
-    styles = palette.speed_lines([replace(first, id=f"{n}", condition=c) for n, c in enumerate(conditions)])
-    colours = [styles[f"{number}"]["line"]["color"] for number in range(7, 11)]
-    for shown in (colours, [palette.IN_THE_DARK[colour] for colour in colours]):
-        hues = [360 * rgb_to_hsv(*[int(part) / 255 for part in colour[4:-1].split(",")])[0] for colour in shown]
-        assert np.diff(hues).min() > 20
-
-
 def test_every_curve_and_every_word_of_a_figure_reads_on_both_pages(figures: list[go.Figure]) -> None:
     """Curves and points at 3, axis lines and the cursor too; text at 4.5, that over the rated window on its shade."""
     for figure in figures:
@@ -176,17 +162,6 @@ def test_in_the_dark_only_colours_change(figures: list[go.Figure]) -> None:
         np.testing.assert_equal(without_colours(dark.to_plotly_json()), without_colours(figure.to_plotly_json()))
 
 
-def test_the_test_is_near_white_in_the_dark_and_bands_stay_sheer(campaign: Campaign, figures: list[go.Figure]) -> None:
-    """Black on white becomes near white on near black; a band keeps its approach's colour and can be looked through."""
-    assert campaign.tests
-    dark = darkened(figures[0])
-    (test,) = [trace for trace in dark.data if trace.name == "Test"]
-    assert luminance(test.line.color) > 0.9
-    (band,) = [trace for trace in dark.data if trace.fill]
-    assert band.legendgroup == "fused"
-    assert band.fillcolor == "rgba(0, 158, 115, 0.25)"
-
-
 def test_thirty_further_curves_read_on_both_pages_and_no_two_look_alike() -> None:
     """Other tests, CAE runs and pinned predictions: the nearest ones differ in colour and dash, the others in one."""
     lines = [palette.further_line(number) for number in range(30)]
@@ -209,23 +184,6 @@ def test_what_is_put_beside_looks_like_no_approach_to_the_colour_blind_either() 
             apart = np.linalg.norm(seen(own, sight)[:, None] - seen(others, sight)[None], axis=-1)
             assert apart.min() > 0.05
     assert not {palette.further_line(number)["dash"] for number in range(30)} & {*palette.DASHES.values(), "solid"}
-
-
-def test_a_colour_of_a_dark_page_has_one_light_counterpart() -> None:
-    """By it a picture of a figure is light, whichever page it leaves."""
-    dark = palette.IN_THE_DARK
-    assert len(set(dark.values())) == len(dark)
-    assert not dark.keys() & set(dark.values())
-
-
-def test_a_heat_map_of_grades_is_dim_in_the_dark_with_light_words() -> None:
-    """Every step of its scale has its dark counterpart, at the same limits."""
-    scores = {"T1": {"cae": 0.5, "fused": 0.95}}
-    light, dark = rating_heatmap(scores), darkened(rating_heatmap(scores))
-    assert dark.data[0].textfont.color == palette.IN_THE_DARK["#000000"]
-    steps = [(limit, palette.IN_THE_DARK[colour]) for limit, colour in light.data[0].colorscale]
-    assert [tuple(step) for step in dark.data[0].colorscale] == steps
-    assert dark.layout.font.color == palette.IN_THE_DARK[palette.INK]
 
 
 def test_tests_of_rising_speed_rise_in_brightness_on_both_pages(campaign: Campaign) -> None:

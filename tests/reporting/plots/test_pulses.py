@@ -72,13 +72,6 @@ def test_the_rated_window_is_shaded_and_named(test: CrashTest, predictions: dict
     assert figure.layout.annotations[0].text == "rated: 0–40 ms"
 
 
-def test_an_overlay_needs_no_measured_pulse(predictions: dict[str, Prediction]) -> None:
-    """At a new condition there is none, and no window either."""
-    figure = plots.overlay(None, predictions)
-    assert not [t for t in figure.data if t.name == "Test"]
-    assert not figure.layout.shapes
-
-
 def test_every_curve_has_one_point_a_sample_and_bands_fewer(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
@@ -112,14 +105,6 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
     own = other.pulse.kinematics(other.condition.speed_mps)
     assert trace(figure, "T4 · 35 mph", 3).y[-1] == pytest.approx(own.displacement_m[-1] * 1000)
     assert trace(figure, "CAE", 2).y[0] == pytest.approx(test.condition.speed_mps / MPH)
-
-
-def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """One x axis object: only then does one cursor run through all of them."""
-    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
-    assert {t.xaxis or "x" for t in figure.data} == {"x"}
-    assert {t.yaxis or "y" for t in figure.data} == {"y", "y2", "y3"}
-    assert figure.layout.hoversubplots == "axis"
 
 
 def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
@@ -164,22 +149,6 @@ def test_all_tests_are_drawn_by_rising_speed_and_named(campaign: Campaign) -> No
     assert len({t.line.color for t in figure.data}) == 4
 
 
-def test_many_names_stand_above_the_curves(campaign: Campaign) -> None:
-    """Beside them they would take half of a narrow page."""
-    for figure in (plots.measured_pulses(campaign.tests), plots.library_band(campaign.cae, campaign.tests)):
-        assert figure.layout.legend.orientation == "h"
-        assert (figure.layout.legend.yref, figure.layout.legend.y) == ("container", 1)  # it makes room for itself
-
-
-def test_tests_at_one_speed_differ_in_dashes_marks_and_colour(test: CrashTest) -> None:
-    """Colour stands for speed, so repeats need something else as well."""
-    figure = plots.measured_pulses([test, CrashTest("again", test.condition, test.pulse)])
-    first, second = figure.data
-    assert first.line.color != second.line.color
-    assert (first.mode, second.mode) == ("lines", "lines+markers")
-    assert first.line.dash != second.line.dash
-
-
 def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
     """101 constant pulses of 0 to -100 m/s²: 95, 50 and 5 % lie at -5, -50 and -95."""
     levels = np.repeat(-np.arange(101.0)[:, None], N_SAMPLES, axis=1).astype(np.float32)
@@ -187,14 +156,6 @@ def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
     band, median = plots.library_band(library, display=Display(unit="m/s²")).data
     assert (band.y.min(), band.y.max(), median.y.max()) == (-95, -5, -50)
     assert band.name == "5–95 % of 101 runs"
-
-
-def test_the_library_band_takes_further_pulses(campaign: Campaign) -> None:
-    """A test among the CAE runs, as it was measured."""
-    drawn = campaign.plot("cae", also=["T2", "cae:C05"]).data
-    (test,) = [trace for trace in drawn if (trace.name or "").startswith("T2 · ")]
-    assert np.array(test.y) == pytest.approx(campaign.test("T2").pulse.accel_mps2 / G)
-    assert any((trace.name or "").startswith("CAE run C05 · ") for trace in drawn)
 
 
 def test_the_library_band_carries_the_paired_runs(campaign: Campaign) -> None:
@@ -222,13 +183,6 @@ def test_filtered_tests_are_drawn_over_what_was_read(campaign: Campaign) -> None
         assert not read.showlegend
 
 
-def test_the_grid_of_all_three_rows_of_motion_is_the_same(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """Velocity and displacement are read off as acceleration is, in the dark too."""
-    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
-    axes = [figure.layout.yaxis, figure.layout.yaxis2, figure.layout.yaxis3]
-    assert len({(axis.gridcolor, axis.linecolor, axis.zerolinecolor) for axis in axes}) == 1
-
-
 def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -> None:
     """A prediction that is 2 g off all the time, with a band of 1 g to either side."""
     test = campaign.tests[1]
@@ -239,16 +193,6 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
     assert line.name == "Fused (95 % band), RMS 2.0 g"
     np.testing.assert_allclose(line.y, -2.0, atol=1e-4)
     assert (band.y.min(), band.y.max()) == pytest.approx((-3.0, -1.0), abs=1e-4)
-
-
-def test_a_flipped_sign_flips_the_residuals(campaign: Campaign) -> None:
-    """As every figure of accelerations."""
-    test = campaign.tests[1]
-    prediction = Prediction(test.condition, 0.5 * test.pulse.accel_mps2)
-    one, other = (
-        plots.residuals(test.pulse, {"cae": prediction}, Display(deceleration=flip)).data[0] for flip in (False, True)
-    )
-    np.testing.assert_array_equal(one.y, -other.y)
 
 
 def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaign: Campaign) -> None:

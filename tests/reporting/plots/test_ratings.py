@@ -3,29 +3,15 @@
 import numpy as np
 import pytest
 
-from crashfuse.approaches.base import Prediction
-from crashfuse.condition import Condition
 from crashfuse.reporting.plots import ratings as plots
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.reporting.plots.ratings import rated_curves, rating_parts
-from crashfuse.signals.pulse import GRID_S
 from crashfuse.signals.rating import Rating
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.units import G
-from tests.signals.test_rating_explanation import TEST, TIME_S, bump, pulse
-
-
-def test_long_names_leave_the_cells_their_room() -> None:
-    """Rows are named by beginning and end of the id; the row itself, and so a click, knows the whole."""
-    test = "2026-11-03_full_frontal_left_repeat_2"
-    figure = plots.rating_heatmap({test: {"cae": 0.5}, "T1": {"cae": 0.5}})
-    assert list(figure.layout.yaxis.ticktext) == ["Test 2026-11-03_f…ft_repeat_2", "Test T1", "<b>Mean</b>"]
-    assert list(figure.layout.yaxis.tickvals) == list(figure.data[0].y)
-    assert figure.data[1].customdata[0] == f"{test}:cae"
-    spread = plots.rating_spread({test: {"fused": (0.9, 0.8, 0.95)}})
-    assert list(spread.layout.xaxis.ticktext) == ["2026-11-03_f…ft_repeat_2"]
+from tests.signals.test_rating_explanation import TEST, bump, pulse
 
 
 def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
@@ -97,13 +83,6 @@ def test_levels_run_along_x_and_shares_along_y_in_percent() -> None:
     assert fused.name == "Fused"
 
 
-def test_words_of_the_heat_map_do_not_shrink_with_their_cells() -> None:
-    """A size that is not given follows the cell, down to what nobody can read."""
-    figure = plots.rating_heatmap({"A": {"cae": 0.5}})
-    assert figure.data[0].textfont.size >= 12
-    assert figure.layout.xaxis.tickfont.size >= 12
-
-
 @pytest.fixture(scope="module")
 def explanation() -> RatingExplanation:
     """Three humps, the third 4 ms late and all of it 10 % too strong."""
@@ -152,34 +131,8 @@ def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation:
     assert any(trace.name == "Outside the outer corridor" for trace in figure.data) == beyond
 
 
-def test_further_pulses_stand_behind_the_first_row(explanation: RatingExplanation) -> None:
-    """Over the rated window, named last."""
-    further = {
-        "T03 · 26.0 mph": Prediction(
-            Condition.of_vector([11.0, 900.0, 700.0]), np.linspace(0.0, -20.0 * G, GRID_S.size)
-        )
-    }
-    plain, figure = rated_curves(explanation, "fused"), rated_curves(explanation, "fused", further=further)
-    assert len(figure.data) == len(plain.data) + 1
-    names = [trace.name for trace in figure.data]
-    added = figure.data[names.index("T03 · 26.0 mph")]
-    assert names.index(added.name) < names.index("Test")
-    assert added.legendrank > 1000
-    assert added.x.max() < 70.0
-    np.testing.assert_allclose(added.y, -20.0 * added.x / (GRID_S[-1] * 1e3), rtol=1e-5, atol=1e-6)
-
-
 def test_the_same_hump_has_the_same_number_in_both_curves(explanation: RatingExplanation) -> None:
     """At the time of its peak in each."""
     marks = [(a.text, a.x) for a in rated_curves(explanation, "fused").layout.annotations if a.showarrow]
     assert [text for text, _ in marks] == ["1", "1", "2", "2", "3", "3"]
     assert [at for _, at in marks] == pytest.approx([15, 15, 33, 33, 50, 54], abs=0.3)
-
-
-def test_the_rows_say_their_scores_and_how_far_the_curve_was_moved() -> None:
-    """3 ms late is moved 3 ms earlier; what fits is not moved."""
-    late = np.interp(TIME_S - 0.003, TIME_S, TEST)
-    titles = [a.text for a in rated_curves(explain_rating(pulse(TEST), pulse(late), 70.0), "fused").layout.annotations]
-    assert "<b>Phase 0.786</b>: moved 3.0 ms earlier" in titles
-    same = rated_curves(explain_rating(pulse(TEST), pulse(TEST), 70.0), "fused")
-    assert "<b>Phase 1.000</b>: not moved" in [a.text for a in same.layout.annotations]

@@ -54,16 +54,6 @@ def test_the_band_is_drawn_where_both_ends_are_known(figure: Figure) -> None:
     assert band.fillcolor == "rgba(0, 158, 115, 0.18)"
 
 
-def test_separate_stretches_of_the_band_are_not_joined(campaign: Campaign) -> None:
-    """With the upper end known at 50 mph again there are two outlines."""
-    whole = _sweep("fused", band=True)
-    metrics = (*whole.metrics[:4], (Metric("olc", 50.0, 45.0, 55.0, "g"),))
-    sweep = Sweep("fused", whole.condition, whole.speeds_mps, metrics)
-    (band,) = [trace for trace in sweep_figure([sweep], "olc", campaign).data if trace.fill == "toself"]
-    np.testing.assert_array_equal(band.x, [10, 20, 30, 30, 20, 10, np.nan, 50, 50])
-    np.testing.assert_array_equal(band.y, [8, 18, 28, 32, 22, 12, np.nan, 45, 55])
-
-
 def test_the_cursor_reads_the_speed_and_the_interval(figure: Figure) -> None:
     """Of an open interval the known end is told."""
     texts = _lines(figure)["fused"].customdata
@@ -92,12 +82,3 @@ def test_speeds_without_runs_are_shaded_and_those_of_tests_ticked(campaign: Camp
     ticks = [shape for shape in figure.layout.shapes if shape.type == "line"]
     np.testing.assert_allclose([tick.x0 for tick in ticks], [15, 25, 26, 35])
     assert max(tick.y1 for tick in ticks) < 0.1
-
-
-def test_the_axes_say_what_they_show(figure: Figure) -> None:
-    """With units; all speeds fit."""
-    assert figure.layout.xaxis.title.text == "Impact speed (mph)"
-    assert figure.layout.yaxis.title.text == "OLC, occupant load criterion, filtered as supplied (g)"
-    low, high = figure.layout.xaxis.range
-    assert low < 10
-    assert high > 50
