@@ -49,8 +49,7 @@ def verdict_matrix(
     speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
     labels = [f"{i} · {own}" for i, own in zip(ids, speeds, strict=True)]
     short = [f"{tick_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
-    answers, cut, run = answer_texts(certification), answer_texts(certification, tick_name), certification.run
-    beside = [f"run: {len(run[i])} tests" if len(run.get(i, ())) > 1 else cut[i] for i in ids]
+    answers, cut = answer_texts(certification), answer_texts(certification, short=True)
     with_words, confidence = words and len(rows) <= MOST_WORDS, certification.criteria.confidence
     in_a_line = len(names) <= _FEW_CRITERIA
     row_px = _NARROW_ROW_PX if in_a_line and len(rows) > FEW_CONDITIONS else _ROW_PX
@@ -88,21 +87,14 @@ def verdict_matrix(
             marker={"color": VERDICT_COLOURS[word], "symbol": "square", "size": 13, "line": {"width": 1}},
         )  # fmt: skip
     fix_cells(figure)
-    figure.update_layout(
-        hoverlabel={"align": "left"},
-        margin={
-            "l": max(map(len, short), default=0) * _LETTER_PX + 6,
-            "t": above,
-            "b": _BELOW_PX,
-        },
-        legend={"y": 0, "yanchor": "bottom"},
-    )
+    margin = {"l": max(map(len, short), default=0) * _LETTER_PX + 6, "t": above, "b": _BELOW_PX}
+    figure.update_layout(hoverlabel={"align": "left"}, margin=margin, legend={"y": 0, "yanchor": "bottom"})
     plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
     figure.update_xaxes(**plain, side="top", tickangle=0, range=[-0.5, len(names) - 0.5], showspikes=False)
     figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
     if with_words:
         figure.update_yaxes(tickvals=labels, ticktext=short)
-        _write_beside(figure, labels, beside)
+        _write_beside(figure, labels, [cut[i] for i in ids])
     return figure
 
 
@@ -139,13 +131,11 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
                 y=[display.weights(row[0].condition.mass_kg) for _, row in own],
                 mode="markers",
                 name=f"Worst verdict: {word} ({len(own)})",
-                marker={
-                    "color": VERDICT_COLOURS[word],
-                    "symbol": _SYMBOLS[word],
-                    "size": 13,
-                    "line": {"width": 1.5, "color": INK},
-                },
-                customdata=[[i, display.condition(row[0].condition), _summary(row)] for i, row in own],
+                marker=_marker(VERDICT_COLOURS[word], _SYMBOLS[word], 13, 1.5, INK),
+                customdata=[
+                    [i, display.condition(row[0].condition), "<br>".join(f"{v.criterion.name}: {v.word}" for v in row)]
+                    for i, row in own
+                ],
                 hovertemplate="<b>%{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
             )
     figure.add_scatter(
@@ -158,13 +148,8 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
         hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<extra></extra>",
     )
     figure.update_layout(hovermode="closest")
-    figure.update_xaxes(
-        title=display.title("Impact speed", "mph"),
-        range=None,
-        zeroline=False,
-        showspikes=False,
-        unifiedhovertitle=None,
-    )
+    title = display.title("Impact speed", "mph")
+    figure.update_xaxes(title=title, range=None, zeroline=False, showspikes=False, unifiedhovertitle=None)
     figure.update_yaxes(title=display.title("Front and rear weight together", "lb"))
     return figure
 
@@ -217,10 +202,6 @@ def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
     return "<br>".join(lines)
 
 
-def _summary(row: Sequence[Verdict]) -> str:
-    return "<br>".join(f"{verdict.criterion.name}: {verdict.word}" for verdict in row[:12]) + "<br>…" * (len(row) > 12)
-
-
 def _verdict_scale() -> list[tuple[float, str]]:
     """Colour scale of one flat step a word."""
     n = len(WORDS)
@@ -266,7 +247,7 @@ def reliability(record: TrackRecord) -> go.Figure:
             mode="markers+text",
             cliponaxis=False,
             name=name,
-            marker={"color": colour, "symbol": symbol, "size": 11, "line": {"width": 2, "color": colour}},
+            marker=_marker(colour, symbol, 11, 2, colour),
             customdata=[
                 [each.low, each.high, each.n, round(each.met * each.n), each.lower, each.upper] for each in bins
             ],
@@ -328,45 +309,33 @@ def _draw_trials(
 ) -> None:
     """One row of the record: predictions with intervals, measured values, rings around wrong verdicts, limits."""
     factor = display.units.factor(criterion.unit)
-    for left_out, symbol in (("test", "square"), ("speed group", "diamond")):
-        own = [trial for trial in trials if trial.left_out == left_out and trial.verdict.value is not None]
-        value, lower, upper = factor * _numbers([(t.verdict.value, t.verdict.lower, t.verdict.upper) for t in own])
+
+    def draw(some: Sequence[Trial], values: FloatArray, **look: object) -> None:
         figure.add_scatter(
-            x=[_place(trial, tests) for trial in own],
-            meta={"x": [trial.held_out for trial in own]},
-            y=value,
-            error_y={"array": upper - value, "arrayminus": value - lower, "width": 0, "color": _INTERVAL},
-            mode="markers",
-            marker={
-                "color": [VERDICT_COLOURS[trial.verdict.word] for trial in own],
-                "symbol": symbol,
-                "size": 10,
-                "line": {"width": 1, "color": INK},
-            },
-            hovertext=[_told(trial, display) for trial in own],
-            hovertemplate="%{hovertext}<extra></extra>",
-            showlegend=False,
-            row=row,
-            col=1,
-        )
-    wrong = [trial for trial in trials if trial.wrong]
-    for name, some, marker in (
-        ("measured", trials, {"color": MEASURED_COLOUR, "size": 7, "line": {"width": 1, "color": PAPER}}),
-        ("wrong", wrong, {"color": _DISAGREES, "symbol": "circle-open", "size": 20, "line": {"width": 2.5}}),
-    ):
-        figure.add_scatter(
-            x=[_place(trial, tests) for trial in some],
+            x=[tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14) for trial in some],
             meta={"x": [trial.held_out for trial in some]},
-            y=factor * np.array([trial.measured for trial in some], dtype=np.float64),
+            y=values,
             mode="markers",
-            name=name,
-            marker=marker,
             hovertext=[_told(trial, display) for trial in some],
             hovertemplate="%{hovertext}<extra></extra>",
             showlegend=False,
             row=row,
             col=1,
+            **look,
         )
+
+    for left_out, symbol in (("test", "square"), ("speed group", "diamond")):
+        own = [trial for trial in trials if trial.left_out == left_out and trial.verdict.value is not None]
+        ends = [(trial.verdict.value, trial.verdict.lower, trial.verdict.upper) for trial in own]
+        value, lower, upper = factor * np.array(ends, dtype=np.float64).reshape(-1, 3).T
+        bars = {"array": upper - value, "arrayminus": value - lower, "width": 0, "color": _INTERVAL}
+        colours = [VERDICT_COLOURS[trial.verdict.word] for trial in own]
+        draw(own, value, error_y=bars, marker=_marker(colours, symbol, 10, 1, INK))
+    for name, some, marker in (
+        ("measured", trials, _marker(MEASURED_COLOUR, "circle", 7, 1, PAPER)),
+        ("wrong", [t for t in trials if t.wrong], _marker(_DISAGREES, "circle-open", 20, 2.5, None)),
+    ):
+        draw(some, factor * np.array([trial.measured for trial in some], dtype=np.float64), name=name, marker=marker)
     for limit in (criterion.at_least, criterion.at_most):
         if limit is not None:
             figure.add_hline(y=factor * limit, line={"color": CURSOR, "width": 1.5, "dash": "dash"}, row=row, col=1)
@@ -395,16 +364,12 @@ def _told(trial: Trial, display: Display) -> str:
     )
 
 
-def _place(trial: Trial, tests: list[str]) -> float:
-    return tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14)
-
-
-def _numbers(rows: Sequence[tuple[float | None, ...]]) -> FloatArray:
-    return np.array([[np.nan if each is None else each for each in row] for row in rows]).reshape(-1, 3).T
+def _marker(color: object, symbol: str, size: int, width: float, line: str | None) -> dict[str, object]:
+    return {"color": color, "symbol": symbol, "size": size, "line": {"width": width, "color": line}}
 
 
 def _legend(figure: go.Figure, name: str, *, color: str, symbol: str, line_color: str) -> None:
-    marker = {"color": color, "symbol": symbol, "size": 10, "line": {"width": 1, "color": line_color}}
+    marker = _marker(color, symbol, 10, 1, line_color)
     figure.add_scatter(x=[None], y=[None], mode="markers", name=name, marker=marker, hoverinfo="skip", row=1, col=1)
 
 

@@ -50,14 +50,9 @@ def choose_matrix(view: View) -> Matrix | None:
     n = f"{len(speeds):,} conditions" if len(speeds) > 1 else "1 condition"
     ends = view.display.words(speed(min(speeds), max(speeds), between=" to "))
     with st.expander(f"{n}, {ends}", icon=":material/table:"):
-        st.dataframe(without_formulas(_table(matrix, view.display)), hide_index=True, alt="The conditions to judge")
+        rows = [{"Condition": i, **view.display.columns(c), **dict(c.factors)} for i, c in matrix.items]
+        st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The conditions to judge")
     return matrix
-
-
-def _table(matrix: Matrix, display: Display) -> pd.DataFrame:
-    return pd.DataFrame(
-        {"Condition": i, **display.columns(condition), **dict(condition.factors)} for i, condition in matrix.items
-    )
 
 
 def _chosen(source: str, view: View) -> Matrix | None:
@@ -91,13 +86,11 @@ def _grid(campaign: Campaign, display: Display) -> Matrix:
     speeds = f"{low:.0f}:{high:.0f}:{step}" if low < high else f"{np.median(tests[:, 0]):.1f}"
     weights = [f"{weight:.0f}" for weight in np.median(tests[:, 1:], axis=0)]
     typed = {}
-    for column, label, key, usual in zip(
-        st.columns(3),
-        ("Speeds", "Front weights", "Rear weights"),
-        ("speeds", "front_weights", "rear_weights"),
-        (speeds, *weights),
-        strict=True,
-    ):
+    axes = (
+        ("Speeds", "speeds", speeds),
+        *zip(("Front weights", "Rear weights"), ("front_weights", "rear_weights"), weights, strict=True),
+    )
+    for column, (label, key, usual) in zip(st.columns(3), axes, strict=True):
         unit = units.speed if key == "speeds" else units.weight
         choices.default(key, f"{usual} {unit}", follow=not st.session_state.get(JUDGED))  # else verdicts would go
         typed[f"{label} ({unit})"] = _axis(column, label, key, unit)

@@ -9,12 +9,10 @@ from typing import TypeVar
 import streamlit as st
 
 from crashfuse.certification import file_store
-from crashfuse.errors import CrashfuseError, DataError, UsageError
+from crashfuse.errors import CrashfuseError, DataError, UsageError, shortened
 from crashfuse.ui.kit.text import plain
 
 T = TypeVar("T")
-
-_MOST = 10  # sentences
 
 
 def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
@@ -55,10 +53,9 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
         state[wrong], state[choice] = None, None
         if (given := state[key]) is None:  # it was taken away
             return
-        content = given.getvalue()
         try:
-            read(content)
-            state[choice] = file_store.keep(content, file)
+            read(given.getvalue())
+            state[choice] = file_store.keep(given.getvalue(), file)
         except CrashfuseError as error:
             state[wrong] = under_its_name(error, file, given.name)
 
@@ -73,15 +70,11 @@ def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
     if (name := st.session_state[choice]) is None:
         return None
     if (content := file_store.find(name)) is None:
-        raise UsageError(
-            f"The {file} of this link is not on this server: it was uploaded elsewhere, or removed after a year "
-            "without use. Upload it again."
-        )
+        raise UsageError(f"The {file} of this link is not on this server any more. Upload it again.")
     return read(content)
 
 
 def show_wrong(error: CrashfuseError) -> None:
     """Show what is wrong, a sentence each."""
-    sentences = [str(problem) for problem in error.problems] if isinstance(error, DataError) else [error.args[0]]
-    more = [f"{len(sentences) - _MOST} more like these."] if len(sentences) > _MOST else []
-    st.error("  \n".join(plain(sentence) for sentence in [*sentences[:_MOST], *more]), icon=":material/error:")
+    sentences = shortened(error.problems) if isinstance(error, DataError) else error.args[:1]
+    st.error("  \n".join(plain(sentence) for sentence in sentences), icon=":material/error:")
