@@ -68,13 +68,7 @@ class Certification:
         return f"<Certification of {self.campaign.name!r}: {size} by {self.config.approaches[0]}>"
 
     def beside(self, earlier: Earlier) -> Self:
-        """The same beside an earlier certification, whose verdicts on tests that were run since are part of the record.
-
-        Raises
-        ------
-        DataError
-            If the campaign has none of the tests that the earlier one learned from: it is another vehicle's.
-        """
+        """The same with the verdicts of an earlier one on tests run since; a DataError if it is another vehicle's."""
         earlier.require_of(self.campaign)
         since = TestedSince(earlier, self.campaign)
         record = replace(self.record, since=since.trials(self.criteria))
@@ -122,10 +116,7 @@ class Certification:
 
     @cached_property
     def counted_once(self) -> dict[str, str]:
-        """Conditions that are another one by :meth:`Matrix.alike`: one that still takes a test first, then one run.
-
-        So one that need not be run saves nothing beside one that takes a test; and this is none of those that were run.
-        """
+        """Conditions that are another one by :meth:`Matrix.alike`: one that still takes a test first, then one run."""
         settled = ("run", "need not be run")
         return self.matrix.alike([i for i, answer in self.answers.items() if answer not in settled], list(self.run))
 
@@ -137,11 +128,7 @@ class Certification:
 
     @property
     def run_first(self) -> str | None:
-        """The fastest of two or more conditions that a test can settle, after which others may need none; or None.
-
-        It was not run, misses no criterion, and has open ones, of which none takes a longer record to tell, or is
-        uncertain to meet all at once.
-        """
+        """The fastest of two or more conditions that a test can settle, after which others may need none; or None."""
         unsettled = [
             (row[0].condition.speed_mps, i)
             for i, row in self.rows.items()
@@ -181,23 +168,12 @@ def certify_matrix(
 ) -> Certification:
     """Judge every criterion at every condition of a matrix, and keep the record of the tests, left out in turn.
 
-    Parameters
-    ----------
-    config : StudyConfig
-        Its first approach is judged, with its preset, seed and device.
-    cache : Cache, optional
-        Forecasts are read from it and stored in it; other limits then take no time.
-    workers, scheduler
-        As in :func:`crashfuse.study.running.run_study`.
+    The first approach of the settings is judged. Forecasts are kept in the cache: other limits then take no time.
 
     Raises
     ------
-    UsageError
-        If the campaign has no test.
-    DataError
-        If a test's record is shorter than the window of a rating.
-    Cancelled
-        If the watch was told to stop.
+    UsageError, DataError, Cancelled
+        If there is no test, a record is shorter than the window of a rating, or the watch was told to stop.
     """
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")

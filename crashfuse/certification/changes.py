@@ -7,12 +7,12 @@ from typing import Self
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.earlier import Earlier, EarlierVerdict, Outcomes
+from crashfuse.certification.earlier import Earlier, Outcomes
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import TrackRecord, Trial, strictest_per_metric
-from crashfuse.certification.verdict import Verdict, needs_no_test
+from crashfuse.certification.verdict import EarlierVerdict, Verdict, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 
@@ -109,10 +109,7 @@ class Changes:
 
     @property
     def outcomes(self) -> tuple[int, int, int]:
-        """What these tests tell of verdicts met or not met: metrics of tests, how many wrong, how many tests.
-
-        However many conditions and limits are alike, a metric of a test counts once, as wrong if any verdict was.
-        """
+        """Metrics of these tests with a verdict met or not met, each once, how many wrong, and how many tests."""
         return _outcomes(self.since.latest)
 
     @property
@@ -122,10 +119,7 @@ class Changes:
 
     @cached_property
     def record(self) -> TrackRecord:
-        """All that was said of tests before they were run, by certifications before the earlier one, too.
-
-        One test at a time is never enough to tell whether intervals hold.
-        """
+        """All that was said of tests before they were run, by certifications before the earlier one, too."""
         return TrackRecord(self.since.all_trials)
 
     @property
@@ -135,10 +129,7 @@ class Changes:
 
     @property
     def waived_outcomes(self) -> dict[str, Outcomes]:
-        """Of conditions that needed no test and have one, which criteria each test missed, and which it can't tell.
-
-        After those of certifications before the earlier one.
-        """
+        """Of conditions that needed no test and have one, which criteria each test missed, and which it can't tell."""
         found = dict(self.earlier.waived_before)
         for name, tests in self.tested.items():
             cells = [cell for cell in self.cells if cell.name == name and cell.measured]
@@ -163,10 +154,7 @@ class Changes:
 
     @property
     def withdrawn(self) -> dict[str, tuple[Verdict, ...]]:
-        """Conditions of which it is not said any more that they need no test, with the verdicts that are not met.
-
-        By the ids of today, of those that had no test since, and by the criteria that both have.
-        """
+        """Conditions, not run since, that needed no test then, and do by the criteria of both, with what is not met."""
         both = {_limit(criterion) for criterion in self.earlier.criteria.items}
         found, run = {}, self.later.run
         for i, before in self._both.items():
@@ -188,10 +176,7 @@ class Changes:
 
 
 def saved_and_missed(certification: Certification) -> tuple[int, int]:
-    """How many tests need not have been run by what was said without them, and how many of these missed a criterion.
-
-    Of tests that were left out, and of those that were run after an earlier certification; each counts once.
-    """
+    """How many tests need not have been run by what was said without them, and how many of these missed a criterion."""
     saved = certification.record.saved(certification.criteria)
     if certification.since is not None:
         for tests in Changes.of(certification).waived_outcomes.values():

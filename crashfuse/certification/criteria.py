@@ -247,7 +247,7 @@ def _criterion(item: dict[str, Any], where: str, problems: list[Problem]) -> Cri
     if len(problems) > before:
         return None
     at_least, at_most = limits.get("at_least"), limits.get("at_most")
-    if None not in (at_least, at_most) and at_most < at_least:
+    if at_least is not None and at_most is not None and at_most < at_least:
         wrong(f"at_most of at least {at_least:g}, which is at_least", at_most, "correct or exchange the limits")
         return None
     numbers = (None if value is None else float(value) for value in (at_least, at_most, window))

@@ -52,8 +52,7 @@ class Domain:
     def of(cls, campaign: Campaign, *, for_record: bool = False) -> Self:
         """The domain of a campaign with one test or more.
 
-        ``for_record`` is that of tests from which others were left out. Verdicts on these are compared with what was
-        measured, so that they are given from as far as any group is from the others, the outermost included.
+        ``for_record``, from which others were left out, reaches as far as any group is from the others.
         """
         tests = sorted(campaign.tests, key=lambda test: test.condition.speed_mps)
         speeds = np.array([test.condition.speed_mps for test in tests])

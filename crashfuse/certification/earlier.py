@@ -128,10 +128,7 @@ class Earlier:
             raise DataError(Problem(FILE, "a certification of this campaign", found, advice))
 
     def is_of(self, campaign: Campaign) -> bool:
-        """Whether it knew a test of a campaign: its record by whatever id, or its id if the campaign is that of then.
-
-        It is by its name or its CAE runs: another filter class changes all records, those of the runs included.
-        """
+        """Whether it knew a test of a campaign: by its record, or by its id if name or CAE runs are those of then."""
         same_runs = campaign.cae.fingerprint[:_SHORT] in self.settings.get("CAE runs", "")
         same = same_runs or self.settings["campaign"] == campaign.name
         known = {*self.tests.values(), *(self.tests if same else ())}
@@ -141,7 +138,7 @@ class Earlier:
 def trial_of(
     test: str, condition: Condition, criterion: Criterion, said: EarlierVerdict, measured: float, shift: float = 0.0
 ) -> Trial:
-    """An earlier verdict as one on a test that was only planned then, beside what was measured, without the shift."""
+    """An earlier verdict as one on a test that was only planned then."""
     verdict = Verdict(condition, criterion, None, said.lower, said.upper, said.probability, said.word, "")
     return Trial(test, "planned", verdict, measured, None, shift)
 

@@ -40,7 +40,7 @@ class TestedSince:
 
     @cached_property
     def changed(self) -> tuple[str, ...]:
-        """Tests that it knew with another record: it learned from them, so they tell nothing of its verdicts."""
+        """Tests that it had learned from with another record."""
         known = set(self.earlier.tests.values())
         return tuple(test for test, own in self._digests.items() if test in self.earlier.tests and own not in known)
 
@@ -90,7 +90,7 @@ class TestedSince:
         }
 
     def shift(self, test_id: str, metric: str) -> float:
-        """How much more a test shows than it would at its condition, as the CAE model says; 0 if it is there."""
+        """How much more a test shows than it would at its condition, by the CAE model; 0 if it is there."""
         return self._shifts.get(test_id, {}).get(metric, 0.0)
 
     @cached_property
@@ -137,10 +137,9 @@ class TestedSince:
 
     @cached_property
     def gone_runs(self) -> tuple[RemovedTest, ...]:
-        """Records that are not used any more since this or a certification before it, of tests at a condition of these.
+        """Records of tests at a condition of this or a certification before it that are not used any more.
 
-        Without what rests on the occupant model, if that is another today. Where no record is what it was, all are
-        filtered otherwise, and none is gone.
+        Without what rests on another occupant model. Where no record is what it was, all are filtered otherwise.
         """
         used = set(self._digests.values())
         refiltered = not used & set(self.earlier.tests.values())

@@ -40,8 +40,7 @@ def at_most(wrong: int, n: int) -> str:
 
 
 def _expected_right(decided: int, wrong: int) -> float:
-    """Expected share of right verdicts (Jeffreys' prior)."""
-    return 1 - (wrong + 0.5) / (decided + 1)
+    return 1 - (wrong + 0.5) / (decided + 1)  # Jeffreys' prior
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +51,8 @@ class Support:
 
     Attributes
     ----------
-    decided, wrong : int
-        Verdicts *met* and *not met*, and those that a test contradicted.
     own_decided, own_wrong : int
         Those on the criterion itself, and on its metric before tests were run; one a test.
-    near : bool
-        Whether a test came near the limit.
     most : float
         Highest confidence that any record supports in this metric, by its verdicts on random vehicles.
     before, wrong_before : int
@@ -81,8 +76,8 @@ class Support:
     def shortfall(self, confidence: float) -> str | None:
         """A sentence on what record would support this confidence; None if this one does.
 
-        What was wrong on its own metric, or before tests were run, can refute it (exact, at 95 %): right ones on other
-        criteria, or on left-out tests, do not make up for that.
+        What was wrong on its own metric, or before tests were run, can refute it (exact, at 95 %), whatever else was
+        right.
         """
         for n, wrong, of in (
             (self.own_decided, self.own_wrong, "on this metric, one a test,"),
@@ -131,13 +126,10 @@ class Trial:
     ----------
     left_out : {"test", "speed group", "planned"}
         What was left out with it; *planned*: an earlier certification gave the verdict before the test was run.
-    measured : float
-        In the criterion's unit, without the ``shift``.
     cae_probability : float or None
-        That the raw CAE model gives, with the error that it had in the other tests as its band; None for ratings, and
-        of planned tests.
+        By the raw CAE model, with its error in the other tests as band; None for ratings, and of planned tests.
     shift : float
-        What a planned test showed beyond that because it was not quite at the condition, as the CAE model says.
+        What a planned test showed beyond ``measured`` because it was not quite at the condition, by the CAE model.
     """
 
     held_out: str
@@ -165,14 +157,12 @@ class Trial:
 
     @property
     def near(self) -> bool:
-        """Whether the measured value lies within one width of the 95 % interval of the limit.
-
-        Where one end is not known the interval is taken to reach as far to that side of the value as to the other.
-        """
+        """Whether the measured value lies within one width of the 95 % interval of the limit."""
         verdict = self.verdict
         ends = [end for end in (verdict.lower, verdict.upper) if end is not None]
         if not ends or (len(ends) == 1 and verdict.value is None):
             return False
+        # where one end is not known, the interval is taken to reach as far to that side of the value
         width = max(ends) - min(ends) if len(ends) > 1 else 2 * abs(ends[0] - (verdict.value or 0.0))
         return verdict.criterion.margin(self.measured) <= width
 
@@ -183,10 +173,7 @@ def _decided(trials: Sequence[Trial]) -> tuple[int, int]:
 
 
 def strictest_per_metric(trials: Sequence[Trial], *, each_time: bool = True) -> tuple[Trial, ...]:
-    """Of the verdicts on one metric of a test a wrong one, if there is any, or else a decided one.
-
-    One each time that the test was left out or planned, or one in all.
-    """
+    """Of the verdicts on one metric of a test, each time or in all, a wrong one if any is, or else a decided one."""
     worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
     found = {(t.held_out, each_time and t.left_out, quantity(t.verdict.criterion)): t for t in worst_last}
     return tuple(found.values())
@@ -202,15 +189,7 @@ def _capped_per_test(trials: Sequence[Trial]) -> tuple[Trial, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """Left-out verdicts whose probabilities lie in one bin.
-
-    Attributes
-    ----------
-    probability, met : float
-        Mean probability, and share of tests that met the criterion.
-    lower, upper : float
-        Exact 95 % bounds of that share.
-    """
+    """Left-out verdicts in one bin of probability: its mean, and the share of tests that ``met``, with 95 % bounds."""
 
     low: float
     high: float
@@ -262,7 +241,7 @@ class TrackRecord:
         return tuple(trial for trial in self.counted if trial.verdict.criterion == criterion)
 
     def counts(self, criterion: Criterion | None = None) -> dict[str, tuple[int, int]]:
-        """Number of verdicts by word, and of those that a test contradicted; of one criterion or of all."""
+        """Number of verdicts by word, and of the wrong ones; of one criterion or of all."""
         some = self.counted if criterion is None else self.of(criterion)
         by_word = {word: [trial for trial in some if trial.verdict.word == word] for word in WORDS}
         return {word: (len(trials), sum(trial.wrong for trial in trials)) for word, trials in by_word.items()}
@@ -291,7 +270,6 @@ class TrackRecord:
 
     @property
     def _with_interval(self) -> list[Trial]:
-        """Those inside of whose interval an end is known."""
         return [t for t in self._inside if (t.verdict.lower, t.verdict.upper) != (None, None)]
 
     @property
@@ -306,11 +284,7 @@ class TrackRecord:
         return len({trial.held_out for trial in self.counted}), len(saved), sum(saved.values())
 
     def saved(self, criteria: Criteria) -> dict[str, bool]:
-        """Tests that need not have been run, and whether each missed a criterion.
-
-        By :func:`needs_no_test` of its verdicts, left out alone or with its speed group; a test counts once. A limit on
-        what its record is too short to show is not known to be met.
-        """
+        """Tests that need not have been run, left out in either way, and whether each missed a criterion."""
         rows: dict[tuple[str, LeftOut], list[Trial]] = {}
         for trial in self.counted:
             rows.setdefault((trial.held_out, trial.left_out), []).append(trial)

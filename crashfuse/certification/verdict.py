@@ -74,11 +74,7 @@ class EarlierVerdict(NamedTuple):
 
 
 def all_met(verdicts: Sequence[Verdict | EarlierVerdict]) -> tuple[float, float]:
-    """Least and greatest probability that a test meets all these criteria at once, by that of each.
-
-    It is 1 minus the sum of the risks where never two are missed together (Boole's inequality), and that of the least
-    probable one where it is missed with any other.
-    """
+    """Least (Boole's inequality) and greatest probability that a test meets all these criteria at once."""
     probabilities = [verdict.probability or 0.0 for verdict in verdicts]
     return max(1 - sum(1 - probability for probability in probabilities), 0.0), min(probabilities)
 
@@ -142,9 +138,7 @@ def _reason(verdict: Verdict, confidence: float) -> str:
 def with_decided(curve: LearningCurve, criteria: Criteria) -> LearningCurve:
     """Add the column ``decided``: the share of criteria on metrics that each prediction decides for its held-out test.
 
-    A criterion is decided if its probability, or the complement, reaches the confidence; one that the record is too
-    short for is not. What a rating would be is not part of a learning curve, so criteria on ratings do not count;
-    without any other the column is NaN.
+    What a rating would be is not part of a learning curve; without criteria on metrics the column is NaN.
     """
     limits = [criterion for criterion in criteria.items if criterion.metric != RATING]
 

@@ -10,7 +10,7 @@ from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.evidence import run_near
 from crashfuse.certification.forecasts import quantity
-from crashfuse.certification.verdict import Verdict, reaches
+from crashfuse.certification.verdict import Verdict
 from crashfuse.fact import Fact, by_importance
 from crashfuse.reporting.evidence_facts import (
     change_facts,
@@ -205,68 +205,55 @@ def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
 
 
 def _near(certification: Certification, first: str) -> Iterator[Fact]:
-    """Why a condition takes a test although some were run near it, in numbers."""
-    row, confidence = certification.rows[first], certification.criteria.confidence
-    there, record = row[0].condition, certification.record
-    tests = run_near(certification.campaign, there)
-    if not tests:
-        return
-    ids = [test.id for test in tests]
-    off_speed = speed(max(abs(test.condition.speed_mps - there.speed_mps) for test in tests))
-    off_weight = weight(max(abs(test.condition.mass_kg - there.mass_kg) for test in tests))
-    told = "Within {} and {} of {} the prediction has learned from {}."
-    yield fact("matrix.tests_near", Sentence(told, off_speed, off_weight, first, read_out(ids)), tests=ids)
-    for verdict in row:
-        criterion, probability = verdict.criterion, verdict.probability
-        alone = [trial for trial in record.of(criterion) if trial.left_out == "test" and trial.held_out in ids]
-        why: str | None = (
-            f"Another test meets it with probability {probability_text(probability, confidence)}, and {confidence:g} "
-            "is asked for."
+    """Which tests were run near a condition that takes another one all the same, and what they showed."""
+    row, record = certification.rows[first], certification.record
+    there, tests = row[0].condition, run_near(certification.campaign, row[0].condition)
+    if tests:
+        ids = [test.id for test in tests]
+        away = (
+            speed(max(abs(test.condition.speed_mps - there.speed_mps) for test in tests)),
+            weight(max(abs(test.condition.mass_kg - there.mass_kg) for test in tests)),
         )
-        if reaches(probability or 0.0, confidence):
-            why = record.support(criterion).shortfall(confidence)
-        if verdict.word == "open" and alone and why:
-            ends = {pick(trial.measured for trial in alone): None for pick in (min, max)}
-            told = "Of {} ({}) these tests showed {}. {}"
-            sentence = Sentence(told, criterion.name, criterion.limits, criterion.shown(*ends), why)
-            yield fact("matrix.tests_near", sentence, criterion=criterion.name)
-
-
-def notes_of(certification: Certification) -> dict[str, list[str]]:
-    """What has to be known of a condition wherever it is named, in a few words each, by its id."""
-    domain, unused = certification.domain, _unused_at(certification)
-    notes = {}
-    for i, condition in certification.matrix.items:
-        given = {name for name, value in condition.factors if value}
-        together = _together(certification, i)
-        apart = [departure.test for departure in departures_near(certification.campaign, condition)]
-        notes[i] = [
-            *(f"{name} not given" for name in domain.factors if name not in given),
-            *([f"{together} in no test together"] if together else []),
-            *([f"{read_out(apart)} stands apart there"] if apart else []),
-            *([f"run as {listed(unused[i])}, not used"] if i in unused else []),
-        ]
-    return notes
+        alone = [trial for trial in record.trials if trial.left_out == "test" and trial.held_out in ids]
+        showed = []
+        for criterion in (verdict.criterion for verdict in row if verdict.word == "open"):
+            if values := [trial.measured for trial in alone if trial.verdict.criterion == criterion]:
+                shown = criterion.shown(*dict.fromkeys((min(values), max(values))))
+                showed.append(Sentence("{} {} ({})", criterion.name, shown, criterion.limits))
+        told = "Within {} and {} of {} the prediction has learned from {}, which showed {}."
+        sentence = Sentence(told, *away, first, read_out(ids), joined(showed, ", ") or "nothing that is open")
+        yield fact("matrix.tests_near", sentence, tests=ids)
 
 
 def _notes_at(certification: Certification) -> tuple[list[str], dict[str, str]]:
-    """What has to be known of all conditions, if there are several, and what else of each, by its id."""
-    notes = notes_of(certification)
+    """What has to be known of all conditions, if there are several, and what else wherever one is named, by its id."""
+    domain, unused, together = certification.domain, _unused_at(certification), _together(certification)
+    notes: dict[str, list[str]] = {}
+    for i, condition in certification.matrix.items:
+        given = {name for name, value in condition.factors if value}
+        notes[i] = [f"{name} not given" for name in domain.factors if name not in given]
+        if i in together:
+            notes[i].append(f"{together[i]} in no test together")
+        if apart := [departure.test for departure in departures_near(certification.campaign, condition)]:
+            notes[i].append(f"{read_out(apart)} stands apart there")
+        if i in unused:
+            notes[i].append(f"run as {listed(unused[i])}, not used")
     first, *others = notes.values()
     of_all = [note for note in first if others and all(note in each for each in others)]
     rest = {i: "; ".join(note for note in each if note not in of_all) for i, each in notes.items()}
     return of_all, {i: text for i, text in rest.items() if text}
 
 
-def _together(certification: Certification, condition_id: str) -> str:
-    """The factors of a condition of which each was tested, but never with the others."""
+def _together(certification: Certification) -> dict[str, str]:
+    """The factors of conditions of which each was tested, but never with the others."""
     tested, known = [dict(t.condition.factors) for t in certification.campaign.tests], certification.domain.factors
-    factors = dict(certification.matrix.items)[condition_id].factors
-    given = {name: value for name, value in factors if value and name in known}
-    new = all(value in known[name] for name, value in given.items()) and not any(
-        given.items() <= factors.items() for factors in tested
-    )
-    return ", ".join(f"{name} {value}" for name, value in given.items()) if new else ""
+    found = {}
+    for i, condition in certification.matrix.items:
+        given = {name: value for name, value in condition.factors if value and name in known}
+        new = not any(given.items() <= factors.items() for factors in tested)
+        if new and all(value in known[name] for name, value in given.items()):
+            found[i] = ", ".join(f"{name} {value}" for name, value in given.items())
+    return found
 
 
 def _unused_at(certification: Certification) -> dict[str, list[str]]:
@@ -286,26 +273,23 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
     """Conditions outside the domain, without a factor, with factors that are new together, or with short records."""
     domain, items = certification.domain, certification.matrix.items
     yield from (fact("condition.outside", sentence) for sentence in domain.too_few_tests)
-    new: dict[str, list[str]] = {}
     for i, condition in items:
         if not domain.too_few_tests and (why := domain.exceeded_by(condition)):
             yield fact("condition.outside", joined([i, joined(why)], ": "), condition=i)
-        if together := _together(certification, i):
-            new.setdefault(together, []).append(i)
         short = [v.criterion.name for v in certification.rows[i] if v.word == "open" and v.probability is None]
         if short:
             yield fact("condition.too_short", f"{i}: {', '.join(short)}.", condition=i, criteria=short)
-    for together, ids in new.items():
-        told = f"{_named(certification, ids)}: no test has {together}; each was tested with another."
-        yield fact("condition.new_together", told, conditions=ids)
+    groups: dict[tuple[str, str], list[str]] = {}
+    for i, factors in _together(certification).items():
+        told = f"no test has {factors}; each was tested with another."
+        groups.setdefault(("condition.new_together", told), []).append(i)
     for name in domain.factors:
-        if ids := [i for i, condition in items if not dict(condition.factors).get(name)]:
-            told = f"{_named(certification, ids)}: no {name} is given, so the verdicts cover every {name}; name it."
-            yield fact("condition.no_factor", told, factor=name, conditions=ids)
-
-
-def _named(certification: Certification, ids: Sequence[str]) -> str:
-    return listed_conditions(certification.matrix.ids, dict.fromkeys(ids, ""))
+        told = f"no {name} is given, so the verdicts cover every {name}; name it."
+        without = [i for i, condition in items if not dict(condition.factors).get(name)]
+        groups |= {("condition.no_factor", told): without} if without else {}
+    for (code, told), ids in groups.items():
+        named = listed_conditions(certification.matrix.ids, dict.fromkeys(ids, ""))
+        yield fact(code, f"{named}: {told}", conditions=ids)
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:
@@ -328,6 +312,6 @@ def _not_used(certification: Certification) -> Iterator[Fact]:
         missed = [c.name for c in criteria if (v := shown[c.name]) is not None and not c.is_met_by(v)]
         unknown = [name for name, value in shown.items() if value is None]
         why = f" ({campaign.reason_of(test.test)})" if test.test in unused else ""
-        names = (", ".join(missed) or "none", ", ".join(unknown) or "none")
-        sentence = Sentence(told, test.test, test.condition, why, *names)
+        texts = (", ".join(missed) or "none", ", ".join(unknown) or "none")
+        sentence = Sentence(told, test.test, test.condition, why, *texts)
         yield fact("test.not_used", sentence, test=test.test, missed=missed, unknown=unknown)

@@ -11,13 +11,12 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
-from crashfuse.certification.earlier import EarlierVerdict
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, largest_share
-from crashfuse.certification.verdict import WORDS, Verdict, all_met
+from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.evidence_facts import measured_value, support_text
+from crashfuse.reporting.evidence_facts import measured_text, support_text
 from crashfuse.reporting.plots.canvas import tick_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.facts import departures_near
@@ -58,10 +57,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
-
-    ``counted`` is false where a speed group is the test alone, whose verdict counts once.
-    """
+    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
     basis, record = _bases(certification.campaign), certification.record
     rows = [
         (
@@ -273,7 +269,7 @@ def _changes(certification: Certification, display: Display) -> pd.DataFrame:
             **cells(cell.before, "then", confidences[0]),
             **cells(cell.now, "now", confidences[1]),
             "Measured since": "; ".join(
-                display.words(Sentence("{} {}", test, measured_value(cell.criterion, value, shift)))
+                display.words(Sentence("{} {}", test, measured_text(cell.criterion, value, shift)))
                 for test, value in cell.measured.items()
                 for shift in [changes.since.shift(test, cell.criterion.metric)]
             )

@@ -74,11 +74,8 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
 
 def criterion_facts(certification: Certification) -> Iterator[Fact]:
     """Criteria whose record says too little, each sentence once, and those by the campaign's own occupant model."""
-    record, confidence, occupant = (
-        certification.record,
-        certification.criteria.confidence,
-        certification.campaign.occupant,
-    )
+    record, occupant = certification.record, certification.campaign.occupant
+    confidence = certification.criteria.confidence
     names: dict[tuple[str, str], list[str]] = {}
     for criterion in certification.criteria.items:
         support = record.support(criterion)
@@ -130,10 +127,7 @@ def domain_facts(domain: Domain) -> Iterator[Fact]:
         for room, most in ((below, domain.below_mps), (above, domain.above_mps))
         for value in (speed(max(min(room, most), 0.0)), ", where the CAE runs end" * (room < most))
     ]
-    told = (
-        "A condition is at most {} from the nearest test, as far as left-out tests were from the others; {} below the "
-    )
-    told += "slowest{} and {} above the fastest{}."
+    told = "A condition is at most {} from the nearest test, {} below the slowest{} and {} above the fastest{}."
     yield fact("domain.reach", Sentence(told, speed(domain.reach_mps), *ends))
 
 
@@ -205,8 +199,8 @@ def _tested(changes: Changes) -> Iterator[Fact]:
         criterion = trial.verdict.criterion
         if trial.verdict.decided and criterion.is_met_by(trial.measured + trial.shift) is not trial.met:
             told = "Where {} was run decides whether its verdict came true: {} ({}), said to be {}, {}, counts as {}."
-            counts = "wrong" if trial.wrong else "right"
-            names = (trial.held_out, criterion.name, criterion.limits, trial.verdict.word, measured_text(trial), counts)
+            said = (trial.verdict.word, _measured(trial), "wrong" if trial.wrong else "right")
+            names = (trial.held_out, criterion.name, criterion.limits, *said)
             yield fact("since.moved", Sentence(told, *names), test=trial.held_out, wrong=trial.wrong, shift=trial.shift)
 
 
@@ -250,30 +244,27 @@ def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
     sentence = Sentence(
         "{}, {}: {} ({}) at {} was said to be {} (probability {}); measured {}.",
         trial.held_out, how, criterion.name, criterion.limits, verdict.condition, verdict.word, probability,
-        measured_text(trial),
+        _measured(trial),
     )  # fmt: skip
     return fact(code, sentence, test=trial.held_out, criterion=criterion.name, said=verdict.word)
 
 
 def missed_text(trials: Sequence[Trial]) -> str:
     """What was measured outside its interval, and where that was."""
-    if not trials:
-        return ""
-    outside = []
-    for trial in trials:
-        verdict, criterion = trial.verdict, trial.verdict.criterion
-        interval = criterion.interval(verdict.lower, verdict.upper)
-        outside.append(Sentence("{} {} {}, not {}", trial.held_out, criterion.name, measured_text(trial), interval))
-    return Sentence("; outside: {}", listed(outside))
+    outside = [
+        Sentence("{} {} {}, not {}", trial.held_out, limit.name, _measured(trial), limit.interval(v.lower, v.upper))
+        for trial in trials
+        for v, limit in [(trial.verdict, trial.verdict.criterion)]
+    ]
+    return Sentence("; outside: {}", listed(outside)) if outside else ""
 
 
-def measured_text(trial: Trial) -> Quantity | Sentence:
-    """What a test measured; if it was off its condition, with the value there as the CAE model says."""
-    return measured_value(trial.verdict.criterion, trial.measured, trial.shift)
+def _measured(trial: Trial) -> Quantity | Sentence:
+    return measured_text(trial.verdict.criterion, trial.measured, trial.shift)
 
 
-def measured_value(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:
-    """As :func:`measured_text`, of a value without the shift."""
+def measured_text(criterion: Criterion, value: float | None, shift: float) -> Quantity | Sentence:
+    """What a test measured where it was run and, if that was off its condition, there by the CAE model."""
     if value is None or not shift:
         return criterion.shown(value)
     told = "{} ({} at its condition, by the CAE model)"
@@ -295,14 +286,7 @@ def listed(names: Sequence[str]) -> str:
 def listed_conditions(rows: Iterable[str], answers: Mapping[str, str], file: str = "certification.csv") -> Sentence:
     """Conditions, each with its answer in brackets if there is one: ``M01 to M08, M11 (crush); M09 (peak)``.
 
-    Parameters
-    ----------
-    rows : iterable of str
-        Ids of the conditions in the order of the matrix.
-    answers : mapping of str to str
-        By the id of each condition that is told; of many, the answer that most of them share is told first.
-    file : str
-        Which file has those that are left out.
+    ``rows`` are all ids in the order of the matrix. Of many, the answer that most share comes first; ``file`` has all.
     """
     if len(answers) <= _ONE_BY_ONE:
         return joined([_with_answer(i, answer) for i, answer in answers.items()], ", ")

@@ -207,19 +207,6 @@ def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) ->
     assert certification_record(found)["run"]["P1"][test.id]["crush"] == crush.run[test.id]  # type: ignore[index]
 
 
-def test_only_where_no_test_was_run_an_open_verdict_says_to_test(campaign: Campaign) -> None:
-    """At the condition of a test it is a verdict on another one, with what the first measured."""
-    test = campaign.tests[1]
-    apart = replace(test.condition, speed_mps=1.003 * test.condition.speed_mps)
-    tight = Criteria((Criterion("crush", "max_crush", at_most=343.0),))
-    found = certify_matrix(campaign, tight, Matrix(("P1", "P2"), (test.condition, apart)), CONFIG, workers=1)
-    [[there], [elsewhere]] = found.verdicts
-    assert (there.word, elsewhere.word) == ("open", "open")
-    assert "only: test it, or redesign." in elsewhere.reason
-    assert "test it" not in there.reason
-    assert f"only. Test {test.id} was run there" in there.reason
-
-
 def test_a_test_that_was_made_for_a_condition_counts_as_run_there_though_a_little_off(campaign: Campaign) -> None:
     """Up to 1 km/h and 2 % of each weight; of two conditions the nearer one is meant. Nobody hits them to 0.2 %."""
     test = campaign.tests[1]

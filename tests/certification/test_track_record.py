@@ -1,8 +1,5 @@
 """The record of left-out verdicts: counted once, bounded exactly, and asked for what it supports."""
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 from scipy.stats import binom
 
@@ -186,13 +183,6 @@ def test_near_means_within_one_width_of_the_interval() -> None:
     assert not trial("open", 499.0, interval=(None, None)).near
 
 
-def test_trials_without_a_probability_are_left_out_of_reliability() -> None:
-    """The record was too short to tell."""
-    record = TrackRecord((replace(trial("open", 450.0), verdict=trial("open", 450.0, None).verdict),))
-    assert record.reliability == TrackRecord((trial("outside", 450.0, 0.9),)).reliability == ()
-    assert np.isfinite(record.decided).all()
-
-
 def test_a_test_that_is_left_out_both_ways_supports_no_more_than_once() -> None:
     """Its metrics vary together, alone as with its speed group: whatever is right in it, others have to be."""
     some = [Criterion(of, of, at_most=500.0) for of in ("max_crush", "static_crush", "peak", "mean", "olc", "vpi")]
@@ -232,11 +222,6 @@ def test_bounds_of_a_share_are_exact(count: int, n: int) -> None:
         assert binom.cdf(count, n, largest_share(count, n)) == pytest.approx(0.05)
     assert (lower == 0) == (count == 0)
     assert (upper == 1) == (count == n)
-
-
-def test_none_wrong_of_59_bounds_the_share_at_five_per_cent() -> None:
-    """The rule of three, exactly."""
-    assert largest_share(0, 59) < 0.05 < largest_share(0, 58)
 
 
 @pytest.mark.parametrize(("decided", "wrong", "supports"), [(9, 0, True), (8, 0, False), (29, 1, True), (28, 1, False)])

@@ -205,16 +205,12 @@ def test_too_few_tests_leave_everything_outside_and_say_why(
     ("options", "code", "sentence"),
     [
         (["--criteria", "{tmp}/none.toml"], 1, "none.toml: expected this file, found no such file"),
-        (["--criteria", "{tmp}/hic.toml"], 1, "hic.toml, criterion 1: expected a metric of peak, "),
         (["--criteria", "{tmp}/long.toml"], 1, "expected a record over 0–100 ms, found 80 ms"),
         (["--matrix", "{tmp}/none.csv"], 1, "none.csv: expected this file, found no such file; list the conditions in"),
-        (["--matrix", "{tmp}/empty.csv"], 1, "empty.csv: expected a header and at least one row, found an empty table"),
         (["--matrix", "{tmp}/twice.csv"], 1, "row 3: expected each condition once, found that of A a second time"),
-        (["--matrix", "{tmp}/fuel.csv"], 1, "expected no further columns than those of tests.csv (drive), found fuel"),
         (["--approach", "magic"], 2, "There is no approach 'magic'; choose from cae, "),
         (["--speed-mph", "20"], 2, "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, all three"),
         (["--speed-mph", "20", "--matrix", "{tmp}/twice.csv", *GRID], 2, "and no --matrix."),
-        (["--speed-mph", "20", "20", *GRID], 2, "A grid takes each speed once, as a number above 0."),
         (["--speed-mph", "2000", *GRID], 2, "No barrier test is made at 2000.0 mph"),
         (["--speed-mph", "20", *GRID, "--factor", "fuel=gas"], 2, "No test has the factor 'fuel=gas'; the tests have"),
     ],
@@ -230,11 +226,8 @@ def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
             pulse = pd.read_csv(path)
             pulse[pulse["time_ms"] <= 80].to_csv(path, index=False)
     limit = "at_least = 0.5\n"
-    (tmp_path / "hic.toml").write_text(f'[[criterion]]\nmetric = "hic"\n{limit}', encoding="utf-8")
     (tmp_path / "long.toml").write_text(f'[[criterion]]\nmetric = "rating"\nwindow_ms = 100\n{limit}', encoding="utf-8")
-    (tmp_path / "empty.csv").write_text(f"{HEADER}\n", encoding="utf-8")
     (tmp_path / "twice.csv").write_text(f"{HEADER}\nA,20,2040,1500,FWD\nB,20,2040,1500,FWD\n", encoding="utf-8")
-    (tmp_path / "fuel.csv").write_text("id,speed_mph,front_weight_lb,rear_weight_lb,fuel\nA,20,2040,1500,gas\n")
     asked = [option.format(tmp=tmp_path) for option in options]
     assert certify(here, tmp_path / "out", *asked) == code
     problems = [line for line in capsys.readouterr().err.splitlines() if " of " not in line[:30]]

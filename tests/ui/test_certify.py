@@ -121,6 +121,10 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     ]
     assert session.charts == 1
     assert session.app.expander[-1].label == "All verdicts as a table"
+    (pills,) = [own for own in session.app.pills if own.label == "Verdicts"]
+    pills.set_value(["outside"])
+    session.run()
+    assert shown(session)["Condition"].tolist() == ["M3", "M3"]
     assert [button.label for button in tab(session, "Files and report").app.download_button] == FILES
     assert tab(session, "Validated domain").charts == 1
     assert tab(session, "Track record").charts == 1
@@ -161,18 +165,6 @@ def test_a_link_to_a_cell_shows_its_reason_and_leads_to_predict(asking: Path, vi
 
 
 @pytest.mark.slow
-def test_verdicts_are_filtered_by_word(asking: Path, visit: Visit) -> None:
-    """Only the chosen words stay in the table."""
-    session = certified(visit("certify", **LINK))
-    words = of_library(asking).table["verdict"]
-    (pills,) = [own for own in session.app.pills if own.label == "Verdicts"]
-    pills.set_value(["outside"])
-    session.run()
-    assert shown(session)["Condition"].tolist() == ["M3", "M3"]
-    assert (words == "outside").sum() == 2
-
-
-@pytest.mark.slow
 def test_with_a_single_test_the_page_says_what_cannot_be_said(asking: Path, visit: Visit) -> None:
     """Everything is outside, and there is no record; nothing else fails."""
     table = pd.read_csv(asking / "tests.csv")
@@ -203,9 +195,7 @@ def test_without_criteria_the_page_says_how_to_declare_them(visit: Visit) -> Non
     ("name", "content", "sentence"),
     [
         ("criteria.toml", '[[criterion]]\nmetric = "crush"\nat_most = 3', "expected a metric of peak"),
-        ("criteria.toml", "confidence = 1\n" + CRITERIA[17:], "a confidence from 0.5 to 0.999999"),
         ("matrix.csv", MATRIX + "M4,20,2050,1500\n", "found that of M1 a second time"),
-        ("matrix.csv", "id,speed_mph,front_weight_lb,rear_weight_lb\n", "matrix.csv"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_a_sentence(
@@ -399,9 +389,7 @@ def kept(session: "Session") -> "Selectbox[str]":
     return next(box for box in session.app.selectbox if box.label == "Earlier certification")
 
 
-@pytest.mark.parametrize(
-    "text", ["fast", "20:30", "30:20:5", "20:30:0", "20:30:-1", "1:2:3:4", "0:1e9:0.001", "nan", ""]
-)
+@pytest.mark.parametrize("text", ["fast", "20:30", "20:30:-1", "0:1e9:0.001", ""])
 @pytest.mark.usefixtures("open_campaign")
 def test_a_grid_that_cannot_be_read_is_a_sentence(visit: Visit, text: str) -> None:
     """What was expected, and what was found."""
