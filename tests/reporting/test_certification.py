@@ -23,6 +23,7 @@ from crashfuse.reporting.certification_facts import PLACES, exceptions, facts, s
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.evidence_facts import listed_conditions
+from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report import certification_report
@@ -286,6 +287,9 @@ def test_a_test_where_others_were_run_is_asked_for_with_the_numbers(certificatio
     """What the four showed of each criterion that is open there; farther off, they are none of its neighbours."""
     found = near(certification)
     assert values(found, "matrix.tests_near") == [{"tests": ["T1", "T2", "T3", "T4"]}]
+    beside = verdict_matrix(found).layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
+    assert list(beside) == ["test or redesign", "test or redesign", "test or redesign; T1 stands apart"]
+    assert SHOWN["conditions"](found, DEFAULT)["A test there"].tolist() == list(beside)
     tests = tuple(
         replace(test, condition=replace(test.condition, speed_mps=test.condition.speed_mps + 0.5 * KPH))
         for test in found.campaign.tests
