@@ -1,6 +1,6 @@
 """Facts that whoever reads a result has to know: found once, worded once, shown wherever the result is."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 IMPORTANCE = (
@@ -22,7 +22,7 @@ class Fact:
     Parameters
     ----------
     code : str
-        One of :data:`IMPORTANCE`.
+        One of :data:`IMPORTANCE`, or of the catalogue of a kind of result.
     sentence, label : str
         With its subject, its size and what to do; in two or three words, for a badge.
     values : mapping of str to object
@@ -40,6 +40,6 @@ class Fact:
         return {"code": self.code, **self.values, "sentence": str(self.sentence)}
 
 
-def by_importance(facts: Iterable[Fact]) -> tuple[Fact, ...]:
-    """Facts in the order of :data:`IMPORTANCE`; of one code, as they come."""
-    return tuple(sorted(facts, key=lambda fact: IMPORTANCE.index(fact.code)))
+def by_importance(facts: Iterable[Fact], order: Sequence[str] = IMPORTANCE) -> tuple[Fact, ...]:
+    """Facts in the order of their codes; of one code, as they come."""
+    return tuple(sorted(facts, key=lambda fact: order.index(fact.code)))

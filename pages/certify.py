@@ -6,10 +6,10 @@ import streamlit as st
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.certify import APPROACH
-from crashfuse.ui.certify import earlier, record, results
+from crashfuse.ui.certify import earlier, results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
-from crashfuse.ui.certify.request import CertificationRequest, Judgement, show_files
+from crashfuse.ui.certify.results import CertificationRequest, Judgement
 from crashfuse.ui.kit import choices, frame
 from crashfuse.ui.kit.choices import chosen_config
 from crashfuse.ui.kit.editing import notes_of
@@ -19,11 +19,11 @@ from crashfuse.ui.kit.window import end_page
 
 TABS = {
     "Verdicts": results.show,
-    "Track record": record.show,
+    "Track record": results.show_record,
     "Earlier verdicts": earlier.show,
-    "Validated domain": record.show_domain,
-    "Exceptions": record.show_exceptions,
-    "Files and report": show_files,
+    "Validated domain": results.show_domain,
+    "Exceptions": results.show_exceptions,
+    "Files and report": results.show_files,
 }
 
 view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
@@ -49,11 +49,7 @@ if criteria is not None and matrix is not None:
     verdicts = result_or_none(
         request,
         invitation="These conditions have not been judged yet. "
-        + patience(
-            config,
-            "Every test is left out in turn, which takes a minute or more unless it was done before; after that, other "
-            "limits and another confidence are answered at once.",
-        ),
+        + patience(config, "Leaving out every test in turn takes a minute or more; then other limits take no time."),
         button="Certify",
     )
 if (verdicts is not None) != st.session_state.get(JUDGED, False):  # the choices above fold away, or unfold

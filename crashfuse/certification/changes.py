@@ -7,14 +7,13 @@ from typing import Self
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.earlier import Earlier, EarlierVerdict, Outcomes
+from crashfuse.certification.earlier import Earlier, Outcomes
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
-from crashfuse.certification.track_record import TrackRecord, Trial, one_a_metric
-from crashfuse.certification.verdict import Verdict, needs_no_test
+from crashfuse.certification.track_record import TrackRecord, Trial, strictest_per_metric
+from crashfuse.certification.verdict import EarlierVerdict, Verdict, needs_no_test
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 
 _DIGITS = 5  # of m/s and kg: conditions go through mph and lb
@@ -27,12 +26,10 @@ class Change:
     Attributes
     ----------
     earlier_id, later_id : str or None
-        The condition's id in each; None if that one does not have it.
-    before, now : EarlierVerdict or None, Verdict or None
-        None if that one did not ask for it.
+        The condition's id in each that has it.
     measured : mapping of str to float or None
-        What tests that the earlier one did not know measured there, by their ids; None if the record is too short.
-        Empty of a rating: it would be that of another prediction.
+        What tests that the earlier one did not know measured there, by their ids. Empty of a rating: it would be that
+        of another prediction.
     """
 
     earlier_id: str | None
@@ -64,7 +61,6 @@ class Change:
 class Changes:
     """An earlier certification beside a later one; conditions and limits are the same if their numbers are."""
 
-    earlier: Earlier
     since: TestedSince
     later: Certification
     cells: tuple[Change, ...]
@@ -72,38 +68,34 @@ class Changes:
     @classmethod
     @lru_cache(maxsize=4)  # asked for by tables, sentences and files
     def of(cls, later: Certification) -> Self:
-        """Compare one with that which it is beside: what that said, in its order, then what only this one says.
-
-        Raises
-        ------
-        UsageError
-            If it is beside none.
-        """
+        """Compare one with that which it is beside: what that said, in its order, then what only this one says."""
         if later.since is None:
             raise UsageError("Nothing to compare: give an earlier certification.")
-        since = later.since
-        earlier, ids = since.earlier, _by_place(later.matrix)
-        rows = earlier.rows
-        now = {_key(own.condition, own.criterion): own for _, own in later.cells}
+        since, earlier = later.since, later.since.earlier
+        ids, then = _by_place(later.matrix), _by_place(earlier.matrix)
+        now = {_key(verdict.condition, verdict.criterion): verdict for _, verdict in later.cells}
         cells, asked = [], set()
         for i, condition in earlier.matrix.items:
             shown = {test: since.shown[test] for test, place in since.at.items() if place == i}
-            for criterion, before in zip(earlier.criteria.items, rows[i], strict=True):
-                of = criterion.metric if criterion.window_ms is None else None
-                measured = {} if of is None else {test: own[of] for test, own in shown.items()}
-                key = _key(condition, criterion)
+            for criterion, before in zip(earlier.criteria.items, earlier.rows[i], strict=True):
+                rating, key = criterion.window_ms is not None, _key(condition, criterion)
+                measured = {} if rating else {test: values[criterion.metric] for test, values in shown.items()}
                 asked.add(key)
                 cells.append(Change(i, ids.get(key[0]), condition, criterion, before, now.get(key), measured))
-        then = _by_place(earlier.matrix)
         cells += [
-            Change(then.get(_place(own.condition)), i, own.condition, own.criterion, now=own)
-            for i, own in later.cells
-            if _key(own.condition, own.criterion) not in asked
+            Change(then.get(_place(new.condition)), i, new.condition, new.criterion, now=new)
+            for i, new in later.cells
+            if _key(new.condition, new.criterion) not in asked
         ]
-        return cls(earlier, since, later, tuple(cells))
+        return cls(since, later, tuple(cells))
 
     def __repr__(self) -> str:
         return f"<Changes of {len(self.compared)} verdicts since {self.earlier!r}>"
+
+    @property
+    def earlier(self) -> Earlier:
+        """The earlier certification."""
+        return self.since.earlier
 
     @property
     def compared(self) -> tuple[tuple[Change, EarlierVerdict, Verdict], ...]:
@@ -117,10 +109,7 @@ class Changes:
 
     @property
     def outcomes(self) -> tuple[int, int, int]:
-        """What these tests tell of verdicts met or not met: metrics of tests, how many wrong, how many tests.
-
-        However many conditions and limits are alike, a metric of a test counts once, as wrong if any verdict was.
-        """
+        """Metrics of these tests with a verdict met or not met, each once, how many wrong, and how many tests."""
         return _outcomes(self.since.latest)
 
     @property
@@ -130,37 +119,25 @@ class Changes:
 
     @cached_property
     def record(self) -> TrackRecord:
-        """All that was said of tests before they were run, by certifications before the earlier one, too.
-
-        One test at a time is never enough to tell whether intervals hold.
-        """
-        return TrackRecord(self.since.told)
+        """All that was said of tests before they were run, by certifications before the earlier one, too."""
+        return TrackRecord(self.since.all_trials)
 
     @property
-    def off_condition(self) -> tuple[CrashTest, ...]:
-        """Tests outside an interval that were not quite at the condition that it was for."""
-        there = {test.id: test for test in self.later.campaign.tests}
-        found = {
-            own.held_out: there[own.held_out]
-            for own in self.record.missed_intervals
-            if own.held_out in there and not there[own.held_out].condition.is_at(own.verdict.condition)
-        }
-        return tuple(found.values())
+    def too_narrow(self) -> bool:
+        """Whether intervals held too little; what one test alone missed hangs together, and is no sign of that."""
+        return self.record.too_narrow and len({trial.held_out for trial in self.record.missed_intervals}) > 1
 
     @property
     def waived_outcomes(self) -> dict[str, Outcomes]:
-        """Of conditions that needed no test and have one, which criteria each test missed, and which it can't tell.
-
-        After those of certifications before the earlier one.
-        """
+        """Of conditions that needed no test and have one, which criteria each test missed, and which it can't tell."""
         found = dict(self.earlier.waived_before)
         for name, tests in self.tested.items():
-            own = [cell for cell in self.cells if cell.name == name and cell.measured]
-            if own[0].earlier_id in self._waived:
+            cells = [cell for cell in self.cells if cell.name == name and cell.measured]
+            if cells[0].earlier_id in self._waived:
                 found[name] = {**found.get(name, {})} | {
                     test: (
-                        tuple(cell.criterion.name for cell in own if cell.came_true.get(test) is False),
-                        tuple(cell.criterion.name for cell in own if test not in cell.came_true),
+                        tuple(cell.criterion.name for cell in cells if cell.came_true.get(test) is False),
+                        tuple(cell.criterion.name for cell in cells if test not in cell.came_true),
                     )
                     for test in tests
                 }
@@ -169,7 +146,7 @@ class Changes:
     @property
     def newly_waived(self) -> tuple[str, ...]:
         """Conditions that need no test, and did then; by the ids of today. None by other criteria."""
-        then, now = ({_limit(own) for own in each.criteria.items} for each in (self.earlier, self.later))
+        then, now = ({_limit(criterion) for criterion in c.criteria.items} for c in (self.earlier, self.later))
         if then != now:
             return ()
         waived = self.later.waived
@@ -177,17 +154,14 @@ class Changes:
 
     @property
     def withdrawn(self) -> dict[str, tuple[Verdict, ...]]:
-        """Conditions of which it is not said any more that they need no test, with the verdicts that are not met.
-
-        By the ids of today, of those that had no test since, and by the criteria that both have.
-        """
-        both = {_limit(own) for own in self.earlier.criteria.items}
+        """Conditions, not run since, that needed no test then, and do by the criteria of both, with what is not met."""
+        both = {_limit(criterion) for criterion in self.earlier.criteria.items}
         found, run = {}, self.later.run
         for i, before in self._both.items():
             if before in self._waived and i not in run:
-                own = [verdict for verdict in self.later.rows[i] if _limit(verdict.criterion) in both]
-                if own and not needs_no_test(own, self.later.criteria.confidence):
-                    found[i] = tuple(verdict for verdict in own if verdict.word != "met")
+                row = [verdict for verdict in self.later.rows[i] if _limit(verdict.criterion) in both]
+                if row and not needs_no_test(row, self.later.criteria.confidence):
+                    found[i] = tuple(verdict for verdict in row if verdict.word != "met")
         return found
 
     @cached_property
@@ -201,9 +175,19 @@ class Changes:
         return frozenset(self.earlier.waived)
 
 
+def saved_and_missed(certification: Certification) -> tuple[int, int]:
+    """How many tests need not have been run by what was said without them, and how many of these missed a criterion."""
+    saved = certification.record.saved(certification.criteria)
+    if certification.since is not None:
+        for tests in Changes.of(certification).waived_outcomes.values():
+            known = {test: bool(missed) for test, (missed, unknown) in tests.items() if missed or not unknown}
+            saved |= {test: saved.get(test, False) or missed for test, missed in known.items()}
+    return len(saved), sum(saved.values())
+
+
 def _outcomes(trials: Sequence[Trial]) -> tuple[int, int, int]:
-    told = [trial for trial in one_a_metric(trials) if trial.verdict.decided]
-    return len(told), sum(trial.wrong for trial in told), len({trial.held_out for trial in told})
+    decided = [trial for trial in strictest_per_metric(trials) if trial.verdict.decided]
+    return len(decided), sum(trial.wrong for trial in decided), len({trial.held_out for trial in decided})
 
 
 def _place(condition: Condition) -> tuple[object, ...]:

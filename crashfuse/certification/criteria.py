@@ -26,14 +26,7 @@ WINDOW_MS = 60.0
 class Criterion:
     """One limit, or two, on a pulse metric or on the rating of the prediction against a test.
 
-    Parameters
-    ----------
-    metric : str
-        A metric of :func:`crashfuse.signals.metrics.pulse_metrics`, or ``rating``.
-    at_least, at_most : float or None
-        In the metric's unit; at least one of them.
-    window_ms : float or None
-        Of the rating, over [0, window_ms); None for a metric.
+    Limits are in the metric's unit; only a rating has a window, [0, window_ms).
     """
 
     name: str
@@ -190,7 +183,7 @@ def _checked(items: list[dict[str, Any]], confidence: object, where: str, proble
     found: dict[str, Criterion] = {}
     for number, item in enumerate(items, start=1):
         own = f"{where}, criterion {number}"
-        criterion = _Check(own, problems).criterion(item)
+        criterion = _criterion(item, own, problems)
         if criterion is not None and criterion.name in found:
             advice = "give one of them another name"
             problems.append(Problem(own, "each name once", f"{criterion.name!r} a second time", advice))
@@ -216,79 +209,51 @@ def _at_odds(one: Criterion, other: Criterion, where: str) -> Problem | None:
     return None
 
 
-class _Check:
-    """Check of one criterion; its problems are appended to a list."""
+def _criterion(item: dict[str, Any], where: str, problems: list[Problem]) -> Criterion | None:
+    """One criterion, or None if it cannot be judged; its problems are appended."""
+    before = len(problems)
 
-    def __init__(self, where: str, problems: list[Problem]) -> None:
-        self.where, self.problems = where, problems
+    def wrong(expected: str, found: object, advice: str) -> None:
+        text = "nothing" if found is None else found if isinstance(found, str) else shown(found)
+        problems.append(Problem(where, expected, text, advice))
 
-    def wrong(self, expected: str, found: object, advice: str) -> None:
-        self.problems.append(Problem(self.where, expected, _shown(found), advice))
-
-    def criterion(self, item: dict[str, Any]) -> Criterion | None:
-        """The criterion, or None if it cannot be judged."""
-        before = len(self.problems)
-        for key in [key for key in item if key not in _KEYS]:
-            self.wrong(f"the keys {', '.join(_KEYS)}", key, _advice_on(key))
-        metric = item.get("metric")
-        if not isinstance(metric, str) or (metric not in METRIC_LABELS and metric != RATING):
-            self.wrong(f"a metric of {', '.join(METRIC_LABELS)} or {RATING}", metric, "choose one of them")
-            return None
-        unit = METRIC_UNITS.get(metric, "")
-        if item.get("unit", unit) != unit:
-            expected = f"limits of {metric} in {unit}" if unit else f"no unit for {'the ' * (metric == RATING)}{metric}"
-            self.wrong(expected, item["unit"], f"convert the limits to {unit}" if unit else "remove the unit")
-        name = item.get("name", metric)
-        if not isinstance(name, str) or not name.strip() or len(name) > 100 or printable(name) != name:
-            self.wrong("a name of at most 100 characters in one line", name, "rename it")
-        at_least, at_most = (self._limit(item, key, metric) for key in ("at_least", "at_most"))
-        if not any(key.startswith(("at_least", "at_most")) for key in item):
-            self.wrong("at_least or at_most", "neither", "add a limit")
-        if at_least is not None and at_most is not None and at_most < at_least:
-            self.wrong(
-                f"at_most of at least {at_least:g}, which is at_least", at_most, "correct or exchange the limits"
-            )
-        window = self._window(item, metric)
-        return Criterion(name.strip(), metric, at_least, at_most, window) if len(self.problems) == before else None
-
-    def _limit(self, item: dict[str, Any], key: str, metric: str) -> float | None:
-        limit, highest = item.get(key), 1.0 if metric == RATING else math.inf
-        if limit is None:
-            return None
-        if not is_number(limit) or not 0 <= limit <= highest:
-            unit = METRIC_UNITS.get(metric, "")
-            scale = f", in {unit}" if unit else ", up to 1" * (metric == RATING)
-            self.wrong(f"a number of 0 or more for {key}{scale}", shown(limit), "correct the limit")
-            return None
-        least, larger = _LEAST_LIMITS.get(METRIC_UNITS.get(metric, ""), (0.0, ""))
-        if 0 < limit < least and "unit" not in item:
+    for key in [key for key in item if key not in _KEYS]:
+        wrong(f"the keys {', '.join(_KEYS)}", key, "remove or rename it; a limit is in the metric's own unit")
+    metric, name = item.get("metric"), item.get("name", item.get("metric"))
+    if not isinstance(metric, str) or (metric not in METRIC_LABELS and metric != RATING):
+        wrong(f"a metric of {', '.join(METRIC_LABELS)} or {RATING}", metric, "choose one of them")
+        return None
+    unit, is_rating = METRIC_UNITS.get(metric, ""), metric == RATING
+    if item.get("unit", unit) != unit:
+        wrong(f"limits of {metric} in {unit}" if unit else f"no unit for {metric}", item["unit"], "convert the limits")
+    if not isinstance(name, str) or not name.strip() or len(name) > 100 or printable(name) != name:
+        wrong("a name of at most 100 characters in one line", name, "rename it")
+    limits = {key: item[key] for key in ("at_least", "at_most") if item.get(key) is not None}
+    if not limits:
+        wrong("at_least or at_most", "neither", "add a limit")
+    least, larger = _LEAST_LIMITS.get(unit, (0.0, "")) if "unit" not in item else (0.0, "")
+    for key, limit in limits.items():
+        if not is_number(limit) or not 0 <= limit <= (1.0 if is_rating else math.inf):
+            scale = f", in {unit}" if unit else ", up to 1" * is_rating
+            wrong(f"a number of 0 or more for {key}{scale}", shown(limit), "correct the limit")
+        elif 0 < limit < least:
             advice = f"if {limit:g} {larger} is meant, write {1e3 * limit:g}; else state the unit"
-            self.wrong(f"{key} of {metric} in {METRIC_UNITS[metric]}", f"{limit:g}", advice)
-        return float(limit)
-
-    def _window(self, item: dict[str, Any], metric: str) -> float | None:
-        window = item.get("window_ms", WINDOW_MS if metric == RATING else None)
-        if metric == RATING and (not is_number(window) or not 10 <= window <= 100):
-            self.wrong("a window_ms from 10 to 100", shown(window), "correct the window")
-            return None
-        if metric != RATING and window is not None:
-            self.wrong(
-                f"no window_ms, which only the {RATING} has", window, "remove it: a metric is of the whole pulse"
-            )
-        return float(window) if is_number(window) else None
-
-
-def _advice_on(key: str) -> str:
-    known = next((known for known in ("at_most", "at_least") if key.startswith(known)), None)
-    return "remove or rename it" if known is None else f"write {known}, with the limit in the metric's own unit"
+            wrong(f"{key} of {metric} in {unit}", f"{limit:g}", advice)
+    window = item.get("window_ms", WINDOW_MS if is_rating else None)
+    if is_rating and (not is_number(window) or not 10 <= window <= 100):
+        wrong("a window_ms from 10 to 100", shown(window), "correct the window")
+    if not is_rating and window is not None:
+        wrong(f"no window_ms, which only the {RATING} has", window, "remove it")
+    if len(problems) > before:
+        return None
+    at_least, at_most = limits.get("at_least"), limits.get("at_most")
+    if at_least is not None and at_most is not None and at_most < at_least:
+        wrong(f"at_most of at least {at_least:g}, which is at_least", at_most, "correct or exchange the limits")
+        return None
+    numbers = (None if value is None else float(value) for value in (at_least, at_most, window))
+    return Criterion(str(name).strip(), metric, *numbers)
 
 
 def is_number(value: object) -> TypeGuard[float]:
     """Whether a value that was read is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, str):
-        return value
-    return "nothing" if value is None else shown(value)

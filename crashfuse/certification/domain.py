@@ -27,7 +27,6 @@ class Domain:
 
     Attributes
     ----------
-    n_tests : int
     speeds_mps : tuple of float
         Of the tests, ascending.
     reach_mps : float
@@ -38,8 +37,6 @@ class Domain:
         others, but not more than 5 mph.
     masses_kg : tuple of float
         Smallest and largest mass that counts as checked: beyond the tests' by as much as these differ, 2 % at least.
-    factors : dict of str to tuple of str
-        Values of each factor that were tested.
     """
 
     n_tests: int
@@ -55,8 +52,7 @@ class Domain:
     def of(cls, campaign: Campaign, *, for_record: bool = False) -> Self:
         """The domain of a campaign with one test or more.
 
-        ``for_record`` is that of tests from which others were left out. Verdicts on these are compared with what was
-        measured, so that they are given from as far as any group is from the others, the outermost included.
+        ``for_record``, from which others were left out, reaches as far as any group is from the others.
         """
         tests = sorted(campaign.tests, key=lambda test: test.condition.speed_mps)
         speeds = np.array([test.condition.speed_mps for test in tests])
@@ -69,16 +65,8 @@ class Domain:
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
         below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
         ends = float(masses.min()) - slack, float(masses.max()) + slack
-        return cls(
-            len(tests),
-            tuple(speeds.tolist()),
-            max((*told, SPEED_STEP_MPS)),
-            below,
-            above,
-            ends,
-            campaign.factors,
-            campaign.cae,
-        )
+        reach = max((*told, SPEED_STEP_MPS))
+        return cls(len(tests), tuple(speeds.tolist()), reach, below, above, ends, campaign.factors, campaign.cae)
 
     @property
     def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:
@@ -113,8 +101,7 @@ class Domain:
         """A sentence if there are too few tests to check any condition."""
         if self.n_tests >= _FEWEST_TESTS:
             return ()
-        n = "One test is" if self.n_tests == 1 else f"{self.n_tests} tests are"
-        return (f"{n} too few to check verdicts by leaving tests out, which takes {_FEWEST_TESTS}.",)
+        return (f"{self.n_tests} of {_FEWEST_TESTS} tests: too few to check verdicts by leaving tests out.",)
 
     def outside(self, condition: Condition) -> tuple[str, ...]:
         """Sentences on why no verdict is given at a condition: too few tests, or it lies outside; empty if it is."""
@@ -122,33 +109,27 @@ class Domain:
 
     def exceeded_by(self, condition: Condition) -> tuple[str, ...]:
         """Sentences on why a condition lies outside; empty if it lies inside."""
-        found = [*self._speed(condition), *self._mass(condition)]
+        found: list[str] = []
+        v0, slowest, fastest = condition.speed_mps, self.speeds_mps[0], self.speeds_mps[-1]
+        away = float(np.abs(np.array(self.speeds_mps) - v0).min())
+        for end, beyond, most, word in (
+            ("slowest", slowest - v0, self.below_mps, "below"),
+            ("fastest", v0 - fastest, self.above_mps, "above"),
+        ):
+            if beyond > most + STEP_MPS:
+                told = f"{{}} is {{}} {word} the {end} test; checked up to {{}} {word} it."
+                found.append(Sentence(told, speed(v0), speed(beyond), speed(most)))
+        if slowest <= v0 <= fastest and not any(a - STEP_MPS <= v0 <= b + STEP_MPS for a, b in self._reached_mps):
+            told = "{} is {} from the nearest test; checked up to {} away."
+            found.append(Sentence(told, speed(v0), speed(away), speed(self.reach_mps)))
+        lightest, heaviest = self.masses_kg
+        if not lightest - STEP_KG <= condition.mass_kg <= heaviest + STEP_KG:
+            checked = weight(lightest, heaviest, between=" to ")
+            found.append(Sentence("{} in all; checked from {}.", weight(condition.mass_kg), checked))
         for name, value in condition.factors:
             if value and name in self.factors and value not in self.factors[name]:
                 found.append(f"No test has {name} {value}; tested: {', '.join(self.factors[name])}.")
         return (*found, *self.cae.extrapolation(condition))
-
-    def _speed(self, condition: Condition) -> list[str]:
-        v0, low, high = condition.speed_mps, self.speeds_mps[0], self.speeds_mps[-1]
-        for end, beyond, most, word in (
-            ("slowest", low - v0, self.below_mps, "below"),
-            ("fastest", v0 - high, self.above_mps, "above"),
-        ):
-            if beyond > most + STEP_MPS:
-                found = f"{{}} is {{}} {word} the {end} test; checked up to {{}} {word} it."
-                return [Sentence(found, speed(v0), speed(beyond), speed(most))]
-        away = float(np.abs(np.array(self.speeds_mps) - v0).min())
-        if low <= v0 <= high and not any(a - STEP_MPS <= v0 <= b + STEP_MPS for a, b in self._reached_mps):
-            found = "{} is {} from the nearest test; checked up to {} away."
-            return [Sentence(found, speed(v0), speed(away), speed(self.reach_mps))]
-        return []
-
-    def _mass(self, condition: Condition) -> list[str]:
-        low, high = self.masses_kg
-        if low - STEP_KG <= condition.mass_kg <= high + STEP_KG:
-            return []
-        checked = weight(low, high, between=" to ")
-        return [Sentence("{} in all; checked from {}.", weight(condition.mass_kg), checked)]
 
 
 def _of_those_inside(

@@ -6,7 +6,7 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
@@ -15,7 +15,7 @@ from crashfuse.certification.criteria import Criteria, Criterion, criteria_of, i
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import Trial
-from crashfuse.certification.verdict import WORDS, RemovedTest, Verdict, Word, needs_no_test
+from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, Word, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable
 from crashfuse.signals.occupant import OccupantModel
@@ -26,28 +26,23 @@ FILE = "certification.json"
 
 _SHORT = 12  # characters of the fingerprint of the CAE runs among the settings
 
-
+Shown = Mapping[str, float | None]
+"""What a test showed, by quantity or criterion; None if its record is too short."""
 Outcomes = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
 """By test, the criteria that it missed, and those of which its record is too short to tell."""
 
 
-class EarlierVerdict(NamedTuple):
-    """What was said of one criterion at one condition: as in :class:`crashfuse.certification.verdict.Verdict`."""
+@dataclass(frozen=True, eq=False)
+class RemovedTest:
+    """A test whose record is not used any more, by its id then, at the condition of the matrix that it was run for.
 
-    word: Word
-    probability: float | None
-    lower: float | None
-    upper: float | None
+    What it ``measured`` is by :func:`quantity`; a rating is that of the prediction of then.
+    """
 
-    @property
-    def decided(self) -> bool:
-        """Whether no test was needed to tell."""
-        return self.word in ("met", "not met")
-
-    def trial(self, test: str, condition: Condition, criterion: Criterion, measured: float, shift: float = 0) -> Trial:
-        """It as one of a test that was only planned then, beside what was measured, without the shift."""
-        verdict = Verdict(condition, criterion, None, self.lower, self.upper, self.probability, self.word, "")
-        return Trial(test, "planned", verdict, measured, None, shift)
+    test: str
+    digest: str
+    condition: Condition
+    measured: Shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +51,14 @@ class Earlier:
 
     Attributes
     ----------
-    digest : str
-        SHA-256 of its file.
-    before : tuple of str
-        Those of certifications before it, the latest first.
+    digest, before : str, tuple of str
+        SHA-256 of its file, and of those of certifications before it, the latest first.
     date : str
-        When it was made, by its own account.
+        By its own account.
     settings : mapping of str to str
         What decides verdicts besides tests, criteria and matrix, by the names that a reader knows.
     tests : mapping of str to str
         Those that it learned from: :attr:`crashfuse.crash_test.CrashTest.digest` by id.
-    occupant : OccupantModel
-        Of its OLC and VPI.
     trials : tuple of Trial
         Verdicts of certifications before it on tests that were run since.
     waived_before : mapping of str to Outcomes
@@ -75,7 +66,7 @@ class Earlier:
     gone : tuple of RemovedTest
         Tests of certifications before it that it did not use any more.
     run : mapping of str to mapping
-        What tests at its conditions showed: by condition, test and criterion; None if a record is too short.
+        What tests at its conditions showed: by condition, test and criterion.
     verdicts : tuple of tuple of EarlierVerdict
         By condition of its matrix, then by criterion.
     """
@@ -91,11 +82,16 @@ class Earlier:
     trials: tuple[Trial, ...]
     waived_before: Mapping[str, Outcomes]
     gone: tuple[RemovedTest, ...]
-    run: Mapping[str, Mapping[str, Mapping[str, float | None]]]
+    run: Mapping[str, Mapping[str, Shown]]
     verdicts: tuple[tuple[EarlierVerdict, ...], ...]
 
     def __repr__(self) -> str:
         return f"<Earlier certification of {len(self.matrix.ids)} conditions from {len(self.tests)} tests>"
+
+    @property
+    def rows(self) -> dict[str, tuple[EarlierVerdict, ...]]:
+        """The verdicts of each condition, by its id."""
+        return dict(zip(self.matrix.ids, self.verdicts, strict=True))
 
     @property
     def waived(self) -> tuple[str, ...]:
@@ -104,53 +100,47 @@ class Earlier:
         return tuple(i for i, row in self.rows.items() if i not in self.run and needs_no_test(row, confidence))
 
     @property
-    def rows(self) -> dict[str, tuple[EarlierVerdict, ...]]:
-        """The verdicts of each condition, by its id."""
-        return dict(zip(self.matrix.ids, self.verdicts, strict=True))
-
-    @property
-    def said(self) -> Hashable:
+    def content_key(self) -> Hashable:
         """Equal for equal verdicts from equal tests, criteria, conditions and settings, whenever they were given."""
         given = frozenset(self.settings.items()), frozenset(self.tests.items())
-        before = frozenset((own.held_out, own.verdict.criterion, own.verdict.word) for own in self.trials)
-        gone = frozenset(own.digest for own in self.gone)
+        before = frozenset((trial.held_out, trial.verdict.criterion, trial.verdict.word) for trial in self.trials)
+        gone = frozenset(test.digest for test in self.gone)
         return *given, self.criteria, self.matrix, frozenset(self.run), before, gone, self.verdicts
 
     @property
     def records(self) -> tuple[RemovedTest, ...]:
         """The tests at its conditions, and those that were gone then, with what they showed of metrics."""
         conditions = dict(self.matrix.items)
-        of = {own.name: quantity(own) for own in self.criteria.items}
-        own = (
+        of = {criterion.name: quantity(criterion) for criterion in self.criteria.items}
+        at_conditions = (
             RemovedTest(test, self.tests[test], conditions[i], {of[name]: shown[name] for name in of if name in shown})
             for i, tests in self.run.items()
             for test, shown in tests.items()
             if test in self.tests
         )
-        return *self.gone, *own
+        return *self.gone, *at_conditions
 
     def require_of(self, campaign: Campaign) -> None:
-        """Raise unless it is of the vehicle of this campaign.
-
-        Raises
-        ------
-        DataError
-            If :meth:`is_of` says no.
-        """
+        """Raise a DataError unless it is of the vehicle of this campaign (:meth:`is_of`)."""
         if not self.is_of(campaign):
             found = f"one of {self.settings['campaign']}, none of whose tests is in {campaign.name}"
             advice = "give one that was made from tests of this vehicle"
             raise DataError(Problem(FILE, "a certification of this campaign", found, advice))
 
     def is_of(self, campaign: Campaign) -> bool:
-        """Whether it knew a test of a campaign: its record by whatever id, or its id if the campaign is that of then.
-
-        It is by its name or its CAE runs: another filter class changes all records, those of the runs included.
-        """
+        """Whether it knew a test of a campaign: by its record, or by its id if name or CAE runs are those of then."""
         same_runs = campaign.cae.fingerprint[:_SHORT] in self.settings.get("CAE runs", "")
         same = same_runs or self.settings["campaign"] == campaign.name
         known = {*self.tests.values(), *(self.tests if same else ())}
         return any({test.id, test.digest} & known for test in campaign.tests)
+
+
+def trial_of(
+    test: str, condition: Condition, criterion: Criterion, said: EarlierVerdict, measured: float, shift: float = 0.0
+) -> Trial:
+    """An earlier verdict as one on a test that was only planned then."""
+    verdict = Verdict(condition, criterion, None, said.lower, said.upper, said.probability, said.word, "")
+    return Trial(test, "planned", verdict, measured, None, shift)
 
 
 _LARGEST = 64 << 20  # bytes
@@ -159,13 +149,7 @@ _WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, Re
 
 
 def read_earlier(path: Path) -> Earlier:
-    """Read ``certification.json``, or the one in this folder.
-
-    Raises
-    ------
-    DataError
-        If it is not such a file.
-    """
+    """Read ``certification.json``, or the one in this folder; raises a DataError if it is not such a file."""
     path = path / FILE if path.is_dir() else path
     try:
         if path.stat().st_size > _LARGEST:
@@ -181,44 +165,50 @@ def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
     try:
         return _of(json.loads(content), hashlib.sha256(content).hexdigest())
     except _WRONG:
-        expected = "the record of a certification"
         found = "another file, or a damaged one" if content.strip() else "an empty file"
-        raise _no_such_file(path, expected, found) from None
+        raise _no_such_file(path, "the record of a certification", found) from None
+
+
+def _no_such_file(path: Path, expected: str, found: str) -> DataError:
+    advice = f"give the {FILE} of a certification, as crashfuse certify and the page Certify write it"
+    return DataError(Problem(path.name, expected, found, advice))
 
 
 def _of(values: dict[str, Any], digest: str) -> Earlier:
     rows, cells, before = [dict(row) for row in values["matrix"]], values["cells"], values.get("since", {})
     criteria = criteria_of(values["criteria"]["criterion"], values["criteria"]["confidence"])
     matrix = Matrix(_ids(row.pop("id") for row in rows), tuple(Condition.of(**row) for row in rows))
-    if any(map(is_beyond, matrix.conditions)):
-        raise ValueError("a condition beyond any test")
+    _require(not any(map(is_beyond, matrix.conditions)))
     return Earlier(
         digest,
         tuple(map(_text, filter(None, (before.get("sha256"), *before.get("before", ()))))),
         f"{datetime.fromisoformat(values['date']).astimezone(UTC):%Y-%m-%d %H:%M} UTC",
-        {"campaign": "another vehicle", **{name: _text(own) for name, own in values["settings"].items()}},
+        {"campaign": "another vehicle", **{name: _text(value) for name, value in values["settings"].items()}},
         dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),
         criteria,
         matrix,
         _occupant(values),
-        tuple(_trial(**own) for own in before.get("verdicts", ())),
+        tuple(_trial(**trial) for trial in before.get("verdicts", ())),
         {_text(name): _outcomes(tests) for name, tests in before.get("waived_and_tested", {}).items()},
-        tuple(_gone(**own) for own in before.get("gone", ())),
+        tuple(_removed(**test) for test in before.get("gone", ())),
         {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
-        tuple(tuple(_verdict(*cells[i][own.name]) for own in criteria.items) for i in matrix.ids),
+        tuple(tuple(_verdict(*cells[i][criterion.name]) for criterion in criteria.items) for i in matrix.ids),
     )
 
 
+def _require(fine: bool) -> None:
+    if not fine:
+        raise ValueError("not as it was written")  # whoever reads the file says that it is damaged
+
+
 def _text(value: object) -> str:
-    if not isinstance(value, str) or printable(value, _LONGEST) != value:
-        raise ValueError("no text of one line")
-    return value
+    _require(isinstance(value, str) and printable(value, _LONGEST) == value)
+    return str(value)
 
 
 def _ids(ids: Iterable[str]) -> tuple[str, ...]:
     checked = tuple(ids)
-    if any(map(id_trouble, checked)) or len(set(checked)) < len(checked):
-        raise ValueError("no ids, or one twice")
+    _require(not any(map(id_trouble, checked)) and len(set(checked)) == len(checked))
     return checked
 
 
@@ -226,17 +216,16 @@ def _trial(
     test: str, condition: str, criterion: dict[str, Any], said: list[Any], measured: float, shift: float = 0.0
 ) -> Trial:
     (limit,) = criteria_of([criterion]).items
-    if not is_number(measured) or not is_number(shift) or id_trouble(test):
-        raise ValueError("no measured value of a test")
-    return _verdict(*said).trial(test, Condition.parse(condition), limit, float(measured), float(shift))
+    _require(is_number(measured) and is_number(shift) and not id_trouble(test))
+    return trial_of(test, Condition.parse(condition), limit, _verdict(*said), float(measured), float(shift))
 
 
 def _outcomes(tests: dict[str, dict[str, list[str]]]) -> Outcomes:
-    each = [(tuple(map(_text, own["missed"])), tuple(map(_text, own["unknown"]))) for own in tests.values()]
+    each = [(tuple(map(_text, test["missed"])), tuple(map(_text, test["unknown"]))) for test in tests.values()]
     return dict(zip(_ids(tests), each, strict=True))
 
 
-def _gone(test: str, sha256: str, condition: str, measured: dict[str, float | None]) -> RemovedTest:
+def _removed(test: str, sha256: str, condition: str, measured: dict[str, float | None]) -> RemovedTest:
     (shown,) = _shown({test: measured}).values()
     return RemovedTest(test, _text(sha256), Condition.parse(condition), shown)
 
@@ -244,28 +233,18 @@ def _gone(test: str, sha256: str, condition: str, measured: dict[str, float | No
 def _occupant(values: dict[str, Any]) -> OccupantModel:
     problems: list[Problem] = []
     found = occupant_settings({"occupant": values.get("occupant", {})}, problems)
-    if problems:
-        raise ValueError("no occupant model")
+    _require(not problems)
     return found
 
 
-def _shown(tests: dict[str, dict[str, float | None]]) -> Mapping[str, Mapping[str, float | None]]:
+def _shown(tests: dict[str, dict[str, float | None]]) -> Mapping[str, Shown]:
     """What tests at a condition showed, by criterion."""
-    found = dict(zip(_ids(tests), ({_text(name): v for name, v in own.items()} for own in tests.values()), strict=True))
-    if not all(value is None or is_number(value) for own in found.values() for value in own.values()):
-        raise ValueError("no number")
-    return found
+    found = {test: {_text(name): v for name, v in shown.items()} for test, shown in tests.items()}
+    _require(all(value is None or is_number(value) for shown in found.values() for value in shown.values()))
+    return dict(zip(_ids(tests), found.values(), strict=True))
 
 
 def _verdict(word: Word, probability: float | None, lower: float | None, upper: float | None) -> EarlierVerdict:
-    numbers = [own for own in (probability, lower, upper) if own is not None]
-    if word not in WORDS or not all(map(is_number, numbers)):
-        raise ValueError("no verdict")
-    if not 0 <= (probability or 0) <= 1 or (lower is not None and upper is not None and lower > upper):
-        raise ValueError("no probability, or no interval")
+    _require(word in WORDS and all(value is None or is_number(value) for value in (probability, lower, upper)))
+    _require(0 <= (probability or 0) <= 1 and (lower is None or upper is None or lower <= upper))
     return EarlierVerdict(word, probability, lower, upper)
-
-
-def _no_such_file(path: Path, expected: str, found: str) -> DataError:
-    advice = f"give the {FILE} of a certification, as crashfuse certify and the page Certify write it"
-    return DataError(Problem(path.name, expected, found, advice))

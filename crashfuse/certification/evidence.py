@@ -1,20 +1,21 @@
 """Verdicts held against evidence: the record of left-out tests, and the tests that were run at their conditions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria
-from crashfuse.certification.domain import Domain
-from crashfuse.certification.forecasts import Asked, Forecast, quantity
-from crashfuse.certification.matrix import SAME_SPEED_MPS, SAME_WEIGHT, Matrix
-from crashfuse.certification.track_record import LeftOut, Support, TrackRecord, Trial
-from crashfuse.certification.verdict import Verdict, beside_tests, judge
+from crashfuse.certification.earlier import RemovedTest
+from crashfuse.certification.forecasts import quantity
+from crashfuse.certification.matrix import SAME_SPEED_MPS, SAME_WEIGHT
+from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.verdict import Verdict
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.study.facts import departures_near
 from crashfuse.wording import Sentence, joined, read_out
+
+Rows = tuple[tuple[Verdict, ...], ...]
 
 
 def run_near(campaign: Campaign, condition: Condition) -> tuple[CrashTest, ...]:
@@ -28,84 +29,83 @@ def run_near(campaign: Campaign, condition: Condition) -> tuple[CrashTest, ...]:
     )
 
 
-def run_at(campaign: Campaign, matrix: Matrix) -> tuple[tuple[str, ...], ...]:
-    """By condition of a matrix the ids of the tests of a campaign that were run there, by :meth:`Matrix.run`."""
-    return matrix.run((test.id, test.condition) for test in campaign.tests)
-
-
-def held(
-    judged: tuple[tuple[Verdict, ...], ...],
+def hold(
+    judged: Rows,
     campaign: Campaign,
-    matrix: Matrix,
     criteria: Criteria,
     record: TrackRecord,
-) -> tuple[tuple[Verdict, ...], ...]:
-    """Verdicts held against the record, and against the tests that were run at each condition, or stand apart there."""
-    supports = {own: record.support(own) for own in criteria.items}
+    removed: Sequence[RemovedTest] = (),
+) -> Rows:
+    """Verdicts held against the record and the tests at each condition: run there, apart there, or removed since."""
+    supports = {criterion: record.support(criterion) for criterion in criteria.items}
+
+    def held(verdict: Verdict, apart: Sequence[str]) -> Verdict:
+        support = supports[verdict.criterion]
+        if verdict.decided and (shortfall := support.shortfall(criteria.confidence)):
+            verdict = _with_reason(verdict, shortfall, contradicted=True)
+        elif verdict.decided and (reservation := support.reservation(criteria.confidence)):
+            verdict = _with_reason(verdict, reservation)
+        if verdict.run:
+            verdict = beside_tests(verdict, *_measured(verdict, record))
+        if apart:
+            caveat = "{} stands apart at about this speed: another test may fold as it did."
+            verdict = _with_reason(verdict, Sentence(caveat, read_out(apart)))
+        return _beside_removed(verdict, removed)
+
     found = []
-    for row, tests, condition in zip(judged, run_at(campaign, matrix), matrix.conditions, strict=True):
-        own = (_supported(verdict, supports[verdict.criterion], criteria.confidence) for verdict in row)
-        beside = (_beside_tests(verdict, tests, record) for verdict in own)
-        apart = [departure.test for departure in departures_near(campaign, condition)]
-        found.append(tuple(_beside_apart(verdict, apart) for verdict in beside))
+    for row in judged:
+        apart = [departure.test for departure in departures_near(campaign, row[0].condition)]
+        found.append(tuple(held(verdict, apart) for verdict in row))
     return tuple(found)
 
 
-def _beside_apart(verdict: Verdict, tests: Sequence[str]) -> Verdict:
-    """The verdict with a word on tests that stand apart at about its speed."""
-    if not tests:
-        return verdict
-    caveat = Sentence("{} stands apart at about this speed: another test may fold as it did.", read_out(tests))
-    return replace(verdict, reason=joined([verdict.reason, caveat]))
+def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | None], dict[str, Condition]]:
+    """What tests at a verdict's condition measured, and the conditions of those that were not quite there."""
+    trials = {
+        trial.held_out: trial
+        for trial in record.trials
+        if trial.left_out == "test" and trial.held_out in verdict.run and trial.verdict.criterion == verdict.criterion
+    }
+    off = {i: t.verdict.condition for i, t in trials.items() if not t.verdict.condition.is_at(verdict.condition)}
+    return {test: trials[test].measured if test in trials else None for test in verdict.run}, off
 
 
-def _beside_tests(verdict: Verdict, run: Sequence[str], record: TrackRecord) -> Verdict:
-    """The verdict beside the tests that were run at its condition, if there are any."""
-    if not run:
-        return verdict
-    measured: dict[str, float | None] = dict.fromkeys(run)
-    off: dict[str, Condition] = {}
-    for trial in record.trials:
-        if trial.held_out in measured and trial.left_out == "test" and trial.verdict.criterion == verdict.criterion:
-            measured[trial.held_out] = trial.measured
-            if not trial.verdict.condition.is_at(verdict.condition):
-                off[trial.held_out] = trial.verdict.condition
-    return beside_tests(verdict, measured, off)
+def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
+    """The verdict beside what tests at its condition measured; open if one of them contradicts it.
+
+    ``off`` are the conditions of those that were not quite there.
+    """
+    criterion, contradicted, told = verdict.criterion, False, []
+    did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
+    for test, value in run.items():
+        if value is not None:
+            met = criterion.is_met_by(value)
+            where = Sentence("for it, at {},", off[test]) if test in off else "there"
+            does = "meets" if met else "misses"
+            told.append(
+                Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, criterion.shown(value), does)
+            )
+            contradicted |= met is not (verdict.word == "met")
+    return replace(_with_reason(verdict, *told, contradicted=contradicted), run=run)
 
 
-def _supported(verdict: Verdict, support: Support, confidence: float) -> Verdict:
-    """The verdict, open if the record does not support the confidence, with what the record says of the limit."""
-    if not verdict.decided:
-        return verdict
-    if (shortfall := support.shortfall(confidence)) is not None:
-        return replace(verdict, word="open", reason=joined([verdict.reason, shortfall]))
-    if (reservation := support.reservation(confidence)) is not None:
-        return replace(verdict, reason=joined([verdict.reason, reservation]))
+def _beside_removed(verdict: Verdict, removed: Sequence[RemovedTest]) -> Verdict:
+    """The verdict beside what tests that are not used any more had shown there; open if one of them contradicts it.
+
+    A rating had been that of another prediction, and says nothing of this one.
+    """
+    criterion = verdict.criterion
+    for test in removed if criterion.window_ms is None else ():
+        value = test.measured.get(quantity(criterion)) if test.condition.is_at(verdict.condition) else None
+        if value is not None:
+            met = criterion.is_met_by(value)
+            told = "Test {}, whose record of then is not used any more, {} it there with {}."
+            sentence = Sentence(told, test.test, "met" if met else "missed", criterion.shown(value))
+            verdict = _with_reason(verdict, sentence, contradicted=met is not (verdict.word == "met"))
     return verdict
 
 
-def left_out(campaign: Campaign) -> list[tuple[str, LeftOut, tuple[str, ...]]]:
-    """Each test with what is left out with it: nothing else, or its speed group if other tests remain."""
-    if len(campaign.tests) < 2:
-        return []
-    groups = [(test, campaign.speed_group(test)) for test in campaign.test_ids]
-    return [
-        *((test, "test", (test,)) for test in campaign.test_ids),
-        *((test, "speed group", group) for test, group in groups if len(group) < len(campaign.tests)),
-    ]
-
-
-def record_of(campaign: Campaign, criteria: Criteria, approach: str, forecasts: dict[Asked, Forecast]) -> TrackRecord:
-    """Compare the verdicts on left-out tests, each from the others alone, with what was measured."""
-    trials = []
-    for test_id, way, held_out in left_out(campaign):
-        test, domain = campaign.test(test_id), Domain.of(campaign.without(held_out), for_record=True)
-        own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
-        for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
-            criterion = verdict.criterion
-            measured = own.measured(criterion, test, campaign.occupant)
-            baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
-            raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)
-            if measured is not None:
-                trials.append(Trial(test_id, way, verdict, measured, raw))
-    return TrackRecord(tuple(trials))
+def _with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:
+    """The verdict with more to its reason; if it was decided and is contradicted, open."""
+    word = "open" if verdict.decided and contradicted else verdict.word
+    return replace(verdict, word=word, reason=joined([verdict.reason, *sentences]))

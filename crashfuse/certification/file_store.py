@@ -1,8 +1,7 @@
 """Matrices and certifications, kept beside the cache under a digest of their content: a link outlives the server.
 
-What is kept was read before, and whoever takes it from here reads and checks it again. The digest tells what was
-changed on the disk. Nobody finds a file whose content they do not know, but the certifications of a vehicle by having
-the record of one of their tests.
+What is kept was read before, and whoever takes it from here reads and checks it again. Nobody finds a file whose
+content they do not know, but the certifications of a vehicle by having the record of one of their tests.
 """
 
 import hashlib
@@ -41,7 +40,7 @@ def keep(content: bytes, file: str) -> str:
         raise DataError(Problem(file, expected, found, "leave out some conditions"))
     name = _name(content)
     try:
-        write_atomically(_path(name), content)
+        write_atomically(_home() / name, content)
     except OSError as error:
         expected = "room to keep it on the server's disk"
         raise DataError(Problem(file, expected, error.strerror or "none", "free some space")) from error
@@ -54,14 +53,14 @@ def find(name: str) -> bytes | None:
     content = _content(name)
     if content is not None:
         with suppress(OSError):
-            os.utime(_path(name))  # it was used
+            os.utime(_home() / name)  # it was used
     return content
 
 
 def _content(name: str) -> bytes | None:
     if not _NAME.fullmatch(name):  # of a link that anybody may have written
         return None
-    path = _path(name)
+    path = _home() / name
     try:
         content = path.read_bytes() if path.stat().st_size <= LARGEST else b""
     except OSError:
@@ -82,27 +81,19 @@ def certifications(campaign: Campaign) -> dict[str, Earlier]:
 
 def beside_none(campaign: Campaign) -> str:
     """What to know of a certification that is beside no earlier one, if tests of today were run since some; or ""."""
-    knew_less = [own for own in certifications(campaign).values() if TestedSince(own, campaign).new]
-    if not knew_less:
+    dates = sorted(own.date for own in certifications(campaign).values() if TestedSince(own, campaign).new)
+    if not dates:
         return ""
-    n, dates = len(knew_less), sorted(own.date for own in knew_less)
-    kept = "One is kept" if n == 1 else f"{n} are kept"
     return (
-        f"Beside no earlier certification. {kept} on this machine that did not know every test of today (the first of "
-        f"{dates[0]}): what was wrong then does not count here."
+        f"Beside no earlier certification: {len(dates)} kept on this machine did not know every test of today (the "
+        f"first of {dates[0]}). What was wrong then does not count here."
     )
 
 
 def keep_certification(content: bytes, campaign: Campaign) -> Earlier:
-    """Keep the file of a certification of this campaign, unless one is kept that says the same; returns that which is.
-
-    Raises
-    ------
-    DataError
-        As :func:`keep`.
-    """
+    """Keep the file of a certification, unless one is kept that says the same; returns that which is."""
     new = parse_earlier(content)
-    before = [own for own in certifications(campaign).values() if own.said == new.said]
+    before = [own for own in certifications(campaign).values() if own.content_key == new.content_key]
     if not before:
         keep(content, FILE)
     return before[-1] if before else new
@@ -110,7 +101,6 @@ def keep_certification(content: bytes, campaign: Campaign) -> Earlier:
 
 @lru_cache(maxsize=_MOST)
 def _certification(name: str, changed_ns: int) -> Earlier | None:  # noqa: ARG001 - of another time it is read again
-    """What is kept under this name, if it is a certification."""
     with suppress(DataError):
         return parse_earlier(_content(name) or b"")
     return None
@@ -119,7 +109,7 @@ def _certification(name: str, changed_ns: int) -> Earlier | None:  # noqa: ARG00
 def _tidy() -> None:
     """Delete what was not used for a year, and what is too much, the least recently used first."""
     with suppress(OSError):  # another server may have removed one between two looks
-        found = sorted(((each.stat(), each) for each in _home().iterdir()), key=lambda own: -own[0].st_mtime)
+        found = sorted(((path.stat(), path) for path in _home().iterdir()), key=lambda own: -own[0].st_mtime)
         size = 0
         for number, (stat, path) in enumerate(found):
             size += stat.st_size
@@ -129,10 +119,6 @@ def _tidy() -> None:
 
 def _name(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:24]
-
-
-def _path(name: str) -> Path:
-    return _home() / name
 
 
 def _home() -> Path:

@@ -33,11 +33,7 @@ _UNKNOWN = (np.nan,) * len(fields(Distribution))
 
 def quantity(criterion: Criterion) -> str:
     """What a criterion limits, as a key: the metric, or the rating over its window."""
-    return _rating(criterion.window_ms) if criterion.window_ms is not None else criterion.metric
-
-
-def _rating(window_ms: float) -> str:
-    return f"{RATING} {window_ms:g}"
+    return criterion.metric if criterion.window_ms is None else f"{RATING} {criterion.window_ms:g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +43,8 @@ class Forecast:
     Attributes
     ----------
     accel_mps2 : ndarray, shape (1250,)
-        The predicted pulse.
-    values : dict of str to float or None
-        Metrics of that pulse, and the expected rating by window; None where the record is too short.
-    distributions : dict of str to Distribution or None
-        The same for a single test; None where unknown.
+    values, distributions : dict of str to float or None, dict of str to Distribution or None
+        By :func:`quantity`, of that pulse and of a single test; None where the record is too short.
     """
 
     accel_mps2: FloatArray
@@ -62,9 +55,8 @@ class Forecast:
         """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
         if criterion.window_ms is not None:
             return _overall(test.pulse, self.accel_mps2, criterion.window_ms)
-        accel, speed = test.pulse.accel_mps2, test.condition.speed_mps
-        values = metric_values(accel, speed, dt_s=test.pulse.dt_s, occupant=occupant)
-        value = float(values[criterion.metric])
+        pulse, speed = test.pulse, test.condition.speed_mps
+        value = float(metric_values(pulse.accel_mps2, speed, dt_s=pulse.dt_s, occupant=occupant)[criterion.metric])
         return value if np.isfinite(value) else None
 
     @property
@@ -93,12 +85,7 @@ class Forecast:
 class Forecaster:
     """A fitted approach, and how its predictions of tests that it had not seen rated.
 
-    Attributes
-    ----------
-    speeds_mps : ndarray, shape (n_tests,)
-        Of these tests.
-    rated : dict of float to ndarray, shape (n_tests,)
-        The ratings, by window in ms.
+    ``rated`` has the ratings by window in ms, each of shape (n_tests,).
     """
 
     fit: Fit
@@ -109,10 +96,8 @@ class Forecaster:
     def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float]) -> Self:
         """Rate the left-out predictions of a fit over windows; the campaign is the one that it learned from."""
         pairs = [(campaign.test(test_id), own.accel_mps2) for test_id, own in fit.left_out.items()]
-        speeds = np.array([test.condition.speed_mps for test, _ in pairs])
-        return cls(
-            fit, speeds, {w: np.array([_overall(test.pulse, own, w) for test, own in pairs]) for w in windows_ms}
-        )
+        rated = {w: np.array([_overall(test.pulse, own, w) for test, own in pairs]) for w in windows_ms}
+        return cls(fit, np.array([test.condition.speed_mps for test, _ in pairs]), rated)
 
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
@@ -125,8 +110,8 @@ class Forecaster:
         agreements, here = np.array(list(self.fit.agreements.values())), agreement(prediction)
         for window, ratings in self.rated.items():
             rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
-            found[_rating(window)] = rating
-            known[_rating(window)] = None if rating is None else rating.quantile(0.5)
+            found[f"{RATING} {window:g}"] = rating
+            known[f"{RATING} {window:g}"] = None if rating is None else rating.quantile(0.5)
         return Forecast(prediction.accel_mps2, known, found)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ import pandas as pd
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.writer import in_memory
 from crashfuse.condition import FILE_UNITS, Condition
-from crashfuse.errors import DataError, Problem, UsageError, shortened
+from crashfuse.errors import DataError, Problem, UsageError, require_a, shortened
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.estimate import BOUNDS, is_beyond
@@ -98,26 +98,23 @@ class Matrix:
         Raises
         ------
         DataError
-            With every problem of the table, a condition that stands there twice included.
+            With every problem of the table.
         """
-        table = read_conditions(path, by_hand=True)
+        table, file = read_conditions(path, by_hand=True), path.name
         if len(table.ids) > _MOST:
             expected, advice = f"at most {_MOST:,} conditions", "split the table"
-            raise DataError(Problem(path.name, expected, f"{len(table.ids):,}", advice))
+            raise DataError(Problem(file, expected, f"{len(table.ids):,}", advice))
         problems: list[Problem] = []
-        unknown = [name for name, _ in table.conditions[0].factors if name not in factors]
-        if unknown:
+        if unknown := [name for name, _ in table.conditions[0].factors if name not in factors]:
             known = f"no further columns than those of tests.csv ({', '.join(factors) or 'none'})"
-            problems.append(Problem(path.name, known, ", ".join(unknown), "rename or remove the column"))
+            problems.append(Problem(file, known, ", ".join(unknown), "rename or remove the column"))
         first: dict[Condition, str] = {}
-        for test_id, condition, row in zip(table.ids, table.conditions, table.rows, strict=True):
-            if condition in first:
-                advice = "remove one of them"
+        for i, condition, row in zip(table.ids, table.conditions, table.rows, strict=True):
+            if first.setdefault(condition, i) != i:
                 found = f"that of {first[condition]} a second time"
-                problems.append(Problem(path.name, "each condition once", found, advice, "id", row))
+                problems.append(Problem(file, "each condition once", found, "remove one of them", "id", row))
             elif is_beyond(condition):
-                problems.append(Problem(path.name, BOUNDS, str(condition), "correct the cell", "id", row))
-            first.setdefault(condition, test_id)
+                problems.append(Problem(file, BOUNDS, str(condition), "correct the cell", "id", row))
         if problems:
             raise DataError(shortened(problems))
         return cls(table.ids, table.conditions)
@@ -139,20 +136,18 @@ class Matrix:
         factors: Mapping[str, Sequence[str]],
         units: tuple[str, str, str] = FILE_UNITS,
     ) -> Self:
-        """Every combination of speeds, weights and values of factors, numbered from ``M001``.
-
-        ``units`` are those that they were given in, as of :class:`~crashfuse.condition.Condition`.
+        """Every combination of speeds, weights and values of factors, numbered from ``M001``; ``units`` as given.
 
         Raises
         ------
         UsageError
             If a value is given twice, is not above 0 or beyond any barrier test, or there are too many combinations.
         """
-        for name, values in (
-            ("speed", speeds_mps),
-            ("front weight", front_weights_kg),
-            ("rear weight", rear_weights_kg),
-        ):
+        for name, values in {
+            "speed": speeds_mps,
+            "front weight": front_weights_kg,
+            "rear weight": rear_weights_kg,
+        }.items():
             if len(set(values)) < len(values) or not all(0 < value < float("inf") for value in values):
                 raise UsageError(f"A grid takes each {name} once, as a number above 0.")
         kinds = [tuple(zip(factors, values, strict=True)) for values in product(*factors.values())]
@@ -164,6 +159,20 @@ class Matrix:
         if beyond := next(filter(is_beyond, conditions), None):
             raise UsageError(Sentence("No barrier test is made at {}: a grid has {}.", beyond, BOUNDS))
         return cls(ids, conditions)
+
+
+MatrixGiven: TypeAlias = str | Path | pd.DataFrame | Matrix
+"""``matrix.csv``, its columns, or conditions as they are judged."""
+
+
+def matrix_given(given: MatrixGiven, factors: Mapping[str, Sequence[str]]) -> Matrix:
+    """Conditions in any form in which the library takes them; raises as :meth:`Matrix.read`."""
+    if isinstance(given, Matrix):
+        return given
+    if isinstance(given, pd.DataFrame):
+        return Matrix.of(given, factors)
+    require_a(str | Path, given, "the path of matrix.csv, or a DataFrame with its columns")
+    return Matrix.read(Path(given), factors)
 
 
 def _away(test: Condition, planned: FloatArray) -> FloatArray:

@@ -1,5 +1,6 @@
 """Tests beside an earlier certification: those that were run since, and those that it knew and that are gone."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,10 +9,9 @@ import numpy as np
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria
-from crashfuse.certification.earlier import Earlier
+from crashfuse.certification.earlier import Earlier, RemovedTest, trial_of
 from crashfuse.certification.track_record import Trial
-from crashfuse.certification.verdict import RemovedTest, Verdict, reaches
-from crashfuse.condition import Condition
+from crashfuse.certification.verdict import Verdict, reaches
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import OCCUPANT_METRICS, metric_values
 
@@ -40,7 +40,7 @@ class TestedSince:
 
     @cached_property
     def changed(self) -> tuple[str, ...]:
-        """Tests that it knew with another record: it learned from them, so they tell nothing of its verdicts."""
+        """Tests that it had learned from with another record."""
         known = set(self.earlier.tests.values())
         return tuple(test for test, own in self._digests.items() if test in self.earlier.tests and own not in known)
 
@@ -53,28 +53,28 @@ class TestedSince:
         )
 
     @cached_property
-    def _made_for(self) -> dict[str, str]:
-        """The condition that each new test was made for, by its id then."""
+    def made_for(self) -> dict[str, str]:
+        """The condition that each new test was made for, by its id then; of those made for one."""
         return self.earlier.matrix.made_for((test, self.campaign.test(test).condition) for test in self.new)
 
     @property
     def at(self) -> dict[str, str]:
         """The condition of each test that tells whether verdicts came true, by its id then."""
-        return {test: i for test, i in self._made_for.items() if i not in self.earlier.run}
+        return {test: i for test, i in self.made_for.items() if i not in self.earlier.run}
 
     @property
     def repeats(self) -> dict[str, str]:
         """The condition of each test that was made where the earlier certification knew one already."""
-        return {test: i for test, i in self._made_for.items() if i in self.earlier.run}
+        return {test: i for test, i in self.made_for.items() if i in self.earlier.run}
 
     @property
     def elsewhere(self) -> tuple[str, ...]:
         """New tests at none of its conditions."""
-        return tuple(test for test in self.new if test not in self._made_for)
+        return tuple(test for test in self.new if test not in self.made_for)
 
     def is_off(self, test_id: str) -> bool:
         """Whether a test was made for a condition, but not quite there."""
-        planned = dict(self.earlier.matrix.items)[self._made_for[test_id]]
+        planned = dict(self.earlier.matrix.items)[self.made_for[test_id]]
         return not self.campaign.test(test_id).condition.is_at(planned)
 
     @cached_property
@@ -83,14 +83,14 @@ class TestedSince:
         then = replace(self.campaign, occupant=self.earlier.occupant)
         return {
             test: {
-                own.name: None if own.value is None else own.value - self.shift(test, own.name)
-                for own in then.metrics_of(then.test(test))
+                metric.name: None if metric.value is None else metric.value - self.shift(test, metric.name)
+                for metric in then.metrics_of(then.test(test))
             }
             for test in self.at
         }
 
     def shift(self, test_id: str, metric: str) -> float:
-        """How much more a test shows than it would at its condition, as the CAE model says; 0 if it is there."""
+        """How much more a test shows than it would at its condition, by the CAE model; 0 if it is there."""
         return self._shifts.get(test_id, {}).get(metric, 0.0)
 
     @cached_property
@@ -103,11 +103,11 @@ class TestedSince:
         found = {}
         for test in off:
             there, here = (
-                metric_values(emulator.predict(own), own.speed_mps, occupant=self.earlier.occupant)
-                for own in (self.campaign.test(test).condition, planned[self.at[test]])
+                metric_values(emulator.predict(condition), condition.speed_mps, occupant=self.earlier.occupant)
+                for condition in (self.campaign.test(test).condition, planned[self.at[test]])
             )
-            each = {metric: float(there[metric] - here[metric]) for metric in SHIFTED}
-            found[test] = {metric: own for metric, own in each.items() if np.isfinite(own)}
+            shifts = {metric: float(there[metric] - here[metric]) for metric in SHIFTED}
+            found[test] = {metric: shift for metric, shift in shifts.items() if np.isfinite(shift)}
         return found
 
     @cached_property
@@ -115,46 +115,41 @@ class TestedSince:
         """The earlier verdicts on metrics of tests that tell."""
         conditions, rows = dict(self.earlier.matrix.items), self.earlier.rows
         return tuple(
-            before.trial(test, conditions[i], criterion, value, self.shift(test, criterion.metric))
+            trial_of(test, conditions[i], criterion, said, value, self.shift(test, criterion.metric))
             for test, i in self.at.items()
-            for criterion, before in zip(self.earlier.criteria.items, rows[i], strict=True)
+            for criterion, said in zip(self.earlier.criteria.items, rows[i], strict=True)
             if (value := self.shown[test].get(criterion.metric)) is not None
         )
 
     @property
-    def told(self) -> tuple[Trial, ...]:
+    def all_trials(self) -> tuple[Trial, ...]:
         """The same after those of certifications before it: certifying twice forgets nothing that was wrong once."""
         return *self.earlier.trials, *self.latest
 
     def trials(self, criteria: Criteria) -> tuple[Trial, ...]:
         """Those on metrics of these criteria; open if given with less confidence than is asked for today."""
-        metrics = {own.metric for own in criteria.items}
+        metrics = {criterion.metric for criterion in criteria.items}
         return tuple(
             replace(trial, verdict=_as_of_today(trial.verdict, criteria.confidence))
-            for trial in self.told
+            for trial in self.all_trials
             if trial.verdict.criterion.metric in metrics
         )
 
     @cached_property
     def gone_runs(self) -> tuple[RemovedTest, ...]:
-        """Records that are not used any more since this or a certification before it, of tests at a condition of these.
+        """Records of tests at a condition of this or a certification before it that are not used any more.
 
-        Without what rests on the occupant model, if that is another today. Where no record is what it was, all are
-        filtered otherwise, and none is gone.
+        Without what rests on another occupant model. Where no record is what it was, all are filtered otherwise.
         """
         used = set(self._digests.values())
         refiltered = not used & set(self.earlier.tests.values())
-        changed = set(self.changed) if refiltered else set()
-        same = self.campaign.occupant == self.earlier.occupant
+        changed: Sequence[str] = self.changed if refiltered else ()
+        other = OCCUPANT_METRICS if self.campaign.occupant != self.earlier.occupant else ()
         return tuple(
-            own if same else own.without(OCCUPANT_METRICS)
-            for own in self.earlier.records
-            if own.digest not in used and own.test not in changed
+            replace(test, measured={name: value for name, value in test.measured.items() if name not in other})
+            for test in self.earlier.records
+            if test.digest not in used and test.test not in changed
         )
-
-    def gone_at(self, condition: Condition) -> tuple[RemovedTest, ...]:
-        """Those of a condition."""
-        return tuple(own for own in self.gone_runs if own.condition.is_at(condition))
 
 
 def _as_of_today(verdict: Verdict, confidence: float) -> Verdict:

@@ -29,14 +29,18 @@ def share_bounds(count: int, n: int) -> tuple[float, float]:
     return lower, upper
 
 
-def _expected_right(decided: int, wrong: int) -> float:
-    """Expected share of right verdicts (Jeffreys' prior)."""
-    return 1 - (wrong + 0.5) / (decided + 1)
-
-
 def largest_share(count: int, n: int) -> float:
     """Exact one-sided 95 % upper bound of such a share."""
     return float(betaincinv(count + 1, n - count, _LEVEL)) if count < n else 1.0
+
+
+def at_most(wrong: int, n: int) -> str:
+    """That bound in words: ``at most 4.5 %``."""
+    return f"at most {100 * largest_share(wrong, n):.1f} %"
+
+
+def _expected_right(decided: int, wrong: int) -> float:
+    return 1 - (wrong + 0.5) / (decided + 1)  # Jeffreys' prior
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +51,8 @@ class Support:
 
     Attributes
     ----------
-    decided, wrong : int
-        Verdicts *met* and *not met*, and those that a test contradicted.
     own_decided, own_wrong : int
         Those on the criterion itself, and on its metric before tests were run; one a test.
-    near : bool
-        Whether a test came near the limit.
     most : float
         Highest confidence that any record supports in this metric, by its verdicts on random vehicles.
     before, wrong_before : int
@@ -76,27 +76,27 @@ class Support:
     def shortfall(self, confidence: float) -> str | None:
         """A sentence on what record would support this confidence; None if this one does.
 
-        What was wrong on its own metric, or before tests were run, can refute it (exact, at 95 %): right ones on other
-        criteria, or on left-out tests, do not make up for that.
+        What was wrong on its own metric, or before tests were run, can refute it (exact, at 95 %), whatever else was
+        right.
         """
-        for n, wrong, told in (
-            (self.own_decided, self.own_wrong, "verdicts on this metric, one a test,"),
-            (self.before, self.wrong_before, "verdicts that were given on tests before they were run"),
+        for n, wrong, of in (
+            (self.own_decided, self.own_wrong, "on this metric, one a test,"),
+            (self.before, self.wrong_before, "given before tests were run"),
         ):
             if wrong and float(betainc(wrong, n - wrong + 1, 1 - confidence)) < 1 - _LEVEL:
-                refuted = f"that refutes a confidence of {confidence:g}, whatever else was right"
-                return f"{wrong} of {n} {told} were wrong: {refuted}."
+                return f"{wrong} of {n} verdicts {of} were wrong: that refutes a confidence of {confidence:g}."
         if reaches(self.confidence, confidence):
             return None
         if not reaches(self.most, confidence):
-            told = "About every tenth verdict on this metric was wrong on random vehicles: whatever the record, it"
-            return f"{told} supports a confidence of {self.most:g}, not {confidence:g}."
+            return (
+                "About every tenth verdict on this metric was wrong on random vehicles: no record supports more than a "
+                f"confidence of {self.most:g}."
+            )
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
-        of = f"{self.wrong} of {self.decided} verdicts wrong" if self.decided else "no verdict"
         return (
-            f"The campaign's record ({of}, at most {MOST_OF_A_TEST} a test) supports a confidence of "
-            f"{probability_text(self.confidence, confidence)}, not {confidence:g}; it would take {needed} verdicts "
-            f"with no more than {self.wrong} wrong."
+            f"The record ({self.wrong} of {self.decided} verdicts wrong, at most {MOST_OF_A_TEST} a test) supports a "
+            f"confidence of {probability_text(self.confidence, confidence)}, not {confidence:g}; it would take "
+            f"{needed} verdicts with no more than {self.wrong} wrong."
         )
 
     def reservation(self, confidence: float) -> str | None:
@@ -105,16 +105,12 @@ class Support:
             return "No left-out test came near this limit: the record says nothing about it."
         if reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
             return None
-        own = "No verdict on this metric was held against a test"
-        if self.own_decided:
-            count = f"{self.own_decided} verdict{'s' * (self.own_decided > 1)}"
-            most = f"at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %"
-            own = f"Only {count} on this metric, one a test, 0 wrong ({most}): too few to support the confidence"
-        if self.own_wrong:
-            wrong = f"{self.own_wrong} of {count} on this metric, one a test, wrong"
-            own = f"{wrong} ({most}): too many to support the confidence alone"
-        all_of_them = f"{self.wrong} of {self.decided} wrong"
-        return f"{own}; with those on other criteria, at most {MOST_OF_A_TEST} a test, {all_of_them}."
+        bound = f" (at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %)" if self.own_decided else ""
+        return (
+            f"On this metric alone {self.own_wrong} of {self.own_decided} verdicts, one a test, were wrong{bound}, "
+            f"which does not support the confidence; with other criteria, at most {MOST_OF_A_TEST} a test, "
+            f"{self.wrong} of {self.decided}."
+        )
 
 
 LeftOut = Literal["test", "speed group", "planned"]
@@ -130,13 +126,10 @@ class Trial:
     ----------
     left_out : {"test", "speed group", "planned"}
         What was left out with it; *planned*: an earlier certification gave the verdict before the test was run.
-    measured : float
-        In the criterion's unit, without the ``shift``.
     cae_probability : float or None
-        That the raw CAE model gives, with the error that it had in the other tests as its band; None for ratings, and
-        of planned tests.
+        By the raw CAE model, with its error in the other tests as band; None for ratings, and of planned tests.
     shift : float
-        What a planned test showed beyond that because it was not quite at the condition, as the CAE model says.
+        What a planned test showed beyond ``measured`` because it was not quite at the condition, by the CAE model.
     """
 
     held_out: str
@@ -164,52 +157,39 @@ class Trial:
 
     @property
     def near(self) -> bool:
-        """Whether the measured value lies within one width of the 95 % interval of the limit.
-
-        Where one end is not known the interval is taken to reach as far to that side of the value as to the other.
-        """
-        own = self.verdict
-        known = [end for end in (own.lower, own.upper) if end is not None]
-        if not known or (len(known) == 1 and own.value is None):
+        """Whether the measured value lies within one width of the 95 % interval of the limit."""
+        verdict = self.verdict
+        ends = [end for end in (verdict.lower, verdict.upper) if end is not None]
+        if not ends or (len(ends) == 1 and verdict.value is None):
             return False
-        width = max(known) - min(known) if len(known) > 1 else 2 * abs(known[0] - (own.value or 0.0))
-        return own.criterion.margin(self.measured) <= width
+        # where one end is not known, the interval is taken to reach as far to that side of the value
+        width = max(ends) - min(ends) if len(ends) > 1 else 2 * abs(ends[0] - (verdict.value or 0.0))
+        return verdict.criterion.margin(self.measured) <= width
 
 
-def _decided(trials: tuple[Trial, ...]) -> tuple[int, int]:
+def _decided(trials: Sequence[Trial]) -> tuple[int, int]:
     """Number of verdicts *met* and *not met*, and of the wrong ones."""
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
 
 
-def one_a_metric(trials: Sequence[Trial], *, each_time: bool = True) -> tuple[Trial, ...]:
-    """Of the verdicts on one metric of a test a wrong one, if there is any, or else a decided one.
-
-    One each time that the test was left out or planned, or one in all.
-    """
+def strictest_per_metric(trials: Sequence[Trial], *, each_time: bool = True) -> tuple[Trial, ...]:
+    """Of the verdicts on one metric of a test, each time or in all, a wrong one if any is, or else a decided one."""
     worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
     found = {(t.held_out, each_time and t.left_out, quantity(t.verdict.criterion)): t for t in worst_last}
     return tuple(found.values())
 
 
-def _most_of_each(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+def _capped_per_test(trials: Sequence[Trial]) -> tuple[Trial, ...]:
     """Of each test no more verdicts than it tells independently, the wrong ones first, then decided ones."""
-    told: dict[str, list[Trial]] = {}
+    by_test: dict[str, list[Trial]] = {}
     for trial in sorted(trials, key=lambda trial: (not trial.wrong, not trial.verdict.decided)):
-        told.setdefault(trial.held_out, []).append(trial)
-    return tuple(trial for own in told.values() for trial in own[:MOST_OF_A_TEST])
+        by_test.setdefault(trial.held_out, []).append(trial)
+    return tuple(trial for some in by_test.values() for trial in some[:MOST_OF_A_TEST])
 
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """Left-out verdicts whose probabilities lie in one bin.
-
-    Attributes
-    ----------
-    probability, met : float
-        Mean probability, and share of tests that met the criterion.
-    lower, upper : float
-        Exact 95 % bounds of that share.
-    """
+    """Left-out verdicts in one bin of probability: its mean, and the share of tests that ``met``, with 95 % bounds."""
 
     low: float
     high: float
@@ -244,8 +224,8 @@ class TrackRecord:
 
     def repeats(self, trial: Trial) -> bool:
         """Whether a trial is another once more, because nothing else was left out with the test."""
-        own = self._alone.get((trial.held_out, trial.verdict.criterion.name))
-        return trial.left_out != "test" and own is not None and own.verdict == trial.verdict
+        alone = self._alone.get((trial.held_out, trial.verdict.criterion.name))
+        return trial.left_out != "test" and alone is not None and alone.verdict == trial.verdict
 
     @cached_property
     def _alone(self) -> dict[tuple[str, str], Trial]:
@@ -261,12 +241,10 @@ class TrackRecord:
         return tuple(trial for trial in self.counted if trial.verdict.criterion == criterion)
 
     def counts(self, criterion: Criterion | None = None) -> dict[str, tuple[int, int]]:
-        """Number of verdicts by word, and of those that a test contradicted; of one criterion or of all."""
+        """Number of verdicts by word, and of the wrong ones; of one criterion or of all."""
         some = self.counted if criterion is None else self.of(criterion)
-        return {
-            word: (sum(t.verdict.word == word for t in some), sum(t.wrong for t in some if t.verdict.word == word))
-            for word in WORDS
-        }
+        by_word = {word: [trial for trial in some if trial.verdict.word == word] for word in WORDS}
+        return {word: (len(trials), sum(trial.wrong for trial in trials)) for word, trials in by_word.items()}
 
     @property
     def decided(self) -> tuple[int, int]:
@@ -277,23 +255,28 @@ class TrackRecord:
     def telling(self) -> "TrackRecord":
         """What shows something: verdicts on limits that left-out tests came near, or belied; one a metric of a test."""
         names = {trial.verdict.criterion.name for trial in self.counted if trial.near or trial.wrong}
-        return TrackRecord(one_a_metric([t for t in self.counted if t.verdict.criterion.name in names]))
+        return TrackRecord(strictest_per_metric([t for t in self.counted if t.verdict.criterion.name in names]))
 
     @property
     def intervals(self) -> tuple[int, int]:
         """How many 95 % intervals held what was measured, and of how many; two criteria on one metric share theirs."""
-        n = len(one_a_metric(self._with_interval))
+        n = len(strictest_per_metric(self._with_interval))
         return n - len(self.missed_intervals), n
 
     @property
     def missed_intervals(self) -> tuple[Trial, ...]:
         """Trials whose interval did not hold what was measured, one a metric each time a test was left out."""
-        return one_a_metric([trial for trial in self._with_interval if not trial.held])
+        return strictest_per_metric([trial for trial in self._with_interval if not trial.held])
 
     @property
     def _with_interval(self) -> list[Trial]:
-        """Those inside of whose interval an end is known."""
         return [t for t in self._inside if (t.verdict.lower, t.verdict.upper) != (None, None)]
+
+    @property
+    def too_narrow(self) -> bool:
+        """Whether so few intervals held what was measured that they cannot hold 95 % of tests (exact 95 % bound)."""
+        inside, n = self.intervals
+        return n > 0 and largest_share(inside, n) < _LEVEL
 
     def waived(self, criteria: Criteria) -> tuple[int, int, int]:
         """How many tests were left out, how many need not have been run, and how many of these missed a criterion."""
@@ -301,37 +284,35 @@ class TrackRecord:
         return len({trial.held_out for trial in self.counted}), len(saved), sum(saved.values())
 
     def saved(self, criteria: Criteria) -> dict[str, bool]:
-        """Tests that need not have been run, and whether each missed a criterion.
-
-        By :func:`needs_no_test` of its verdicts, left out alone or with its speed group; a test counts once. A limit on
-        what its record is too short to show is not known to be met.
-        """
-        left_out: dict[tuple[str, LeftOut], list[Trial]] = {}
+        """Tests that need not have been run, left out in either way, and whether each missed a criterion."""
+        rows: dict[tuple[str, LeftOut], list[Trial]] = {}
         for trial in self.counted:
-            left_out.setdefault((trial.held_out, trial.left_out), []).append(trial)
+            rows.setdefault((trial.held_out, trial.left_out), []).append(trial)
         saved: dict[str, bool] = {}
-        for (test, _), own in left_out.items():
-            if len(own) == len(criteria.items) and needs_no_test([t.verdict for t in own], criteria.confidence):
-                saved[test] = saved.get(test, False) or any(trial.wrong for trial in own)
+        for (test, _), row in rows.items():
+            if len(row) == len(criteria.items) and needs_no_test([t.verdict for t in row], criteria.confidence):
+                saved[test] = saved.get(test, False) or any(trial.wrong for trial in row)
         return saved
 
     def support(self, criterion: Criterion) -> Support:
         """What the record says of a criterion."""
         own = self.of(criterion)
         later = [trial for trial in self.since if quantity(trial.verdict.criterion) == quantity(criterion)]
-        every = _most_of_each(one_a_metric((*own, *self.telling.trials, *self.since)))
-        most = SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
-        of_its_own, before = (_decided(one_a_metric(some, each_time=False)) for some in ((*own, *later), self.since))
+        every = _capped_per_test(strictest_per_metric((*own, *self.telling.trials, *self.since)))
+        of_its_own, before = (
+            _decided(strictest_per_metric(some, each_time=False)) for some in ((*own, *later), self.since)
+        )
         near = any(trial.near for trial in (*own, *(trial for trial in later if trial.verdict.criterion == criterion)))
+        most = SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
         return Support(*_decided(every), *of_its_own, near, most, *before)
 
     @property
     def brier(self) -> tuple[float, float] | None:
         """Mean squared error of the probabilities, and of the raw CAE's, over all pulse metrics; None without any."""
         pairs = [
-            (own.verdict.probability, own.cae_probability, own.met)
-            for own in self._inside
-            if own.verdict.probability is not None and own.cae_probability is not None
+            (trial.verdict.probability, trial.cae_probability, trial.met)
+            for trial in self._inside
+            if trial.verdict.probability is not None and trial.cae_probability is not None
         ]
         if not pairs:
             return None

@@ -22,12 +22,10 @@ def certify(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.notes import read_notes
     from crashfuse.certification import file_store
     from crashfuse.certification.certify import APPROACH
-    from crashfuse.certification.changes import Changes
     from crashfuse.certification.criteria import read_criteria
     from crashfuse.certification.earlier import FILE, read_earlier
     from crashfuse.reporting import verdicts
-    from crashfuse.reporting.certification_changes import change_sentences
-    from crashfuse.reporting.certification_sentences import summary
+    from crashfuse.reporting.certification_facts import sentences
     from crashfuse.reporting.certification_tables import counts_table
     from crashfuse.reporting.watched import watching
 
@@ -58,8 +56,8 @@ def certify(arguments: argparse.Namespace) -> None:
         file_store.keep_certification(content, campaign)
     say_facts(campaign, display)
     print(counts_table(certification, display.units).to_string(index=False))
-    since = () if earlier is None else change_sentences(Changes.of(certification))
-    print(*map(display.words, dict.fromkeys((*summary(certification), *since))), sep="\n")
+    told = *sentences(certification, "summary"), *sentences(certification, "changes")
+    print(*map(display.words, dict.fromkeys(told)), sep="\n")
     if alone:
         print(f"{alone} --since holds one against them.")
     say_written(arguments.out, "certification")

@@ -1,17 +1,16 @@
 """Content of ``certification.json``: what makes a certification again, its counts and what its record says."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.changes import Changes
+from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.reporting.certification_changes import change_sentences, saved_and_missed
-from crashfuse.reporting.certification_exceptions import exceptions
-from crashfuse.reporting.certification_sentences import summary
-from crashfuse.reporting.certification_tables import bound, counts_table, matrix_table, record_counts, verdict_counts
+from crashfuse.reporting.certification_facts import exceptions, sentences
+from crashfuse.reporting.certification_tables import bound, counts_table, matrix_table, record_counts
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
 from crashfuse.units import LB, MPH
 
@@ -27,41 +26,41 @@ def certification_json(certification: Certification) -> bytes:
 def _since(changes: Changes) -> dict[str, object]:
     n, wrong, tests = changes.outcomes
     inside, intervals = changes.record.intervals
+    since = changes.since
     return {
         "sha256": changes.earlier.digest,
         "before": changes.earlier.before,
         "date": changes.earlier.date,
-        "new_tests": changes.since.new,
-        "changed_tests": changes.since.changed,
-        "gone_tests": changes.since.gone,
+        "new_tests": since.new,
+        "changed_tests": since.changed,
+        "gone_tests": since.gone,
         "tested": changes.tested,
-        "repeats": changes.since.repeats,
-        "elsewhere": changes.since.elsewhere,
-        "decided": {"metrics": n, "tests": tests, "wrong": wrong, "wrong_at_most": bound(wrong, n)},
+        "repeats": since.repeats,
+        "elsewhere": since.elsewhere,
+        "decided": {"metrics": n, "tests": tests, **_wrong(wrong, n)},
         "intervals": {"n": intervals, "inside": inside},
         "waived_and_tested": {
-            i: {test: {"missed": missed, "unknown": unknown} for test, (missed, unknown) in own.items()}
-            for i, own in changes.waived_outcomes.items()
+            i: {test: {"missed": missed, "unknown": unknown} for test, (missed, unknown) in outcomes.items()}
+            for i, outcomes in changes.waived_outcomes.items()
         },
         "verdicts": [
             {
                 "test": trial.held_out,
-                "condition": own.condition.text,
-                "criterion": _criterion(own.criterion),
-                "said": (own.word, own.probability, own.lower, own.upper),
+                "condition": trial.verdict.condition.text,
+                "criterion": _criterion(trial.verdict.criterion),
+                "said": tuple(getattr(trial.verdict, name) for name in ("word", "probability", "lower", "upper")),
                 "measured": trial.measured,
                 "shift": trial.shift,
             }
-            for trial in changes.since.told
-            for own in [trial.verdict]
+            for trial in since.all_trials
         ],
         "gone": [
             {"test": own.test, "sha256": own.digest, "condition": own.condition.text, "measured": dict(own.measured)}
-            for own in changes.since.gone_runs
+            for own in since.gone_runs
         ],
         "newly_waived": changes.newly_waived,
         "withdrawn": list(changes.withdrawn),
-        "sentences": change_sentences(changes),
+        "sentences": sentences(changes.later, "changes"),
     }
 
 
@@ -69,9 +68,9 @@ def certification_record(certification: Certification) -> dict[str, object]:
     """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
-    brier, (tests, saved, wrong) = record.brier, record.waived(criteria)
-    told, missed_one = saved_and_missed(certification)
-    (inside, intervals), (telling, missed) = record.intervals, record.telling.decided
+    brier, (tests, saved, wrong) = record.brier or (None, None), record.waived(criteria)
+    saved_with_since, missed_with_since = saved_and_missed(certification)
+    (inside, intervals), (telling, telling_wrong) = record.intervals, record.telling.decided
     return {
         **provenance(campaign, campaign.test_ids, config),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -81,7 +80,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
         "criteria": {
             "confidence": criteria.confidence,
-            "criterion": [_criterion(own) for own in criteria.items],
+            "criterion": [_criterion(criterion) for criterion in criteria.items],
         },
         "matrix": matrix_table(certification.matrix).to_dict("records"),
         "cells": {
@@ -89,25 +88,24 @@ def certification_record(certification: Certification) -> dict[str, object]:
             for i, row in certification.rows.items()
         },
         "run": {
-            i: {test: {own.criterion.name: own.run[test] for own in row} for test in row[0].run}
-            for i, row in certification.rows.items()
-            if row[0].run
+            i: {test: {own.criterion.name: own.run[test] for own in certification.rows[i]} for test in tests_there}
+            for i, tests_there in certification.run.items()
         },
         "domain": _domain(certification.domain),
-        "verdicts": verdict_counts(certification),
-        "waived": {i: {"at_least": low, "at_most": high} for i, (low, high) in certification.waived.items()},
+        "verdicts": certification.counts,
+        "waived": _ends(certification.waived),
         "saved": dict(zip(("n", "tests"), certification.saved, strict=True)),
         "counted_once": certification.counted_once,
-        "uncertain": {i: {"at_least": low, "at_most": high} for i, (low, high) in certification.uncertain.items()},
+        "uncertain": _ends(certification.uncertain),
         "run_first": certification.run_first,
         "track_record": {
             **record_counts(record),
-            "waived": {"tests": tests, "n": saved, "wrong": wrong, "wrong_at_most": bound(wrong, saved)},
-            "waived_with_those_since": {"n": told, "wrong": missed_one, "wrong_at_most": bound(missed_one, told)},
-            "telling": {"n": telling, "wrong": missed, "wrong_at_most": bound(missed, telling)},
+            "waived": {"tests": tests, "n": saved, **_wrong(wrong, saved)},
+            "waived_with_those_since": {"n": saved_with_since, **_wrong(missed_with_since, saved_with_since)},
+            "telling": {"n": telling, **_wrong(telling_wrong, telling)},
             "intervals": {"n": intervals, "inside": inside},
-            "brier": None if brier is None else brier[0],
-            "brier_raw_cae": None if brier is None else brier[1],
+            "brier": brier[0],
+            "brier_raw_cae": brier[1],
             "reliability": [{**asdict(own), "holds": own.holds} for own in record.reliability],
         },
         "by_criterion": {
@@ -119,9 +117,17 @@ def certification_record(certification: Certification) -> dict[str, object]:
             for own in criteria.items
             for support in [record.support(own)]
         },
-        "sentences": list(summary(certification)),
-        "exceptions": {subject: list(sentences) for subject, sentences in exceptions(certification).items()},
+        "sentences": sentences(certification, "summary"),
+        "exceptions": exceptions(certification),
     }
+
+
+def _wrong(wrong: int, n: int) -> dict[str, object]:
+    return {"wrong": wrong, "wrong_at_most": bound(wrong, n)}
+
+
+def _ends(bounds: Mapping[str, tuple[float, float]]) -> dict[str, dict[str, float]]:
+    return {i: {"at_least": low, "at_most": high} for i, (low, high) in bounds.items()}
 
 
 def _criterion(criterion: Criterion) -> dict[str, object]:

@@ -1,26 +1,30 @@
-"""Tables of a certification: ``certification.csv``, ``track_record.csv``, and the counts of ``certification.json``."""
+"""Every table of a certification: those of its files, and those that pages and reports show."""
 
+import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Certification, answers
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, largest_share
-from crashfuse.certification.verdict import WORDS, Verdict, all_met
+from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.evidence_sentences import support_sentence
+from crashfuse.reporting.evidence_facts import measured_text, support_text
+from crashfuse.reporting.plots.canvas import tick_name
 from crashfuse.reporting.plots.display import Display
-from crashfuse.wording import MPH_LB, UnitSystem, probability_text, said, unbroken
+from crashfuse.study.facts import departures_near
+from crashfuse.wording import MPH_LB, Sentence, UnitSystem, probability_text, read_out, said, unbroken
 
 ANSWER = "A test there"
 """Heading of :func:`answer_texts`."""
-_NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability")
+_NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
     *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted", "shift"),
@@ -31,16 +35,11 @@ _JUDGED = ("met", "not met", "decided")
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
-    given, all_at_once = answers(certification), {i: all_met(row)[0] for i, row in certification.rows.items()}
-    return pd.DataFrame(
+    answers, at_once = certification.answers, {i: all_met(row)[0] for i, row in certification.rows.items()}
+    return _numbers_of(
         {
-            **condition_columns(cell, verdict.condition, factors, certification.matrix.conditions[0]),
-            "criterion": verdict.criterion.name,
-            "metric": verdict.criterion.metric,
-            "window_ms": verdict.criterion.window_ms,
-            "at_least": verdict.criterion.at_least,
-            "at_most": verdict.criterion.at_most,
-            "unit": verdict.criterion.unit,
+            **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
+            **_limit_columns(verdict.criterion),
             "value": verdict.value,
             "lower": verdict.lower,
             "upper": verdict.upper,
@@ -48,28 +47,52 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             "verdict": verdict.word,
             "reason": verdict.reason,
             "basis": basis[verdict.criterion.metric],
-            "need_not_be_run": given[cell] == "need not be run",
-            "all_met_at_least": all_at_once[cell],
-            "answer": given[cell],
+            "need_not_be_run": answers[i] == "need not be run",
+            "all_met_at_least": at_once[i],
+            "answer": answers[i],
             **({"test": " ".join(verdict.run)} if run else {}),
         }
-        for cell, verdict in certification.cells
-    ).astype(dict.fromkeys(_NUMBERS, float))  # also where all are unknown
+        for i, verdict in certification.cells
+    )
 
 
-def answer_texts(certification: Certification, name: Callable[[str], str] = str) -> dict[str, str]:
-    """The answer at each condition in words: if run, by which tests; if counted as another condition, as which.
+def track_record_table(certification: Certification) -> pd.DataFrame:
+    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
+    basis, record = _bases(certification.campaign), certification.record
+    rows = [
+        (
+            t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
+            v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
+            v.criterion.unit, not record.repeats(t), t.shift,
+        )
+        for t in (*record.trials, *record.since)
+        for v in [t.verdict]
+    ]  # fmt: skip
+    return _numbers_of(rows, _TRIAL_COLUMNS)
 
-    ``name`` says how tests and conditions are called.
-    """
-    run, same = certification.run, certification.counted_once
-    texts = {**answers(certification), **{i: f"run: {', '.join(map(name, tests))}" for i, tests in run.items()}}
-    return {i: f"{text}, as {name(same[i])}" if i in same else text for i, text in texts.items()}
 
-
-def _bases(campaign: Campaign) -> dict[str, str]:
-    """What each metric, and the rating, rests on."""
-    return {**campaign.metric_bases, RATING: campaign.rating_basis}
+def changes_table(certification: Certification) -> pd.DataFrame:
+    """All verdicts beside those of the earlier one, one row a condition, criterion and new test there."""
+    changes = Changes.of(certification)
+    matrices = changes.earlier.matrix, changes.later.matrix
+    factors = tuple(dict.fromkeys(name for matrix in matrices for name in factors_of(matrix)))
+    return _numbers_of(
+        {
+            **condition_columns(cell.later_id or "", cell.condition, factors, changes.later.matrix.conditions[0]),
+            "earlier_id": cell.earlier_id or "",
+            **_limit_columns(cell.criterion),
+            "earlier_probability": None if cell.before is None else cell.before.probability,
+            "earlier_verdict": "" if cell.before is None else cell.before.word,
+            "probability": None if cell.now is None else cell.now.probability,
+            "verdict": "" if cell.now is None else cell.now.word,
+            "test": test,
+            "measured": measured,
+            "shift": changes.since.shift(test, cell.criterion.metric),
+            "came_true": cell.came_true.get(test, ""),
+        }
+        for cell in changes.cells
+        for test, measured in (cell.measured or {"": None}).items()
+    )
 
 
 def matrix_table(matrix: Matrix) -> pd.DataFrame:
@@ -100,52 +123,32 @@ def csv_as_given(table: pd.DataFrame) -> bytes:
     return csv_bytes(table.assign(**{name: table[name].map("{:.12g}".format) for name in given}))
 
 
-def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
-
-    ``counted`` is false where a speed group is the test alone, whose verdict counts once.
-    """
-    basis, record = _bases(certification.campaign), certification.record
-    rows = [
-        (
-            t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
-            v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
-            v.criterion.unit, not record.repeats(t), t.shift,
-        )
-        for t in (*record.trials, *record.since)
-        for v in [t.verdict]
-    ]  # fmt: skip
-    table = pd.DataFrame(rows, columns=list(_TRIAL_COLUMNS))
-    return table.astype(dict.fromkeys(("measured", *({*_NUMBERS} & {*_TRIAL_COLUMNS})), float))
+def _limit_columns(criterion: Criterion) -> dict[str, object]:
+    return {
+        "criterion": criterion.name,
+        **{name: getattr(criterion, name) for name in ("metric", "window_ms", "at_least", "at_most", "unit")},
+    }
 
 
-def verdict_counts(certification: Certification) -> dict[str, int]:
-    """Number of verdicts of each kind over the matrix."""
-    words = [verdict.word for _, verdict in certification.cells]
-    return {word: words.count(word) for word in WORDS}
+def _numbers_of(rows: Iterable[object], columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """A table whose numbers are numbers also where all are unknown."""
+    table = pd.DataFrame(list(rows), columns=columns)
+    return table.astype({name: float for name in table if str(name).removeprefix("earlier_") in _NUMBERS})
 
 
-def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd.DataFrame:
-    """Number of verdicts of each kind by criterion, with its limits."""
-    rows = [[row[column].word for row in certification.verdicts] for column in range(len(certification.criteria.items))]
-    return pd.DataFrame(
-        {
-            "criterion": criterion.name,
-            "limit": said(criterion.limits, units),
-            **{word: words.count(word) for word in WORDS},
-        }
-        for criterion, words in zip(certification.criteria.items, rows, strict=True)
-    )
+def _bases(campaign: Campaign) -> dict[str, str]:
+    """What each metric, and the rating, rests on."""
+    return {**campaign.metric_bases, RATING: campaign.rating_basis}
 
 
 def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, object]]:
     """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
     counts = record.counts(criterion)
     (met, wrongly_met), (missed, wrongly_missed) = counts["met"], counts["not met"]
-    pairs: dict[str, tuple[int, int]] = {**counts, "decided": (met + missed, wrongly_met + wrongly_missed)}
+    counts |= {"decided": (met + missed, wrongly_met + wrongly_missed)}
     return {
         word: {"n": n, **({"wrong": wrong, "wrong_at_most": bound(wrong, n)} if word in _JUDGED else {})}
-        for word, (n, wrong) in pairs.items()
+        for word, (n, wrong) in counts.items()
     }
 
 
@@ -154,67 +157,204 @@ def bound(wrong: int, n: int) -> float | None:
     return round(largest_share(wrong, n), 4) if n else None
 
 
-def verdicts_shown(certification: Certification, display: Display) -> pd.DataFrame:
-    """All verdicts for readers, one row a condition and criterion."""
-    confidence = certification.criteria.confidence
+def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd.DataFrame:
+    """Number of verdicts of each kind by criterion, with its limits."""
+    columns = [[verdict.word for verdict in column] for column in zip(*certification.verdicts, strict=True)]
     return pd.DataFrame(
         {
-            "Condition": i,
-            "Criterion": verdict.criterion.name,
-            "Limit": display.words(verdict.criterion.limits),
-            **_predicted(verdict, confidence, display),
-            "Verdict": verdict.word,
-            "Reason": display.words(verdict.reason),
+            "criterion": criterion.name,
+            "limit": said(criterion.limits, units),
+            **{word: words.count(word) for word in WORDS},
         }
-        for i, verdict in certification.cells
+        for criterion, words in zip(certification.criteria.items, columns, strict=True)
     )
 
 
-def trials_shown(record: TrackRecord, confidence: float, display: Display) -> pd.DataFrame:
-    """All verdicts on left-out tests beside what was measured, for readers; what counts once stands once."""
+def answer_texts(certification: Certification, *, short: bool = False) -> dict[str, str]:
+    """The answer at each condition in words: if run, by which tests; if counted as another, as which; what is apart."""
+    run, same, texts, name = certification.run, certification.counted_once, {}, tick_name if short else str
+    for i, condition in certification.matrix.items:
+        tests = [name(test) for test in run.get(i, ())]
+        by = f"{len(tests)} tests" if short and len(tests) > 1 else ", ".join(tests)
+        alike = f", as {name(same[i])}" if i in same else ""
+        apart = [name(departure.test) for departure in departures_near(certification.campaign, condition)]
+        texts[i] = (f"run: {by}" if tests else certification.answers[i]) + alike
+        texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
+    return texts
+
+
+_CELLS: Mapping[str, Callable[[Verdict, Display, float], str]] = {
+    "Criterion": lambda verdict, *_: verdict.criterion.name,
+    "Limit": lambda verdict, display, _: display.words(verdict.criterion.limits),
+    "Expected": lambda verdict, display, _: unbroken(display.words(verdict.criterion.shown(verdict.value))),
+    "95 % of tests": lambda verdict, display, _: unbroken(
+        display.words(verdict.criterion.interval(verdict.lower, verdict.upper))
+    ),
+    "Probability": lambda verdict, _, confidence: probability_text(verdict.probability, confidence),
+    "Verdict": lambda verdict, *_: verdict.word,
+    "Reason": lambda verdict, display, _: display.words(verdict.reason),
+}
+"""A verdict for readers, by heading."""
+
+
+def _cells(certification: Certification, verdict: Verdict, display: Display, *without: str) -> dict[str, str]:
+    confidence = certification.criteria.confidence
+    return {name: cell(verdict, display, confidence) for name, cell in _CELLS.items() if name not in without}
+
+
+def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
+    """One row a condition and criterion."""
+    return pd.DataFrame(
+        {"Condition": i, **_cells(certification, verdict, display)} for i, verdict in certification.cells
+    )
+
+
+def _trials(certification: Certification, display: Display) -> pd.DataFrame:
+    """Verdicts on left-out tests beside what was measured; what counts once stands once."""
     return pd.DataFrame(
         {
             "Test": trial.held_out,
             "Left out": "alone" if trial.left_out == "test" else "speed group",
-            "Criterion": trial.verdict.criterion.name,
-            **_predicted(trial.verdict, confidence, display),
-            "Verdict": trial.verdict.word,
+            **_cells(certification, trial.verdict, display, "Limit", "Reason"),
             "Measured": unbroken(display.words(trial.verdict.criterion.shown(trial.measured))),
             "The test": ("met it" if trial.met else "missed it") + ", wrong" * trial.wrong,
         }
-        for trial in record.counted
+        for trial in certification.record.counted
     )
 
 
-def _predicted(verdict: Verdict, confidence: float, display: Display) -> dict[str, str]:
-    """What is expected, its interval and the probability to meet the criterion, as cells."""
-    return {
-        "Expected": unbroken(display.words(verdict.criterion.shown(verdict.value))),
-        "95 % of tests": unbroken(display.words(verdict.criterion.interval(verdict.lower, verdict.upper))),
-        "Probability": probability_text(verdict.probability, confidence),
-    }
+def _open(certification: Certification, display: Display) -> pd.DataFrame:
+    """Open verdicts with the distance of the limit from the expected value, the nearest limit first."""
+    rows = []
+    for i, verdict in certification.cells:
+        if verdict.word == "open" and verdict.probability is not None:
+            criterion, ends = verdict.criterion, (verdict.lower, verdict.upper)
+            margin = None if verdict.value is None else criterion.margin(verdict.value)
+            half_width = None if ends[0] is None or ends[1] is None else (ends[1] - ends[0]) / 2
+            share = margin / half_width if margin is not None and half_width else math.inf
+            row = {
+                "Condition": i,
+                **_cells(certification, verdict, display, "95 % of tests", "Verdict", "Reason", "Probability"),
+                "Distance": unbroken(display.words(criterion.shown(margin))),
+                "In half widths of the interval": f"{share:.2f}" if math.isfinite(share) else "–",
+                "Probability": probability_text(verdict.probability, certification.criteria.confidence),
+            }
+            rows.append((share, row))
+    return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
 
 
-def record_shown(certification: Certification, display: Display) -> pd.DataFrame:
+def _changes(certification: Certification, display: Display) -> pd.DataFrame:
+    """First what did not come true, then what else was measured, then what is not as it was."""
+    changes = Changes.of(certification)
+    confidences = changes.earlier.criteria.confidence, changes.later.criteria.confidence
+    shown = [
+        cell
+        for cell in changes.cells
+        if cell.measured or cell.before is None or cell.now is None or cell.before.word != cell.now.word
+    ]
+
+    def cells(verdict: EarlierVerdict | Verdict | None, when: str, confidence: float) -> dict[str, str]:
+        if verdict is None:
+            return {when.capitalize(): "not asked", f"Probability {when}": "–"}
+        return {
+            when.capitalize(): verdict.word,
+            f"Probability {when}": probability_text(verdict.probability, confidence),
+        }
+
+    return pd.DataFrame(
+        {
+            "Condition": cell.name,
+            "Criterion": cell.criterion.name,
+            "Limit": display.words(cell.criterion.limits),
+            **cells(cell.before, "then", confidences[0]),
+            **cells(cell.now, "now", confidences[1]),
+            "Measured since": "; ".join(
+                display.words(Sentence("{} {}", test, measured_text(cell.criterion, value, shift)))
+                for test, value in cell.measured.items()
+                for shift in [changes.since.shift(test, cell.criterion.metric)]
+            )
+            or "–",
+            "Came true": "; ".join(f"{test} {'yes' if true else 'NO'}" for test, true in cell.came_true.items()) or "–",
+        }
+        for cell in sorted(shown, key=lambda cell: (all(cell.came_true.values()), not cell.measured))
+    )
+
+
+def _record(certification: Certification, display: Display) -> pd.DataFrame:
     """How many verdicts on left-out tests were wrong, and what the record supports, one row a criterion; then all."""
     record, rows = certification.record, []
     for criterion in (*certification.criteria.items, None):
-        counts = record_counts(record, criterion)
-        most = counts["decided"]["wrong_at_most"]
+        counts = record.counts(criterion)
+        most = record_counts(record, criterion)["decided"]["wrong_at_most"]
+        confidence = certification.criteria.confidence
         rows.append(
             {
                 "Criterion": "All" if criterion is None else criterion.name,
                 "Limit": "" if criterion is None else display.words(criterion.limits),
-                **{word.capitalize(): _counted(counts[word]) for word in WORDS},
+                **{
+                    word.capitalize(): f"{n}, {wrong} wrong" if wrong else f"{n}" for word, (n, wrong) in counts.items()
+                },
                 unbroken("Wrong at most (95 %)"): "–" if most is None else f"{100 * float(str(most)):.1f} %",
-                "What this record supports": ""
-                if criterion is None
-                else support_sentence(record, criterion, certification.criteria.confidence),
+                "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
             }
         )
     return pd.DataFrame(rows)
 
 
-def _counted(counts: dict[str, object]) -> str:
-    wrong = counts.get("wrong")
-    return f"{counts['n']}, {wrong} wrong" if wrong else f"{counts['n']}"
+def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
+    texts, met = answer_texts(certification), certification.waived | certification.uncertain
+    return pd.DataFrame(
+        {
+            "Condition": i,
+            **display.columns(condition),
+            **dict(condition.factors),
+            "Validated domain": "outside" if certification.domain.outside(condition) else "inside",
+            ANSWER: texts[i],
+            "All met at once": f"≥ {probability_text(met[i][0], certification.criteria.confidence)}"
+            if i in met
+            else "–",
+        }
+        for i, condition in certification.matrix.items
+    )
+
+
+def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
+    """The criteria; if the reader's units are not those that limits are declared in, in both."""
+    table = pd.DataFrame(
+        {
+            "Criterion": own.name,
+            "Quantity": own.label,
+            "Limit": display.words(own.limits),
+            "As declared": str(own.limits),
+        }
+        for own in certification.criteria.items
+    )
+    return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
+
+
+def _bins(certification: Certification, _: Display) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "Probability given": f"{own.low:g}–{own.high:g}",
+            "On average": f"{own.probability:.3f}",
+            "Verdicts": own.n,
+            "Met": f"{own.met:.3f}",
+            "95 % bounds": f"{own.lower:.3f}–{own.upper:.3f}",
+            "Within them": "yes" if own.holds else "no",
+        }
+        for own in certification.record.reliability
+    )
+
+
+SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
+    "conditions": _conditions,
+    "criteria": _criteria,
+    "counts": lambda certification, display: counts_table(certification, display.units).rename(columns=str.capitalize),
+    "verdicts": _verdicts,
+    "open": _open,
+    "record": _record,
+    "trials": _trials,
+    "probabilities": _bins,
+    "changes": _changes,
+}
+"""Tables for readers, by name; that of changes if it is beside an earlier certification."""

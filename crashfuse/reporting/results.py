@@ -8,14 +8,17 @@ from pathlib import Path
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.changes import Changes
 from crashfuse.certification.earlier import Earlier, read_earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_record import certification_json
-from crashfuse.reporting.certification_tables import csv_as_given
+from crashfuse.reporting.certification_tables import (
+    certification_table,
+    changes_table,
+    csv_as_given,
+    track_record_table,
+)
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -28,7 +31,6 @@ from crashfuse.reporting.report import (
     study_report,
     sweep_report,
 )
-from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 
@@ -133,11 +135,9 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "next_tests.csv": lambda ranking, _: csv_bytes(ranking.table),
     },
     "certification": {  # of the certification, the display and notes
-        "certification.csv": lambda certification, *_: csv_as_given(Verdicts(certification).table),
-        "track_record.csv": lambda certification, *_: csv_bytes(Verdicts(certification).track_record),
-        "changes.csv": lambda certification, *_: (
-            certification.since and csv_as_given(changes_table(Changes.of(certification)))
-        ),
+        "certification.csv": lambda certification, *_: csv_as_given(certification_table(certification)),
+        "track_record.csv": lambda certification, *_: csv_bytes(track_record_table(certification)),
+        "changes.csv": lambda certification, *_: certification.since and csv_as_given(changes_table(certification)),
         "report.html": lambda *result: certification_report(*result).encode(),
         "certification.json": lambda certification, *_: certification_json(certification),
     },

@@ -1,6 +1,6 @@
 """Certification as commands, pages and scripts call it: files, mappings or tables in, tables and figures out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self, Unpack
@@ -12,20 +12,18 @@ from crashfuse import views
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
-from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import CONFIDENCE, CriteriaGiven, criteria_given
 from crashfuse.certification.earlier import read_earlier
-from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.matrix import MatrixGiven, matrix_given
 from crashfuse.errors import one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_tables import (
+    SHOWN,
     certification_table,
+    changes_table,
     counts_table,
     track_record_table,
-    verdict_counts,
-    verdicts_shown,
 )
 from crashfuse.reporting.notebook import card, facts_words
 from crashfuse.reporting.plots.certification import record_figure, reliability, validated_domain, verdict_matrix
@@ -68,7 +66,7 @@ class Verdicts:
 
     def since(self, earlier: str | Path) -> pd.DataFrame:
         """What became of an earlier certification, as ``changes.csv``; raises as :meth:`beside`."""
-        return changes_table(Changes.of(self.beside(earlier).certification))
+        return changes_table(self.beside(earlier).certification)
 
     def write(
         self,
@@ -119,18 +117,17 @@ class Verdicts:
         return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
 
     def __repr__(self) -> str:
-        judged = self.certification
-        counts = ", ".join(f"{n} {word}" for word, n in verdict_counts(judged).items() if n)
-        n = len(judged.matrix.ids)
-        return f"<Verdicts on {n} condition{'s' * (n > 1)} of {judged.campaign.name!r}: {counts}>"
+        counts = ", ".join(f"{n} {word}" for word, n in self.certification.counts.items() if n)
+        n = len(self.certification.matrix.ids)
+        return f"<Verdicts on {n} condition{'s' * (n > 1)} of {self.certification.campaign.name!r}: {counts}>"
 
     def _repr_html_(self) -> str:
         display = Display(system=self.certification.campaign.units)
-        table = verdicts_shown(self.certification, display).drop(columns="Reason")
+        table = SHOWN["verdicts"](self.certification, display).drop(columns="Reason")
         return card(repr(self)[1:-1], table, facts_words(self.certification.campaign, display))
 
 
-FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {
+FIGURES: Mapping[str, Callable[[Certification, Display], go.Figure]] = {
     "verdicts": verdict_matrix,
     "record": lambda certification, display: record_figure(certification.record, display),
     "reliability": lambda certification, _: reliability(certification.record),
@@ -141,7 +138,7 @@ FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {
 def certify(
     campaign: Campaign,
     criteria: CriteriaGiven,
-    matrix: str | Path | pd.DataFrame | Matrix,
+    matrix: MatrixGiven,
     *,
     confidence: float = CONFIDENCE,
     approach: str = APPROACH,
@@ -174,16 +171,11 @@ def certify(
         If the criteria or the matrix are wrong, or the campaign cannot be judged by them.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
-    if isinstance(matrix, pd.DataFrame):
-        matrix = Matrix.of(matrix, campaign.factors)
-    elif not isinstance(matrix, Matrix):
-        require_a(str | Path, matrix, "the path of matrix.csv, or a DataFrame with its columns")
-        matrix = Matrix.read(Path(matrix), campaign.factors)
-    criteria = criteria_given(criteria, confidence)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
+    conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
     config = replace(config, approaches=(approach,))
     return Verdicts(
         certify_matrix(
-            campaign, criteria, matrix, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler
+            campaign, limits, conditions, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler
         )
     )

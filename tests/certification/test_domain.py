@@ -168,8 +168,7 @@ def test_masses_are_checked_only_where_the_cae_model_was_run(campaign: Campaign)
 def test_three_tests_check_nothing(campaign: Campaign, n: int) -> None:
     """Leaving one out of three leaves two to learn from; four check."""
     few = replace(campaign, tests=campaign.tests[:n])
-    own = "One test is" if n == 1 else f"{n} tests are"
-    assert Domain.of(few).too_few_tests == (f"{own} too few to check verdicts by leaving tests out, which takes 4.",)
+    assert len(Domain.of(few).too_few_tests) == 1
     assert Domain.of(campaign).too_few_tests == ()
     inside = campaign.tests[0].condition
     assert (len(Domain.of(few).outside(inside)), Domain.of(campaign).outside(inside)) == (1, ())

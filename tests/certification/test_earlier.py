@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from crashfuse.certification.earlier import FILE, Earlier, EarlierVerdict, parse_earlier, read_earlier
+from crashfuse.certification.earlier import FILE, Earlier, parse_earlier, read_earlier
+from crashfuse.certification.verdict import EarlierVerdict
 from crashfuse.errors import DataError
 from crashfuse.signals.occupant import USUAL_OCCUPANT
 from crashfuse.units import LB, MPH

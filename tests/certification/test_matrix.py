@@ -37,22 +37,6 @@ def test_a_table_is_read_with_its_units_and_factors(tmp_path: Path) -> None:
     assert found.conditions[1].factors == (("drive", "RWD"),)
 
 
-@pytest.mark.parametrize(("between", "point"), [(";", ","), ("\t", ","), (";", ".")])
-def test_a_table_of_another_country_is_read(tmp_path: Path, between: str, point: str) -> None:
-    """Semicolons or tabs between the columns, decimal commas or points, as spreadsheets write them."""
-    lines = (f"{HEADER},drive", "A,30.1,2000,1500,FWD", "B,35.7,2050.55,1500,AWD")
-    asked = Matrix.read(matrix_file(tmp_path, *lines), FACTORS)
-    elsewhere = [line.replace(",", between).replace(".", point) for line in lines]
-    assert Matrix.read(matrix_file(tmp_path, *elsewhere), FACTORS) == asked
-
-
-def test_a_comma_that_may_stand_between_thousands_is_no_decimal_comma(tmp_path: Path) -> None:
-    """Beside a decimal point it could be either: the cell is refused."""
-    path = matrix_file(tmp_path, HEADER.replace(",", ";"), "A;30.1;2,055;1500")
-    with pytest.raises(DataError, match="column front_weight_lb, row 2: expected a number, found '2,055'"):
-        Matrix.read(path, FACTORS)
-
-
 def test_a_data_frame_is_the_same_matrix_as_its_file(tmp_path: Path) -> None:
     """To the last digit."""
     path = matrix_file(tmp_path, f"{HEADER},drive", "A,30.1,2000,1500,FWD", "B,35.7,2050.55,1500,AWD")

@@ -10,8 +10,9 @@ from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
+from crashfuse.certification.evidence import beside_tests
 from crashfuse.certification.forecasts import Forecast
-from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge, with_decided
+from crashfuse.certification.verdict import Verdict, all_met, judge, with_decided
 from crashfuse.condition import Condition
 from crashfuse.reporting.result_tables import curve_table
 from crashfuse.study.config import StudyConfig
@@ -48,12 +49,6 @@ def test_a_probability_is_never_shown_to_reach_a_confidence_that_it_does_not(cam
     assert found.word == "open"
     assert found.probability == pytest.approx(0.9497, abs=5e-5)
     assert "met with probability 0.9497 only" in found.reason
-
-
-def test_a_lower_confidence_decides_more(campaign: Campaign) -> None:
-    """At 0.8 the limit may be 0.85 standard deviations away."""
-    criterion = Criterion("crush", "max_crush", at_most=510.0)
-    assert [verdict(campaign, criterion, c).word for c in (0.8, 0.9)] == ["met", "open"]
 
 
 def test_limits_on_both_sides_are_met_together(campaign: Campaign) -> None:
@@ -98,7 +93,7 @@ def test_where_a_test_was_run_an_open_verdict_does_not_advise_to_test(campaign: 
     crush, here = Distribution(500.0, 10.0, FREE), campaign.tests[1].condition
     judged = Forecast(np.zeros(1250), {"max_crush": 498.0}, {"max_crush": crush})
     criteria = Criteria((Criterion("crush", "max_crush", at_most=510.0),))
-    [found] = judge(judged, here, criteria, was_run=True)
+    [found] = judge(judged, here, criteria, tests=("T2",))
     assert found.word == "open"
     assert found.reason.endswith("the limit is at most 510 mm, met by another test with probability 0.841 only.")
 
@@ -157,22 +152,13 @@ def test_outside_the_domain_no_probability_decides(campaign: Campaign) -> None:
     assert "above the fastest test" in found.reason
 
 
-def test_a_record_too_short_leaves_it_open(campaign: Campaign) -> None:
-    """There is no value to compare with the limit."""
-    found = verdict(campaign, Criterion("OLC", "olc", at_most=20.0))
-    assert (found.word, found.value, found.probability) == ("open", None, None)
-    assert found.reason == (
-        "The record is too short to predict the OLC, occupant load criterion here; only a longer one can tell."
-    )
-
-
-def test_a_record_too_short_for_many_draws_leaves_it_open_beside_a_value(campaign: Campaign) -> None:
-    """A value is expected, so it is not said that the record is too short for it, but for its interval."""
-    forecast = Forecast(np.zeros(1250), {"olc": 12.0}, {"olc": None})
-    criteria = Criteria((Criterion("OLC", "olc", at_most=20.0),))
-    [found] = judge(forecast, campaign.tests[1].condition, criteria)
-    assert (found.word, found.value, found.probability) == ("open", 12.0, None)
-    assert found.reason.startswith("In more than one of ten draws the record is too short for the OLC")
+@pytest.mark.parametrize("value", [None, 12.0])
+def test_a_record_too_short_leaves_it_open(campaign: Campaign, value: float | None) -> None:
+    """For the value itself, or for that of many draws."""
+    forecast = Forecast(np.zeros(1250), {"olc": value}, {"olc": None})
+    [found] = judge(forecast, campaign.tests[1].condition, Criteria((Criterion("OLC", "olc", at_most=20.0),)))
+    assert (found.word, found.value, found.probability) == ("open", value, None)
+    assert "OLC" in found.reason
 
 
 @pytest.mark.parametrize(
@@ -216,11 +202,6 @@ def test_a_verdict_counts_as_decided_by_its_probability(curve: LearningCurve) ->
     assert summary(found)["decided"].tolist() == [0.5, 0.75]
     assert curve_table(found)["Decided (%)"].tolist() == ["50", "75"]
     assert "It decides 75 % of the verdicts on metrics, counted over these tests." in sentences(found)[0]
-
-
-def test_a_lower_confidence_decides_more_of_a_curve(curve: LearningCurve) -> None:
-    """At 0.6 five tenths of a standard deviation are enough."""
-    assert with_decided(curve, Criteria((CRUSH,), 0.6)).table["decided"].tolist() == [1.0, 0.0, 1.0, 1.0]
 
 
 def test_ratings_alone_decide_nothing(curve: LearningCurve) -> None:

@@ -11,6 +11,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
+from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -32,7 +33,9 @@ _LETTERS = 130  # size in px, times the columns, with which "not met", or "<0.00
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
 _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
 _MAX_RUNS = 600  # more points only fill the same cloud
-_CHECKED = "#0072B2"
+_CHECKED = _AGREES = "#0072B2"
+_DISAGREES, _INTERVAL = "#D55E00", "#868D98"
+_NONE = "No test was left out: nothing to compare with."
 
 
 def verdict_matrix(
@@ -43,25 +46,24 @@ def verdict_matrix(
     Beside each row stands the answer at the condition. A cell's mark carries ``"<condition> | <criterion>"``. Without
     ``words``, and beyond 400 conditions, only colours are drawn. ``part`` takes some of the sorted conditions.
     """
-    ids, rows = _by_speed(certification, part)
-    width = min(max(_HEADER_CHARACTERS // len(certification.criteria.items), 9), 22)
-    names = [_header(criterion, width, display) for criterion in certification.criteria.items]
+    by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
+    ids, rows = zip(*by_speed[part], strict=True)
+    criteria, confidence = certification.criteria.items, certification.criteria.confidence
+    width = min(max(_HEADER_CHARACTERS // len(criteria), 9), 22)
+    names = [_header(criterion, width, display) for criterion in criteria]
     speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
-    labels = [f"{i} · {own}" for i, own in zip(ids, speeds, strict=True)]
-    short = [f"{tick_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
-    answers, cut, run = answer_texts(certification), answer_texts(certification, tick_name), certification.run
-    beside = [f"run: {len(run[i])} tests" if len(run.get(i, ())) > 1 else cut[i] for i in ids]
-    with_words, confidence = words and len(rows) <= MOST_WORDS, certification.criteria.confidence
-    in_a_line = len(names) <= _FEW_CRITERIA
+    labels, short = ([f"{name(i)} · {v}" for i, v in zip(ids, speeds, strict=True)] for name in (str, tick_name))
+    with_words, in_a_line = words and len(rows) <= MOST_WORDS, len(names) <= _FEW_CRITERIA
     row_px = _NARROW_ROW_PX if in_a_line and len(rows) > FEW_CONDITIONS else _ROW_PX
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
     figure = new_figure(height=above + _BELOW_PX + row_px * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
+    answers = answer_texts(certification)
     figure.add_heatmap(
         z=np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8),
         x=names,
         y=labels,
-        colorscale=_verdict_scale(),
+        colorscale=[(end / len(WORDS), VERDICT_COLOURS[w]) for i, w in enumerate(WORDS) for end in (i, i + 1)],
         zmin=-0.5,
         zmax=len(WORDS) - 0.5,
         xgap=2,
@@ -70,39 +72,30 @@ def verdict_matrix(
         meta={ANSWER: [answers[i] for i in ids]},
     )
     if with_words:
+        between = " " if in_a_line else "<br>"
         figure.update_traces(
-            text=[[_cell(verdict, confidence, " " if in_a_line else "<br>") for verdict in row] for row in rows],
+            text=[[_cell(verdict, confidence, between) for verdict in row] for row in rows],
             texttemplate="%{text}",
             textfont={"color": MEASURED_COLOUR, "size": min(12, max(_LETTERS // len(names), 6))},
             hoverinfo="skip",
         )
         cells = [cell_name(i, verdict) for i, row in zip(ids, rows, strict=True) for verdict in row]
-        over = [text for row in hover for text in row]
-        make_clickable(figure, names, labels, cells, 20, hovertext=over, hovertemplate="%{hovertext}<extra></extra>")
+        make_clickable(figure, names, labels, cells, 20, **_over([text for row in hover for text in row]))
     else:
-        figure.update_traces(hovertext=hover, hovertemplate="%{hovertext}<extra></extra>")
+        figure.update_traces(**_over(hover))
     told = [verdict.word for row in rows for verdict in row]
     for word in WORDS:
-        figure.add_scatter(
-            x=[None], y=[None], mode="markers", name=f"{word} ({told.count(word)})", hoverinfo="skip",
-            marker={"color": VERDICT_COLOURS[word], "symbol": "square", "size": 13, "line": {"width": 1}},
-        )  # fmt: skip
+        _legend(figure, f"{word} ({told.count(word)})", _marker(VERDICT_COLOURS[word], "square", 13, 1, None))
     fix_cells(figure)
-    figure.update_layout(
-        hoverlabel={"align": "left"},
-        margin={
-            "l": max(map(len, short), default=0) * _LETTER_PX + 6,
-            "t": above,
-            "b": _BELOW_PX,
-        },
-        legend={"y": 0, "yanchor": "bottom"},
-    )
+    margin = {"l": max(map(len, short), default=0) * _LETTER_PX + 6, "t": above, "b": _BELOW_PX}
+    figure.update_layout(hoverlabel={"align": "left"}, margin=margin, legend={"y": 0, "yanchor": "bottom"})
     plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
     figure.update_xaxes(**plain, side="top", tickangle=0, range=[-0.5, len(names) - 0.5], showspikes=False)
     figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
     if with_words:
         figure.update_yaxes(tickvals=labels, ticktext=short)
-        _write_beside(figure, labels, beside)
+        cut = answer_texts(certification, short=True)
+        _write_beside(figure, labels, [cut[i] for i in ids])
     return figure
 
 
@@ -111,87 +104,16 @@ def cell_name(condition_id: str, verdict: Verdict) -> str:
     return f"{condition_id} | {verdict.criterion.name}"
 
 
-def validated_domain(certification: Certification, display: Display = DEFAULT) -> go.Figure:
-    """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
-    figure, domain, campaign = new_figure(height=480), certification.domain, certification.campaign
-    run_masses = campaign.cae.vectors[:, 1:].sum(axis=1)
-    mass_low, mass_high = map(display.weights, domain.checked_masses_kg)
-    for number, (low, high) in enumerate(domain.speed_ranges_mps):
-        low, high = display.speeds(low), display.speeds(high)
-        figure.add_scatter(
-            x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
-            name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",
-            fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line={"color": _CHECKED, "width": 1, "dash": "dash"},
-            hoverinfo="skip",
-        )  # fmt: skip
-    some = slice(None, None, -(-len(campaign.cae) // _MAX_RUNS))
-    figure.add_scatter(
-        x=display.speeds(campaign.cae.vectors[some, 0]), y=display.weights(run_masses[some]),
-        mode="markers", hoverinfo="skip",
-        name=f"{len(campaign.cae):,} CAE runs", marker=marks_of_runs(len(run_masses[some])),
-    )  # fmt: skip
-    rows = list(certification.rows.items())
-    for word in _WORST_FIRST:
-        own = [(i, row) for i, row in rows if worst(row) == word]
-        if own:
-            figure.add_scatter(
-                x=[display.speeds(row[0].condition.speed_mps) for _, row in own],
-                y=[display.weights(row[0].condition.mass_kg) for _, row in own],
-                mode="markers",
-                name=f"Worst verdict: {word} ({len(own)})",
-                marker={
-                    "color": VERDICT_COLOURS[word],
-                    "symbol": _SYMBOLS[word],
-                    "size": 13,
-                    "line": {"width": 1.5, "color": INK},
-                },
-                customdata=[[i, display.condition(row[0].condition), _summary(row)] for i, row in own],
-                hovertemplate="<b>%{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
-            )
-    figure.add_scatter(
-        x=[display.speeds(test.condition.speed_mps) for test in campaign.tests],
-        y=[display.weights(test.condition.mass_kg) for test in campaign.tests],
-        mode="markers",
-        name=f"{len(campaign.tests)} tests",
-        marker={"symbol": "cross-thin", "size": 11, "line": {"width": 2, "color": MEASURED_COLOUR}},
-        customdata=[[test.id, display.condition(test.condition)] for test in campaign.tests],
-        hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<extra></extra>",
-    )
-    figure.update_layout(hovermode="closest")
-    figure.update_xaxes(
-        title=display.title("Impact speed", "mph"),
-        range=None,
-        zeroline=False,
-        showspikes=False,
-        unifiedhovertitle=None,
-    )
-    figure.update_yaxes(title=display.title("Front and rear weight together", "lb"))
-    return figure
-
-
-def worst(verdicts: Sequence[Verdict]) -> Word:
-    """The worst word among verdicts on one condition."""
-    return min((verdict.word for verdict in verdicts), key=_WORST_FIRST.index)
-
-
-def _by_speed(certification: Certification, part: slice) -> tuple[list[str], list[tuple[Verdict, ...]]]:
-    """Ids of some conditions and their verdicts, slow before fast, in the order of the matrix where as fast."""
-    rows = certification.rows.items()
-    ids, verdicts = zip(*sorted(rows, key=lambda row: row[1][0].condition.speed_mps)[part], strict=True)
-    return list(ids), list(verdicts)
-
-
 def _write_beside(figure: go.Figure, rows: list[str], beside: list[str]) -> None:
     """Write a text beside each row of a heat map, at its right: at an axis, which is drawn as marks are on it."""
     left = figure.layout.yaxis.to_plotly_json()
     right = {"overlaying": "y", "side": "right", "categoryarray": rows, "ticktext": beside, "ticklabelstandoff": 4}
-    figure.update_layout(yaxis2={**left, **right})
+    figure.update_layout(yaxis2={**left, **right}, margin={"r": max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10})
     figure.update_traces(yaxis="y2", selector={"mode": "markers", "showlegend": False})
     figure.add_annotation(
         text=f"<b>{ANSWER}</b>", x=1, y=1, xref="paper", yref="paper", xanchor="left", yanchor="bottom", xshift=3,
         showarrow=False,
     )  # fmt: skip
-    figure.update_layout(margin={"r": max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10})
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
@@ -206,9 +128,8 @@ def _cell(verdict: Verdict, confidence: float, between: str) -> str:
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
-    criterion = verdict.criterion
     lines = [
-        f"<b>{condition_id}, {criterion.name}: {verdict.word}</b>",
+        f"<b>{condition_id}, {verdict.criterion.name}: {verdict.word}</b>",
         display.condition(verdict.condition),
         *wrap(display.words(verdict.reason), 78),
     ]
@@ -217,19 +138,59 @@ def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
     return "<br>".join(lines)
 
 
-def _summary(row: Sequence[Verdict]) -> str:
-    return "<br>".join(f"{verdict.criterion.name}: {verdict.word}" for verdict in row[:12]) + "<br>…" * (len(row) > 12)
+def validated_domain(certification: Certification, display: Display = DEFAULT) -> go.Figure:
+    """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
+    figure, domain, campaign = new_figure(height=480), certification.domain, certification.campaign
+    mass_low, mass_high = map(display.weights, domain.checked_masses_kg)
+    for number, ends in enumerate(domain.speed_ranges_mps):
+        low, high = map(display.speeds, ends)
+        figure.add_scatter(
+            x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
+            name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",
+            fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line={"color": _CHECKED, "width": 1, "dash": "dash"},
+            hoverinfo="skip",
+        )  # fmt: skip
+    runs = campaign.cae.vectors[:: -(-len(campaign.cae) // _MAX_RUNS)]
+    figure.add_scatter(
+        x=display.speeds(runs[:, 0]), y=display.weights(runs[:, 1:].sum(axis=1)), mode="markers", hoverinfo="skip",
+        name=f"{len(campaign.cae):,} CAE runs", marker=marks_of_runs(len(runs)),
+    )  # fmt: skip
+
+    def draw(name: str, some: Sequence[tuple[str, Condition, str]], marker: dict[str, object]) -> None:
+        figure.add_scatter(
+            x=[display.speeds(condition.speed_mps) for _, condition, _ in some],
+            y=[display.weights(condition.mass_kg) for _, condition, _ in some],
+            mode="markers",
+            name=name,
+            marker=marker,
+            **_over([f"<b>{i}</b><br>{display.condition(condition)}{more}" for i, condition, more in some]),
+        )
+
+    rows = certification.rows.items()
+    for word in _WORST_FIRST:
+        some = [
+            (i, row[0].condition, "".join(f"<br>{verdict.criterion.name}: {verdict.word}" for verdict in row))
+            for i, row in rows
+            if worst(row) == word
+        ]
+        if some:
+            draw(
+                f"Worst verdict: {word} ({len(some)})",
+                some,
+                _marker(VERDICT_COLOURS[word], _SYMBOLS[word], 13, 1.5, INK),
+            )
+    tests = [(f"Test {test.id}", test.condition, "") for test in campaign.tests]
+    draw(f"{len(tests)} tests", tests, _marker(None, "cross-thin", 11, 2, MEASURED_COLOUR))
+    figure.update_layout(hovermode="closest")
+    title = display.title("Impact speed", "mph")
+    figure.update_xaxes(title=title, range=None, zeroline=False, showspikes=False, unifiedhovertitle=None)
+    figure.update_yaxes(title=display.title("Front and rear weight together", "lb"))
+    return figure
 
 
-def _verdict_scale() -> list[tuple[float, str]]:
-    """Colour scale of one flat step a word."""
-    n = len(WORDS)
-    return [(end / n, VERDICT_COLOURS[word]) for i, word in enumerate(WORDS) for end in (i, i + 1)]
-
-
-_AGREES, _DISAGREES = "#0072B2", "#D55E00"
-_INTERVAL = "#868D98"
-_NONE = "No test was left out: nothing to compare with."
+def worst(verdicts: Sequence[Verdict]) -> Word:
+    """The worst word among verdicts on one condition."""
+    return min((verdict.word for verdict in verdicts), key=_WORST_FIRST.index)
 
 
 def reliability(record: TrackRecord) -> go.Figure:
@@ -248,36 +209,29 @@ def reliability(record: TrackRecord) -> go.Figure:
         ("Within its bounds", _AGREES, "circle", True),
         ("Outside its bounds", _DISAGREES, "circle-open", False),
     ):
-        bins = [each for each in record.reliability if each.holds is holds]
-        if not bins:
-            continue
-        met = np.array([each.met for each in bins], dtype=np.float64)
-        figure.add_scatter(
-            x=np.array([each.probability for each in bins], dtype=np.float64),
-            y=met,
-            error_y={
-                "array": np.array([each.upper for each in bins]) - met,
-                "arrayminus": met - np.array([each.lower for each in bins]),
-                "thickness": 1.5,
-                "width": 4,
-            },
-            text=[f"n = {each.n}" for each in bins],
-            textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins],
-            mode="markers+text",
-            cliponaxis=False,
-            name=name,
-            marker={"color": colour, "symbol": symbol, "size": 11, "line": {"width": 2, "color": colour}},
-            customdata=[
-                [each.low, each.high, each.n, round(each.met * each.n), each.lower, each.upper] for each in bins
-            ],
-            hovertemplate="said %{customdata[0]:.2f} to %{customdata[1]:.2f}, %{x:.3f} on average<br>"
-            "%{customdata[3]} of %{customdata[2]} met: %{y:.3f} (95 %: %{customdata[4]:.3f} to %{customdata[5]:.3f})"
-            "<extra></extra>",
-        )
+        if bins := [each for each in record.reliability if each.holds is holds]:
+            probability, met, lower, upper = np.array([(b.probability, b.met, b.lower, b.upper) for b in bins]).T
+            figure.add_scatter(
+                x=probability,
+                y=met,
+                error_y={"array": upper - met, "arrayminus": met - lower, "thickness": 1.5, "width": 4},
+                text=[f"n = {each.n}" for each in bins],
+                textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins],
+                mode="markers+text",
+                cliponaxis=False,
+                name=name,
+                marker=_marker(colour, symbol, 11, 2, colour),
+                **_over(
+                    [
+                        f"said {b.low:.2f} to {b.high:.2f}, {b.probability:.3f} on average<br>{round(b.met * b.n)} of "
+                        f"{b.n} met: {b.met:.3f} (95 %: {b.lower:.3f} to {b.upper:.3f})"
+                        for b in bins
+                    ]
+                ),
+            )
     figure.update_layout(hovermode="closest", showlegend=True)
     axis = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
-    figure.update_xaxes({**axis, "title": "Probability given in advance"})
-    figure.update_xaxes(showspikes=False, unifiedhovertitle=None)
+    figure.update_xaxes({**axis, "title": "Probability given in advance"}, showspikes=False, unifiedhovertitle=None)
     figure.update_yaxes({**axis, "title": "Share of tests that met it"})
     return figure
 
@@ -288,8 +242,7 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     Tests stand in order of speed. A ring marks a verdict that the test contradicts.
     """
     trials = sorted(record.counted, key=lambda trial: trial.verdict.condition.speed_mps)
-    criteria = _in_order(record)
-    tests = list(dict.fromkeys(trial.held_out for trial in trials))
+    criteria, tests = _in_order(record), list(dict.fromkeys(trial.held_out for trial in trials))
     figure = new_figure(height=max(120 + 210 * len(criteria), 330))
     if not criteria:
         _say(figure, _NONE)
@@ -304,11 +257,11 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
         own = [trial for trial in trials if trial.verdict.criterion == criterion]
         _draw_trials(figure, own, criterion, tests, row, display)
     for word in WORDS:
-        _legend(figure, f"predicted, {word}", color=VERDICT_COLOURS[word], symbol="square", line_color=INK)
-    _legend(figure, "left out with its speed group", color="rgba(0, 0, 0, 0)", symbol="diamond", line_color=INK)
-    _legend(figure, "measured", color=MEASURED_COLOUR, symbol="circle", line_color=MEASURED_COLOUR)
+        _legend(figure, f"predicted, {word}", _marker(VERDICT_COLOURS[word], "square", 10, 1, INK))
+    _legend(figure, "left out with its speed group", _marker("rgba(0, 0, 0, 0)", "diamond", 10, 1, INK))
+    _legend(figure, "measured", _marker(MEASURED_COLOUR, "circle", 10, 1, MEASURED_COLOUR))
     if wrong := any(trial.wrong for trial in trials):
-        _legend(figure, "wrong verdict", color=_DISAGREES, symbol="circle-open", line_color=_DISAGREES)
+        _legend(figure, "wrong verdict", _marker(_DISAGREES, "circle-open", 10, 1, _DISAGREES))
     figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"l": 72, "t": 96 if wrong else 72})
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
@@ -328,45 +281,32 @@ def _draw_trials(
 ) -> None:
     """One row of the record: predictions with intervals, measured values, rings around wrong verdicts, limits."""
     factor = display.units.factor(criterion.unit)
+
+    def draw(some: Sequence[Trial], values: FloatArray, **look: object) -> None:
+        figure.add_scatter(
+            x=[tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14) for trial in some],
+            meta={"x": [trial.held_out for trial in some]},
+            y=values,
+            mode="markers",
+            showlegend=False,
+            row=row,
+            col=1,
+            **look,
+            **_over([_told(trial, display) for trial in some]),
+        )
+
     for left_out, symbol in (("test", "square"), ("speed group", "diamond")):
         own = [trial for trial in trials if trial.left_out == left_out and trial.verdict.value is not None]
-        value, lower, upper = factor * _numbers([(t.verdict.value, t.verdict.lower, t.verdict.upper) for t in own])
-        figure.add_scatter(
-            x=[_place(trial, tests) for trial in own],
-            meta={"x": [trial.held_out for trial in own]},
-            y=value,
-            error_y={"array": upper - value, "arrayminus": value - lower, "width": 0, "color": _INTERVAL},
-            mode="markers",
-            marker={
-                "color": [VERDICT_COLOURS[trial.verdict.word] for trial in own],
-                "symbol": symbol,
-                "size": 10,
-                "line": {"width": 1, "color": INK},
-            },
-            hovertext=[_told(trial, display) for trial in own],
-            hovertemplate="%{hovertext}<extra></extra>",
-            showlegend=False,
-            row=row,
-            col=1,
-        )
-    wrong = [trial for trial in trials if trial.wrong]
+        ends = [(trial.verdict.value, trial.verdict.lower, trial.verdict.upper) for trial in own]
+        value, lower, upper = factor * np.array(ends, dtype=np.float64).reshape(-1, 3).T
+        bars = {"array": upper - value, "arrayminus": value - lower, "width": 0, "color": _INTERVAL}
+        colours = [VERDICT_COLOURS[trial.verdict.word] for trial in own]
+        draw(own, value, error_y=bars, marker=_marker(colours, symbol, 10, 1, INK))
     for name, some, marker in (
-        ("measured", trials, {"color": MEASURED_COLOUR, "size": 7, "line": {"width": 1, "color": PAPER}}),
-        ("wrong", wrong, {"color": _DISAGREES, "symbol": "circle-open", "size": 20, "line": {"width": 2.5}}),
+        ("measured", trials, _marker(MEASURED_COLOUR, "circle", 7, 1, PAPER)),
+        ("wrong", [t for t in trials if t.wrong], _marker(_DISAGREES, "circle-open", 20, 2.5, None)),
     ):
-        figure.add_scatter(
-            x=[_place(trial, tests) for trial in some],
-            meta={"x": [trial.held_out for trial in some]},
-            y=factor * np.array([trial.measured for trial in some], dtype=np.float64),
-            mode="markers",
-            name=name,
-            marker=marker,
-            hovertext=[_told(trial, display) for trial in some],
-            hovertemplate="%{hovertext}<extra></extra>",
-            showlegend=False,
-            row=row,
-            col=1,
-        )
+        draw(some, factor * np.array([trial.measured for trial in some], dtype=np.float64), name=name, marker=marker)
     for limit in (criterion.at_least, criterion.at_most):
         if limit is not None:
             figure.add_hline(y=factor * limit, line={"color": CURSOR, "width": 1.5, "dash": "dash"}, row=row, col=1)
@@ -379,33 +319,30 @@ def _draw_trials(
 
 
 def _told(trial: Trial, display: Display) -> str:
-    verdict, alone = trial.verdict, trial.left_out == "test"
-
-    def shown(value: float | None) -> str:
-        return display.words(verdict.criterion.shown(value))
-
+    verdict, criterion = trial.verdict, trial.verdict.criterion
+    value, measured = (display.words(criterion.shown(value)) for value in (verdict.value, trial.measured))
+    interval = display.words(criterion.interval(verdict.lower, verdict.upper))
     return "<br>".join(
         [
-            f"<b>{trial.held_out}</b>, left out {'alone' if alone else 'with its speed group'}",
-            f"predicted {shown(verdict.value)}, 95 % of tests "
-            f"{display.words(verdict.criterion.interval(verdict.lower, verdict.upper))}",
-            f"measured {shown(trial.measured)}: {'met' if trial.met else 'not met'}",
+            f"<b>{trial.held_out}</b>, left out {'alone' if trial.left_out == 'test' else 'with its speed group'}",
+            f"predicted {value}, 95 % of tests {interval}",
+            f"measured {measured}: {'met' if trial.met else 'not met'}",
             f"verdict: {verdict.word}{', wrong' * trial.wrong}",
         ]
     )
 
 
-def _place(trial: Trial, tests: list[str]) -> float:
-    return tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14)
+def _marker(color: object, symbol: str, size: int, width: float, line: str | None) -> dict[str, object]:
+    return {"color": color, "symbol": symbol, "size": size, "line": {"width": width, "color": line}}
 
 
-def _numbers(rows: Sequence[tuple[float | None, ...]]) -> FloatArray:
-    return np.array([[np.nan if each is None else each for each in row] for row in rows]).reshape(-1, 3).T
+def _over(texts: Sequence[object]) -> dict[str, object]:
+    """What stands beside the mouse over each mark."""
+    return {"hovertext": texts, "hovertemplate": "%{hovertext}<extra></extra>"}
 
 
-def _legend(figure: go.Figure, name: str, *, color: str, symbol: str, line_color: str) -> None:
-    marker = {"color": color, "symbol": symbol, "size": 10, "line": {"width": 1, "color": line_color}}
-    figure.add_scatter(x=[None], y=[None], mode="markers", name=name, marker=marker, hoverinfo="skip", row=1, col=1)
+def _legend(figure: go.Figure, name: str, marker: dict[str, object]) -> None:
+    figure.add_scatter(x=[None], y=[None], mode="markers", name=name, marker=marker, hoverinfo="skip")
 
 
 def _say(figure: go.Figure, words: str) -> None:

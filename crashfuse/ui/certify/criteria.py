@@ -1,6 +1,6 @@
 """The acceptance criteria: those of the campaign, an uploaded file's, or typed into a table."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -11,8 +11,6 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.certification.criteria import (
     CONFIDENCE,
-    LEAST_SURE,
-    MOST_SURE,
     RATING,
     Criteria,
     criteria_of,
@@ -27,8 +25,6 @@ from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.text import plain
 
 _FILE, _EDITOR = "criteria.toml", "editor of criteria"
-_NO_CONFIDENCE = "confidence that there is not"  # session key: which one is taken, and a sentence
-_CONFIDENCE_BEFORE = "confidence before"  # session key: the last one that there is
 _LIMIT_HELP = "In the unit beside the metric; shown to four digits."
 _COLUMNS = {"name": "str", "metric": "str", "window_ms": "float", "at_least": "float", "at_most": "float"}
 _METRICS = {
@@ -53,7 +49,7 @@ at_least = …"""
 class _Editor:
     """The table as the browser's editor began with it, and what it said last.
 
-    It begins anew, in another round, when something else is asked for than it said: by a link, by Back, by a file.
+    It begins anew when something else is asked for than it said: by a link, by Back, by a file.
     """
 
     begun: pd.DataFrame
@@ -81,9 +77,7 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
         hide_index=True,
         placeholder="",
         column_config={
-            "name": st.column_config.TextColumn(
-                "Name", help="Any; the metric's own if it is left empty.", max_chars=100
-            ),
+            "name": st.column_config.TextColumn("Name", help="Any; or else the metric's own.", max_chars=100),
             "metric": st.column_config.SelectboxColumn(
                 "Metric",
                 options=list(_METRICS),
@@ -91,9 +85,7 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
                 width=280,  # its longest name; with more, a limit is cut off at 900 px
                 required=True,
             ),
-            "window_ms": st.column_config.NumberColumn(
-                "Window (ms)", help="Of a rating, from first contact; 60 if it is left empty. Not of other metrics."
-            ),
+            "window_ms": st.column_config.NumberColumn("Window (ms)", help="Of a rating alone; 60 if it is empty."),
             "at_least": st.column_config.NumberColumn("At least", help=_LIMIT_HELP, format="%.4g"),
             "at_most": st.column_config.NumberColumn("At most", help=_LIMIT_HELP, format="%.4g"),
         },
@@ -104,20 +96,12 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     choices.publish()
     confidence = beside.number_input(
         "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session",
-        on_change=lambda: state.pop(_NO_CONFIDENCE, None),
         help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
     )  # fmt: skip
-    state[_CONFIDENCE_BEFORE] = confidence
-    taken, told = state.get(_NO_CONFIDENCE, (None, ""))
-    if confidence == taken:  # until another is chosen: the page may be drawn again at once
-        st.warning(told, icon=":material/tune:")
-    else:
-        state.pop(_NO_CONFIDENCE, None)
     with help_in.popover("How criteria are declared, or brought as a file", icon=":material/help:"):
         st.markdown(
-            "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside the "
-            f"metric. In a file, `{_FILE}` in the campaign folder or uploaded here, with limits in place of the dots, "
-            "always by the names and in the units of `metrics.csv`: "
+            "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside it. "
+            f"In `{_FILE}`, in the campaign folder or uploaded here, by the names and in the units of `metrics.csv`: "
             f"{', '.join(f'`{name}` ({METRIC_UNITS[name]})' for name in MAIN_METRICS)} and others."
         )
         _show_upload(view)
@@ -126,46 +110,34 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     if not declared:
         if wrong is not None:
             show_wrong(wrong)
-        st.info("No criteria yet: add a row above, with a metric and your limit for it.", icon=":material/edit:")
+        st.info("No criteria yet: add a row above, with a metric and its limit.", icon=":material/edit:")
         return None
     try:
         criteria = criteria_of(declared, confidence)
     except DataError as error:
         show_wrong(error)
         return None
-    if own := _in_units_of_files(criteria, view):
-        st.caption(f"In the units of files: {plain('; '.join(own))}.")
+    other_units = [own for own in criteria.items if view.display.units.unit(own.unit) != own.unit]
+    if other_units:
+        limits = "; ".join(f"{own.name} {own.limits}" for own in other_units)
+        st.caption(f"In the units of files: {plain(limits)}.")
     return criteria
 
 
 def _take_declared(view: View) -> DataError | None:
     """Make the criteria in the campaign's folder the default; returns what is wrong with them, if anything is."""
-    state, path, declared, wrong = st.session_state, view.folder / _FILE, None, None
+    path, declared, wrong = view.folder / _FILE, None, None
     try:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
         wrong = error
     choices.default("criteria", _texts(_table(declared)))
-    usual, asked = declared.confidence if declared else CONFIDENCE, state["confidence"]
-    if _upload_key(view) not in state:  # the page was left, or shows another campaign
-        for key in (_NO_CONFIDENCE, _CONFIDENCE_BEFORE):
-            state.pop(key, None)
-    if asked is not None and not LEAST_SURE <= asked <= MOST_SURE:  # the field would refuse it without a word
-        taken = state.get(_CONFIDENCE_BEFORE, usual)
-        told = f"A confidence is from {LEAST_SURE:g} to {MOST_SURE:g}, not {asked:g}; {taken:g} is taken."
-        state.update({"confidence": taken, _NO_CONFIDENCE: (taken, told)})
-    choices.default("confidence", usual)
+    choices.default("confidence", declared.confidence if declared else CONFIDENCE)
     return wrong
 
 
 def _table(criteria: Criteria | None) -> pd.DataFrame:
     return pd.DataFrame([asdict(own) for own in criteria.items] if criteria else [], columns=list(_COLUMNS))
-
-
-def _in_units_of_files(criteria: Criteria, view: View) -> list[str]:
-    """Limits that the table shows in the reader's units, in the metrics' own."""
-    own = [criterion for criterion in criteria.items if view.display.units.unit(criterion.unit) != criterion.unit]
-    return [f"{criterion.name} {criterion.limits}" for criterion in own]
 
 
 def _texts(rows: pd.DataFrame) -> list[str]:
@@ -196,20 +168,15 @@ def _converted(rows: pd.DataFrame, factor: Callable[[str], float]) -> pd.DataFra
 
 def _declared(rows: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows in which anything was entered, as mappings of what was."""
-    entered = [_entered(row) for row in rows.to_dict("records")]
+    entered = [
+        {str(name): value for name, value in row.items() if not pd.isna(value) and value != ""}
+        for row in rows.to_dict("records")
+    ]
     return [row for row in entered if row]
 
 
-def _entered(row: Mapping[Hashable, Any]) -> dict[str, Any]:
-    return {str(name): value for name, value in row.items() if not pd.isna(value) and value != ""}
-
-
-def _upload_key(view: View) -> str:
-    return f"criteria file {view.campaign.fingerprint[:8]}"
-
-
 def _show_upload(view: View) -> None:
-    key = _upload_key(view)
+    key = f"criteria file {view.campaign.fingerprint[:8]}"
     wrong = f"{key}: wrong"
 
     def take() -> None:
@@ -221,7 +188,6 @@ def _show_upload(view: View) -> None:
         except DataError as error:
             st.session_state[wrong] = under_its_name(error, _FILE, file.name)
             return
-        st.session_state.pop(_NO_CONFIDENCE, None)
         st.session_state.update(criteria=_texts(_table(criteria)), confidence=criteria.confidence)
 
     st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take)

@@ -7,18 +7,15 @@ import streamlit as st
 from crashfuse.campaign import Campaign
 from crashfuse.certification import file_store
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.changes import Changes
 from crashfuse.certification.earlier import FILE, Earlier, parse_earlier
 from crashfuse.errors import CrashfuseError
-from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_record import certification_json
+from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.ui.certify.request import Judgement
-from crashfuse.ui.certify.results import coloured
+from crashfuse.ui.certify.results import Judgement, coloured
 from crashfuse.ui.certify.uploaded import choose_kept, find_kept, show_wrong
 from crashfuse.ui.kit import choices
 from crashfuse.ui.kit.results import show_table
-from crashfuse.ui.kit.text import plain
 
 _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
 
@@ -46,13 +43,12 @@ def show(judgement: Judgement) -> None:
     _choose(judgement.certification)
     if judgement.certification.since is None:
         st.caption(
-            "What an earlier certification said is held against the tests that were run since; its verdicts count in "
-            "the record beside those of left-out tests. Choose one, and what became of it is in the report, too."
+            "Tests run since are held against what an earlier certification said. Its verdicts count in the record, "
+            "and what became of it is in the report, too."
         )
         return
-    changes = Changes.of(judgement.certification)
-    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in change_sentences(changes)))
-    table = shown_changes(changes, judgement.display)
+    judgement.show_sentences("changes")
+    table = SHOWN["changes"](judgement.certification, judgement.display)
     if not table.empty:
         show_table(coloured(table, "Then", "Now").hide(axis="index"), key="earlier verdicts")
 
@@ -85,7 +81,6 @@ def _choose(certification: Certification) -> None:
 
 
 def _read(content: bytes, campaign: Campaign) -> Earlier:
-    """An uploaded certification of this vehicle."""
     earlier = parse_earlier(content)
     earlier.require_of(campaign)
     return earlier
@@ -95,8 +90,8 @@ def _keep(certification: Certification) -> None:
     try:
         kept = file_store.keep_certification(certification_json(certification), certification.campaign)
         st.session_state[_KEPT] = (
-            f"Kept on this machine since {kept.date}, to be held against later tests. SHA-256 {kept.digest}: who has "
-            "this number before a test is run can show that the verdicts were there first."
+            f"Kept on this machine since {kept.date}. SHA-256 {kept.digest}: who has this number before a test is run "
+            "can show that the verdicts were there first."
         )
     except CrashfuseError as error:
         st.session_state[_WRONG] = error
@@ -104,9 +99,8 @@ def _keep(certification: Certification) -> None:
 
 def _described(earlier: Earlier) -> str:
     """One in a few words, to choose it by."""
-    n, tests = len(earlier.matrix.ids), len(earlier.tests)
-    conditions, learned = "1 condition" if n == 1 else f"{n:,} conditions", "1 test" if tests == 1 else f"{tests} tests"
-    limits = ", ".join(criterion.name for criterion in earlier.criteria.items)
-    asked = f"{limits} at {earlier.criteria.confidence:g}"
-    approach = earlier.settings.get("approach", "unknown approach")
-    return f"{earlier.date} · {conditions} from {learned} · {asked} · {approach}"
+    asked = ", ".join(criterion.name for criterion in earlier.criteria.items)
+    return (
+        f"{earlier.date} · {len(earlier.matrix.ids):,} conditions, {len(earlier.tests)} tests · {asked} at "
+        f"{earlier.criteria.confidence:g} · {earlier.settings.get('approach', 'unknown approach')}"
+    )

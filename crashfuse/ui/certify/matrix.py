@@ -33,7 +33,7 @@ _HELP = "Numbers separated by commas, or first:last:step, such as 20:35:5."
 def choose_matrix(view: View) -> Matrix | None:
     """Ask for the conditions; None while there are none or some are wrong, which is said here."""
     own = view.folder / _FILE
-    sources = [_OWN, _UPLOAD, _GRID] if own.is_file() else [_UPLOAD, _GRID]
+    sources = [_OWN] * own.is_file() + [_UPLOAD, _GRID]
     left, right = st.columns([3, 4], vertical_alignment="bottom")
     with left:
         st.caption("Conditions from")
@@ -50,14 +50,9 @@ def choose_matrix(view: View) -> Matrix | None:
     n = f"{len(speeds):,} conditions" if len(speeds) > 1 else "1 condition"
     ends = view.display.words(speed(min(speeds), max(speeds), between=" to "))
     with st.expander(f"{n}, {ends}", icon=":material/table:"):
-        st.dataframe(without_formulas(_table(matrix, view.display)), hide_index=True, alt="The conditions to judge")
+        rows = [{"Condition": i, **view.display.columns(c), **dict(c.factors)} for i, c in matrix.items]
+        st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The conditions to judge")
     return matrix
-
-
-def _table(matrix: Matrix, display: Display) -> pd.DataFrame:
-    return pd.DataFrame(
-        {"Condition": i, **display.columns(condition), **dict(condition.factors)} for i, condition in matrix.items
-    )
 
 
 def _chosen(source: str, view: View) -> Matrix | None:
@@ -91,13 +86,11 @@ def _grid(campaign: Campaign, display: Display) -> Matrix:
     speeds = f"{low:.0f}:{high:.0f}:{step}" if low < high else f"{np.median(tests[:, 0]):.1f}"
     weights = [f"{weight:.0f}" for weight in np.median(tests[:, 1:], axis=0)]
     typed = {}
-    for column, label, key, usual in zip(
-        st.columns(3),
-        ("Speeds", "Front weights", "Rear weights"),
-        ("speeds", "front_weights", "rear_weights"),
-        (speeds, *weights),
-        strict=True,
-    ):
+    axes = (
+        ("Speeds", "speeds", speeds),
+        *zip(("Front weights", "Rear weights"), ("front_weights", "rear_weights"), weights, strict=True),
+    )
+    for column, (label, key, usual) in zip(st.columns(3), axes, strict=True):
         unit = units.speed if key == "speeds" else units.weight
         choices.default(key, f"{usual} {unit}", follow=not st.session_state.get(JUDGED))  # else verdicts would go
         typed[f"{label} ({unit})"] = _axis(column, label, key, unit)
@@ -123,8 +116,7 @@ def _grid(campaign: Campaign, display: Display) -> Matrix:
 def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str, str]:
     """What is typed for one axis, shown in the reader's unit, and the unit that it was typed in.
 
-    The session and the address have the text with the unit that it was typed in: the values stay the same when another
-    unit is chosen, whose field shows them converted.
+    The session and the address have the text with its unit: the values stay the same when another unit is chosen.
     """
     state, field = st.session_state, f"{key} in {unit}"
     typed, _, given = state[key].strip().rpartition(" ")
@@ -134,11 +126,9 @@ def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str,
     factor = IN_SI[given] / IN_SI[unit]
     converted = _NUMBER.sub(lambda found: f"{float(found[0]) * factor:.6g}", typed)
     choices.put(field, typed if given == unit else converted)
-
-    def take() -> None:
-        state[key] = f"{state[field]} {unit}"
-
-    column.text_input(f"{label} ({unit})", key=field, help=_HELP, on_change=take)
+    column.text_input(
+        f"{label} ({unit})", key=field, help=_HELP, on_change=lambda: state.update({key: f"{state[field]} {unit}"})
+    )
     return typed, given
 
 
@@ -146,19 +136,14 @@ def _numbers(text: str, label: str) -> list[float]:
     """Numbers that were typed in: a list, ranges in it included."""
     found: list[float] = []
     try:
-        for part in text.replace(",", " ").replace(";", " ").split():
-            found += _range(*map(float, part.split(":")))
-    except (ValueError, TypeError):  # not a number, or one too few or too many of them
+        for part in re.findall(r"[^,;\s]+", text):
+            first, *others = map(float, part.split(":"))
+            last, step = others or (first, 1.0)
+            if not step > 0 or not 0 <= (last - first) / step <= _MOST_VALUES:
+                raise ValueError("no range")
+            found += [round(first + i * step, 9) for i in range(int((last - first) / step + 1e-9) + 1)]
+    except ValueError:  # not a number, or one too few or too many of them
         found = []
     if not 0 < len(found) <= _MOST_VALUES:
         raise UsageError(f"{label}: expected numbers such as 20, 25, 30, or 20:35:5; found {text!r}.")
     return found
-
-
-def _range(first: float, last: float | None = None, step: float = 0.0) -> list[float]:
-    """One number, or those from first to last."""
-    if last is None:
-        return [first]
-    if not step > 0 or not 0 <= (last - first) / step <= _MOST_VALUES:
-        raise ValueError("no range")
-    return [round(first + i * step, 9) for i in range(int((last - first) / step + 1e-9) + 1)]

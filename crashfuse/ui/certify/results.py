@@ -1,24 +1,38 @@
-"""Verdicts on the Certify page: the matrix, one cell of it, and the table."""
+"""Verdicts on the Certify page: what is computed for them, and the tabs that show them."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass
 
 import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification import file_store
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Certification, is_computed
+from crashfuse.certification.changes import saved_and_missed
+from crashfuse.certification.criteria import Criteria, criteria_text
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import at_most
 from crashfuse.certification.verdict import WORDS
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Watch
 from crashfuse.files.csv_text import without_formulas
-from crashfuse.reporting.certification_changes import saved_and_missed
-from crashfuse.reporting.certification_sentences import beside_matrix
-from crashfuse.reporting.certification_tables import verdict_counts, verdicts_shown
-from crashfuse.reporting.evidence_sentences import at_most
+from crashfuse.reporting.certification_facts import Place, exceptions, sentences
+from crashfuse.reporting.certification_record import certification_json
+from crashfuse.reporting.certification_tables import SHOWN, changes_table, csv_as_given, matrix_table
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
-from crashfuse.ui.certify.request import Judgement
+from crashfuse.reporting.report import certification_report
+from crashfuse.reporting.verdicts import Verdicts, certify
+from crashfuse.study.config import StudyConfig
 from crashfuse.ui.kit import results
-from crashfuse.ui.kit.figures import show_clickable
-from crashfuse.ui.kit.results import fill
+from crashfuse.ui.kit.computation import Request, said_of
+from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
+from crashfuse.ui.kit.files import download_bytes, download_report, download_table
+from crashfuse.ui.kit.results import fill, show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.window import open_page
 from crashfuse.ui.predict import fill_in
@@ -26,15 +40,82 @@ from crashfuse.ui.predict import fill_in
 _CELL = "cell"
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
 _NUMBERS = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
-_COLOURS = (
-    "So many conditions have colours alone: point at a cell for its verdict. The answers are in certification.csv."
-)
+_COLOURS = "So many conditions have colours alone: point at a cell for its verdict. All are in certification.csv."
 _MEANINGS = {
     "met": "A test there would meet the criterion, with the confidence asked for.",
     "not met": "A test there would miss it, with the same confidence.",
     "open": "Neither can be said with confidence: test it if it was not run yet, or redesign.",
     "outside": "Beyond what the campaign's own tests check.",
 }
+_RECORD = {
+    "What left-out tests showed": (
+        "record",
+        "Predicted and measured values of each left-out test by criterion, with intervals and limits",
+        "Lines: 95 % of tests are predicted to lie there. Left: left out alone; right: with its speed group.",
+    ),
+    "Are the probabilities right?": (
+        "reliability",
+        "Share of left-out tests that met a criterion over the probability given, with exact bounds",
+        "Verdicts on left-out tests inside what the others check, in bins of probability; n is their number, the lines "
+        "are exact 95 % bounds (Clopper and Pearson).",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class CertificationRequest(Request[Verdicts]):
+    """Judge criteria at the conditions of a matrix, by the first approach of the settings."""
+
+    campaign: Campaign
+    criteria: Criteria
+    matrix: Matrix
+    config: StudyConfig
+
+    @property
+    def key(self) -> Hashable:  # noqa: D102
+        config = self.config
+        settings = config.approaches[0], config.preset, config.seed, config.device
+        return "certification", said_of(self.campaign), self.criteria, self.matrix, settings
+
+    @property
+    def title(self) -> str:  # noqa: D102
+        return f"{self.campaign.name}: verdicts at {len(self.matrix.ids)} conditions"
+
+    def work(self, watch: Watch) -> Verdicts:  # noqa: D102
+        approach = self.config.approaches[0]
+        return certify(self.campaign, self.criteria, self.matrix, approach=approach, config=self.config, watch=watch)
+
+    def in_cache(self) -> bool:  # noqa: D102
+        return is_computed(self.campaign, self.criteria, self.matrix, self.config, Cache())
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """Verdicts, the settings behind them, notes on the tests, and how the reader wants to see them.
+
+    ``key`` is equal for equal verdicts: the beginning of the key of a cached figure.
+    """
+
+    verdicts: Verdicts
+    config: StudyConfig
+    display: Display
+    notes: tuple[Note, ...]
+    key: Hashable
+
+    @property
+    def certification(self) -> Certification:
+        """Verdicts, record and domain in SI."""
+        return self.verdicts.certification
+
+    def show_sentences(self, place: Place) -> None:
+        """Show what is said in a place, a line each."""
+        st.markdown("\n".join(f"- {plain(sentence)}" for sentence in sentences(self.certification, place)))
+
+    def show_figure(self, name: str, alt: str, file: str) -> None:
+        """Show a figure of the verdicts."""
+        show_cached_figure(
+            lambda: self.verdicts.plot(name, display=self.display), alt, name, self.key, self.display, name=file
+        )
 
 
 def show(judgement: Judgement) -> None:
@@ -54,7 +135,7 @@ def show(judgement: Judgement) -> None:
         )
     st.caption(_NUMBERS if n <= MOST_WORDS else _COLOURS)
     _show_cell(certification)
-    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
+    judgement.show_sentences("matrix")
     if certification.since is None and (alone := file_store.beside_none(certification.campaign)):
         st.caption(f":material/history: {plain(alone)} Choose one under *Earlier verdicts*.")
     with st.expander("All verdicts as a table", icon=":material/table:"):
@@ -69,30 +150,28 @@ def _show_numbers(certification: Certification) -> None:
         "Need not be run": (
             f"{saved} of {of}", f"confidence {certification.criteria.confidence:g}",
             "Conditions at which a test would meet all criteria at once, with the confidence asked for; those that are "
-            "one to within 1 km/h and 2 % of each weight are counted once, as one that takes a test if there is one.",
+            "one to within 1 km/h and 2 % of each weight are counted once.",
         ),
         "Wrong so far": (
             f"{missed} of {told}" if told else "–", at_most(missed, told) if told else None,
-            "Of left-out tests that need not have been run by their verdicts, and tests that an earlier certification "
-            "said need not be run and that were run since, those that missed a criterion; with the exact one-sided "
-            "95 % bound of their share.",
+            "Of tests that need not have been run by what was said without them, those that missed a criterion; with "
+            "the exact one-sided 95 % bound of their share.",
         ),
         **{
             word.capitalize(): (f"{n:,}", f"{100 * n / len(certification.cells):.0f} %", _MEANINGS[word])
-            for word, n in verdict_counts(certification).items()
+            for word, n in certification.counts.items()
         },
     }  # fmt: skip
     with st.container(horizontal=True, gap="large"):
-        for label, (number, beside, meaning) in shown.items():
-            st.metric(label, number, beside, delta_color="off", delta_arrow="off", help=meaning, width="content")
+        for label, (number, below, meaning) in shown.items():
+            st.metric(label, number, below, delta_color="off", delta_arrow="off", help=meaning, width="content")
 
 
 def _show_table(certification: Certification, display: Display) -> None:
     """Show verdicts of chosen kinds, one row a condition and criterion."""
     words = st.pills("Verdicts", WORDS, selection_mode="multi", key="verdicts", persist_state="session")
-    table = verdicts_shown(certification, display)
-    speeds = [display.speeds(verdict.condition.speed_mps) for _, verdict in certification.cells]
-    table.insert(1, display.title("Speed", "mph"), speeds)
+    table, heading = SHOWN["verdicts"](certification, display), display.title("Speed", "mph")
+    table.insert(1, heading, [display.speeds(verdict.condition.speed_mps) for _, verdict in certification.cells])
     table = without_formulas(table)  # the page offers it as CSV
     table = table[table["Verdict"].isin(words)]
     st.dataframe(
@@ -100,7 +179,7 @@ def _show_table(certification: Certification, display: Display) -> None:
         hide_index=True,
         height=min(36 * len(table) + 40, 560),
         column_config={
-            display.title("Speed", "mph"): st.column_config.NumberColumn(format="%.1f"),
+            heading: st.column_config.NumberColumn(format="%.1f"),
             "Probability": st.column_config.TextColumn(alignment="right"),
             "Reason": st.column_config.TextColumn(width="large"),
         },
@@ -133,3 +212,45 @@ def coloured(table: pd.DataFrame, *columns: str) -> Styler:
     """A table whose verdicts in these columns have their colours."""
     styles = {word: fill(colour) for word, colour in VERDICT_COLOURS.items()}
     return table.style.map(lambda word: styles.get(word, ""), subset=list(columns))
+
+
+def show_record(judgement: Judgement) -> None:
+    """Show how often verdicts on left-out tests were wrong, by criterion, and how reliable the probabilities are."""
+    st.markdown(
+        "Every test was left out, alone and with all others at about its speed, got its verdicts from the remaining "
+        "tests, and is compared with what was measured."
+    )
+    judgement.show_sentences("record")
+    if judgement.certification.record.trials:
+        show_table(SHOWN["record"](judgement.certification, judgement.display), "counts")
+        name, alt, meaning = _RECORD[choose("Figure", list(_RECORD), key="record")]
+        judgement.show_figure(name, alt, "track_record" if name == "record" else name)
+        st.caption(meaning)
+
+
+def show_domain(judgement: Judgement) -> None:
+    """Show where predictions are checked, with the conditions of the matrix in it."""
+    alt = "Speed against mass: the checked region, CAE runs, tests and the conditions of the matrix"
+    judgement.show_figure("domain", alt, "validated_domain")
+    st.caption("  \n".join(plain(sentence) for sentence in sentences(judgement.certification, "domain")))
+
+
+def show_exceptions(judgement: Judgement) -> None:
+    """List what has to be known against the verdicts."""
+    for subject, told in exceptions(judgement.certification).items():
+        st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in told))
+
+
+def show_files(judgement: Judgement) -> None:
+    """Offer them; criteria and matrix ask for the same again."""
+    verdicts, certification = judgement.verdicts, judgement.certification
+    of = certification.campaign.name
+    with st.container(horizontal=True):
+        download_bytes("certification.csv", lambda: csv_as_given(verdicts.table), of)
+        download_table("track_record.csv", lambda: verdicts.track_record, of)
+        if certification.since is not None:
+            download_bytes("changes.csv", lambda: csv_as_given(changes_table(certification)), of)
+        download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode(), of)
+        download_bytes("matrix.csv", lambda: csv_as_given(matrix_table(certification.matrix)), of)
+        download_bytes("certification.json", lambda: certification_json(certification), of)
+        download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)

@@ -9,12 +9,10 @@ from typing import TypeVar
 import streamlit as st
 
 from crashfuse.certification import file_store
-from crashfuse.errors import CrashfuseError, DataError, UsageError
+from crashfuse.errors import CrashfuseError, DataError, UsageError, shortened
 from crashfuse.ui.kit.text import plain
 
 T = TypeVar("T")
-
-_MOST = 10  # sentences
 
 
 def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
@@ -35,19 +33,8 @@ def under_its_name(error: CrashfuseError, file: str, name: str) -> CrashfuseErro
 def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
     """Ask for a file that is kept on the server under a name, which the address has as this choice.
 
-    Parameters
-    ----------
-    file : str
-        Its usual name.
-    key : str
-        Of the widget.
-    read : callable
-        Read and check its content, raising a :class:`~crashfuse.errors.CrashfuseError` if it is wrong.
-
-    Raises
-    ------
-    CrashfuseError
-        If what was uploaded is wrong, or the file of a link is not on this server.
+    ``file`` is its usual name, ``key`` the widget's. A CrashfuseError says what is wrong with it, by ``read``, or that
+    the file of a link is not on this server.
     """
     state, wrong = st.session_state, f"{key}: wrong"
 
@@ -55,10 +42,9 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
         state[wrong], state[choice] = None, None
         if (given := state[key]) is None:  # it was taken away
             return
-        content = given.getvalue()
         try:
-            read(content)
-            state[choice] = file_store.keep(content, file)
+            read(given.getvalue())
+            state[choice] = file_store.keep(given.getvalue(), file)
         except CrashfuseError as error:
             state[wrong] = under_its_name(error, file, given.name)
 
@@ -73,15 +59,11 @@ def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
     if (name := st.session_state[choice]) is None:
         return None
     if (content := file_store.find(name)) is None:
-        raise UsageError(
-            f"The {file} of this link is not on this server: it was uploaded elsewhere, or removed after a year "
-            "without use. Upload it again."
-        )
+        raise UsageError(f"The {file} of this link is not on this server any more. Upload it again.")
     return read(content)
 
 
 def show_wrong(error: CrashfuseError) -> None:
     """Show what is wrong, a sentence each."""
-    sentences = [str(problem) for problem in error.problems] if isinstance(error, DataError) else [error.args[0]]
-    more = [f"{len(sentences) - _MOST} more like these."] if len(sentences) > _MOST else []
-    st.error("  \n".join(plain(sentence) for sentence in [*sentences[:_MOST], *more]), icon=":material/error:")
+    sentences = shortened(error.problems) if isinstance(error, DataError) else error.args[:1]
+    st.error("  \n".join(plain(sentence) for sentence in sentences), icon=":material/error:")

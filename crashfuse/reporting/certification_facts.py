@@ -1,0 +1,317 @@
+"""What is said of a certification: every fact once, with its code and values, and where each of them is shown."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import chain, groupby
+from typing import Literal
+
+from crashfuse.certification.certify import Answer, Certification
+from crashfuse.certification.changes import Changes
+from crashfuse.certification.evidence import run_near
+from crashfuse.certification.forecasts import quantity
+from crashfuse.certification.verdict import Verdict
+from crashfuse.fact import Fact, by_importance
+from crashfuse.reporting.evidence_facts import (
+    change_facts,
+    counted,
+    criterion_facts,
+    domain_facts,
+    fact,
+    listed,
+    listed_conditions,
+    record_facts,
+)
+from crashfuse.study.facts import campaign_facts, departures_near
+from crashfuse.wording import Sentence, joined, probability_text, read_out, speed, weight
+
+Place = Literal["summary", "matrix", "record", "domain", "changes", "exceptions"]
+SUBJECTS = {
+    "test.stands_apart": "Tests that stand apart",
+    "campaign.warning": "Warnings about the campaign",
+    "condition.outside": "Conditions outside the validated domain",
+    "test.not_used": "Tests that are not used",
+    "condition.no_factor": "Conditions without a factor that the tests have",
+    "condition.new_together": "Factors that no test has together",
+    "condition.too_short": "Open, because recordings end too early to predict",
+    "test.extrapolated": "Tests outside the range of the CAE runs",
+    "criterion.occupant": "Criteria by another occupant model than the usual one",
+    "since.wrong": "Verdicts that tests run since contradict",
+    "since.moved": "Verdicts on tests run since that depend on how these were moved to their conditions",
+    "since.too_narrow": "Intervals that tests run since contradict",
+    "record.wrong": "Wrong verdicts on left-out tests",
+    "record.too_narrow": "Intervals that left-out tests contradict",
+    "record.bin": "Probabilities that left-out tests contradict",
+    "record.no_gain": "Probabilities no better than those of the raw CAE",
+    "criterion.unsupported": "Criteria whose record does not support the confidence",
+    "criterion.untouched": "Criteria whose limit no left-out test came near",
+    "criterion.few": "Criteria whose own record does not support the confidence alone",
+    "record.none": "No record",
+}
+"""What speaks against the verdicts, by code: its heading among the exceptions."""
+ANSWERS: Mapping[Answer, str] = {
+    "run": "Run already",
+    "need not be run": "Need not be run (least probability that every criterion is met)",
+    "to be tested": "To be tested, as all criteria at once are uncertain (least probability)",
+    "would miss": "A test would miss",
+    "test or redesign": "To be tested, or redesigned",
+    "record for longer": "To be recorded for longer, as recordings end too early to tell",
+    "outside": "Outside what the tests check",
+}
+_MATRIX = ("matrix.every", *(f"answer.{answer}" for answer in ANSWERS))
+_MATRIX += ("matrix.none_needed", "matrix.counted_once", "matrix.run_first", "matrix.tests_near")
+_RECORD = ("record.waived", "since.waived", "record.decided")
+_SINCE = ("since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
+_CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
+_CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
+PLACES: Mapping[Place, tuple[str, ...]] = {
+    "summary": (
+        *("matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE, *_CONDITIONS, *_CRITERIA),
+        "record.none",
+    ),
+    "matrix": (
+        *("test.stands_apart", *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
+        *("test.not_used", "criterion.unsupported"),
+    ),
+    "record": (*_RECORD, "record.intervals", "record.too_narrow", "record.brier", "record.no_gain", "record.none"),
+    "domain": ("domain.checked", "domain.reach"),
+    "changes": (
+        *("since.beside", "since.settings", "since.tested", *_SINCE, "since.wrong", "since.compared"),
+        *("since.turned", "since.newly_waived", "since.withdrawn"),
+    ),
+    "exceptions": tuple(SUBJECTS),
+}
+"""The codes that are shown at each place, the most important one first: on the terminal and at the head of the report,
+beside the page's matrix, in three tabs of the page and sections of the report, and among the exceptions."""
+_FEW = 6  # conditions, each with its own probability
+_EXPLAINED = 3  # conditions outside, each with its reason
+
+
+@lru_cache(maxsize=8)  # asked for by every place
+def facts(certification: Certification) -> tuple[Fact, ...]:
+    """All facts of a certification."""
+    found = chain(
+        _campaign(certification),
+        _matrix(certification),
+        record_facts(certification),
+        domain_facts(certification.domain),
+        _conditions(certification),
+        _not_used(certification),
+        criterion_facts(certification),
+        () if certification.since is None else change_facts(Changes.of(certification)),
+    )
+    return tuple(replace(own, label=SUBJECTS.get(own.code, "")) for own in found)
+
+
+def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:
+    """The facts that a place shows, in its order."""
+    order = PLACES[place]
+    return by_importance((own for own in facts(certification) if own.code in order), order)
+
+
+def sentences(certification: Certification, place: Place) -> tuple[str, ...]:
+    """The same in words."""
+    return tuple(own.sentence for own in shown(certification, place))
+
+
+def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
+    """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
+    against = groupby(shown(certification, "exceptions"), lambda own: own.label)
+    return {subject: tuple(own.sentence for own in some) for subject, some in against}
+
+
+def _campaign(certification: Certification) -> Iterator[Fact]:
+    campaign = certification.campaign
+    yield from (own for own in campaign_facts(campaign) if own.code == "test.stands_apart")
+    yield from (fact("campaign.warning", remark) for remark in campaign.remarks)
+    for test in campaign.tests:
+        if notes := campaign.cae.extrapolation(test.condition):
+            yield fact("test.extrapolated", joined([test.id, joined(notes)], ": "), test=test.id)
+
+
+def _matrix(certification: Certification) -> Iterator[Fact]:
+    """How many verdicts there are of each kind, and the answers, with the conditions that have each."""
+    ids, confidence = certification.matrix.ids, certification.criteria.confidence
+    size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
+    told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
+    yield fact("matrix.counts", f"{size}, confidence {confidence:g}: {told}.", **certification.counts)
+    of_all, notes = _notes_at(certification)
+    if of_all:
+        yield fact("matrix.every", f"Of every condition: {'; '.join(of_all)}.", notes=of_all)
+    for answer, heading in ANSWERS.items():
+        rows = {i: row for i, row in certification.rows.items() if certification.answers[i] == answer}
+        if rows:
+            details = _details(certification, answer, rows, notes)
+            text = {i: joined([t for t in (details[i], notes.get(i)) if t], "; ") for i in rows}
+            listing = listed_conditions(ids, text)
+            if answer == "outside" and len(rows) <= _EXPLAINED:
+                listing = joined([joined([i, row[0].reason], ": ") for i, row in rows.items()])
+            sentence = Sentence("{}: {}{}", heading, listing, "" if listing.endswith(".") else ".")
+            if answer == "outside" and certification.domain.too_few_tests:
+                (sentence,) = map(Sentence, certification.domain.too_few_tests)
+            yield fact(f"answer.{answer}", sentence, conditions={i: str(detail) for i, detail in details.items()})
+    if set(certification.answers.values()) <= {"run", "need not be run"}:
+        yield fact("matrix.none_needed", "No condition of the matrix needs a test.")
+    if once := certification.counted_once:
+        n, of = certification.saved
+        alike = listed([f"{i} as {other}" for i, other in once.items()])
+        told = "Conditions within 1 km/h and 2 % of each weight are counted once"
+        yield fact(
+            "matrix.counted_once", f"{told} ({alike}): {n:,} of {counted(of, 'test')} need not be run.", n=n, of=of
+        )
+    if first := certification.run_first:
+        told = f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
+        yield fact("matrix.run_first", told, condition=first)
+        yield from _near(certification, first)
+
+
+def _details(
+    certification: Certification, answer: Answer, rows: Mapping[str, Sequence[Verdict]], notes: Mapping[str, str]
+) -> dict[str, str]:
+    """What stands in brackets after each condition with this answer."""
+    confidence = certification.criteria.confidence
+    if answer == "run":
+        return {i: _tests_there(certification, row) for i, row in rows.items()}
+    if answer in ("need not be run", "to be tested"):
+        least = {i: low for i, (low, _) in (certification.waived | certification.uncertain).items() if i in rows}
+        if len(rows) <= _FEW:
+            return {i: probability_text(low, confidence) for i, low in least.items()}
+        alike = {note: min(p for i, p in least.items() if notes.get(i) == note) for note in map(notes.get, least)}
+        return {i: f"{probability_text(alike[notes.get(i)], confidence)} or more" for i in least}
+    asked = {"would miss": "not met", "test or redesign": "open", "record for longer": "open"}.get(answer)
+    longer = answer == "record for longer"
+    return {
+        i: ", ".join(v.criterion.name for v in row if v.word == asked and (v.probability is None) <= longer)
+        for i, row in rows.items()
+    }
+
+
+def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
+    """The tests that were run at a condition, what they miss, and what is open for another one."""
+    tests = []
+    for test_id in row[0].run:
+        test = certification.campaign.test(test_id)
+        parts: list[str] = [f"test {test_id}"]
+        if not test.condition.is_at(row[0].condition):
+            parts.append(Sentence("at {}", test.condition))
+        shown = [(verdict.criterion, verdict.run[test_id]) for verdict in row]
+        if missed := [criterion.name for criterion, v in shown if v is not None and not criterion.is_met_by(v)]:
+            parts.append(f"which missed {', '.join(missed)}")
+        if test.faults:
+            parts.append(Sentence("in doubt as {}", joined([fault.text for fault in test.faults], "; ")))
+        tests.append(joined(parts, ", "))
+    unsettled = ", ".join(verdict.criterion.name for verdict in row if verdict.word == "open")
+    return joined([*tests, *([f"open: {unsettled}"] if unsettled else [])], "; ")
+
+
+def _near(certification: Certification, first: str) -> Iterator[Fact]:
+    """Which tests were run near a condition that takes another one all the same, and what they showed."""
+    row, record = certification.rows[first], certification.record
+    there, tests = row[0].condition, run_near(certification.campaign, row[0].condition)
+    if tests:
+        ids = [test.id for test in tests]
+        away = (
+            speed(max(abs(test.condition.speed_mps - there.speed_mps) for test in tests)),
+            weight(max(abs(test.condition.mass_kg - there.mass_kg) for test in tests)),
+        )
+        alone = [trial for trial in record.trials if trial.left_out == "test" and trial.held_out in ids]
+        showed = []
+        for criterion in (verdict.criterion for verdict in row if verdict.word == "open"):
+            if values := [trial.measured for trial in alone if trial.verdict.criterion == criterion]:
+                shown = criterion.shown(*dict.fromkeys((min(values), max(values))))
+                showed.append(Sentence("{} {} ({})", criterion.name, shown, criterion.limits))
+        told = "Within {} and {} of {} the prediction has learned from {}, which showed {}."
+        sentence = Sentence(told, *away, first, read_out(ids), joined(showed, ", ") or "nothing that is open")
+        yield fact("matrix.tests_near", sentence, tests=ids)
+
+
+def _notes_at(certification: Certification) -> tuple[list[str], dict[str, str]]:
+    """What has to be known of all conditions, if there are several, and what else wherever one is named, by its id."""
+    domain, unused, together = certification.domain, _unused_at(certification), _together(certification)
+    notes: dict[str, list[str]] = {}
+    for i, condition in certification.matrix.items:
+        given = {name for name, value in condition.factors if value}
+        notes[i] = [f"{name} not given" for name in domain.factors if name not in given]
+        if i in together:
+            notes[i].append(f"{together[i]} in no test together")
+        if apart := [departure.test for departure in departures_near(certification.campaign, condition)]:
+            notes[i].append(f"{read_out(apart)} stands apart there")
+        if i in unused:
+            notes[i].append(f"run as {listed(unused[i])}, not used")
+    first, *others = notes.values()
+    of_all = [note for note in first if others and all(note in each for each in others)]
+    rest = {i: "; ".join(note for note in each if note not in of_all) for i, each in notes.items()}
+    return of_all, {i: text for i, text in rest.items() if text}
+
+
+def _together(certification: Certification) -> dict[str, str]:
+    """The factors of conditions of which each was tested, but never with the others."""
+    tested, known = [dict(t.condition.factors) for t in certification.campaign.tests], certification.domain.factors
+    found = {}
+    for i, condition in certification.matrix.items:
+        given = {name: value for name, value in condition.factors if value and name in known}
+        new = not any(given.items() <= factors.items() for factors in tested)
+        if new and all(value in known[name] for name, value in given.items()):
+            found[i] = ", ".join(f"{name} {value}" for name, value in given.items())
+    return found
+
+
+def _unused_at(certification: Certification) -> dict[str, list[str]]:
+    """Tests that were run at conditions of the matrix and that are not used, by the id of the condition."""
+    campaign, matrix, since = certification.campaign, certification.matrix, certification.since
+    gone = () if since is None else since.gone_runs
+    found = {}
+    for (i, condition), unused in zip(matrix.items, matrix.run(campaign.unused), strict=True):
+        removed = [test.test for test in gone if test.condition.is_at(condition)]
+        others = (f"{test} with another record" if test in campaign.test_ids else test for test in removed)
+        if names := dict.fromkeys((*unused, *others)):
+            found[i] = list(names)
+    return found
+
+
+def _conditions(certification: Certification) -> Iterator[Fact]:
+    """Conditions outside the domain, without a factor, with factors that are new together, or with short records."""
+    domain, items = certification.domain, certification.matrix.items
+    yield from (fact("condition.outside", sentence) for sentence in domain.too_few_tests)
+    for i, condition in items:
+        if not domain.too_few_tests and (why := domain.exceeded_by(condition)):
+            yield fact("condition.outside", joined([i, joined(why)], ": "), condition=i)
+        short = [v.criterion.name for v in certification.rows[i] if v.word == "open" and v.probability is None]
+        if short:
+            yield fact("condition.too_short", f"{i}: {', '.join(short)}.", condition=i, criteria=short)
+    groups: dict[tuple[str, str], list[str]] = {}
+    for i, factors in _together(certification).items():
+        told = f"no test has {factors}; each was tested with another."
+        groups.setdefault(("condition.new_together", told), []).append(i)
+    for name in domain.factors:
+        told = f"no {name} is given, so the verdicts cover every {name}; name it."
+        without = [i for i, condition in items if not dict(condition.factors).get(name)]
+        groups |= {("condition.no_factor", told): without} if without else {}
+    for (code, told), ids in groups.items():
+        named = listed_conditions(certification.matrix.ids, dict.fromkeys(ids, ""))
+        yield fact(code, f"{named}: {told}", conditions=ids)
+
+
+def _not_used(certification: Certification) -> Iterator[Fact]:
+    """Tests at conditions of the matrix that nothing learned from, and what removed ones had shown."""
+    campaign, since = certification.campaign, certification.since
+    removed = () if since is None else since.gone_runs
+    planned, unused = dict(certification.matrix.items), dict(campaign.unused)
+    told = "{}: {} was run there{} and is left out of use ({}); what it showed is not in the verdicts."
+    for i, names in _unused_at(certification).items():
+        for name in names:
+            if name in unused and name not in {test.test for test in removed}:
+                off = "" if unused[name].is_at(planned[i]) else Sentence(", at {},", unused[name])
+                yield fact("test.not_used", Sentence(told, i, name, off, campaign.reason_of(name)), test=name)
+    told = (
+        "{} was run at {}; its record of then is not used any more{}. By the criteria of then: missed {}, unknown {}."
+    )
+    for test in removed:
+        criteria = [] if since is None else since.earlier.criteria.items
+        shown = {criterion.name: test.measured.get(quantity(criterion)) for criterion in criteria}
+        missed = [c.name for c in criteria if (v := shown[c.name]) is not None and not c.is_met_by(v)]
+        unknown = [name for name, value in shown.items() if value is None]
+        why = f" ({campaign.reason_of(test.test)})" if test.test in unused else ""
+        texts = (", ".join(missed) or "none", ", ".join(unknown) or "none")
+        sentence = Sentence(told, test.test, test.condition, why, *texts)
+        yield fact("test.not_used", sentence, test=test.test, missed=missed, unknown=unknown)

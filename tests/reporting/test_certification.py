@@ -1,0 +1,427 @@
+"""A certification as facts, tables and the dossier of a review; its sentences are in ``data/golden``."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from markupsafe import escape
+
+from crashfuse import cli
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.certification.certify import Certification, certify_matrix
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.domain import Domain
+from crashfuse.certification.evidence import Rows
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.verdict import Verdict, Word
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting.certification_facts import PLACES, exceptions, facts, sentences, shown
+from crashfuse.reporting.certification_record import certification_record
+from crashfuse.reporting.certification_tables import SHOWN
+from crashfuse.reporting.evidence_facts import listed_conditions
+from crashfuse.reporting.plots.certification import verdict_matrix
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.provenance import certify_command
+from crashfuse.reporting.report import certification_report
+from crashfuse.signals.occupant import OccupantModel
+from crashfuse.study.config import StudyConfig
+from crashfuse.units import KPH, MPH
+from crashfuse.wording import KPH_KG
+from tests.golden import assert_golden
+
+pytestmark = pytest.mark.usefixtures("one_cache")
+
+CRITERIA = Criteria(
+    (
+        Criterion("crush", "max_crush", at_most=430.0),
+        Criterion("OLC", "olc", at_most=20.0),
+        Criterion("rating", "rating", at_least=0.02, window_ms=60.0),
+    ),
+    0.8,
+)
+
+
+def matrix(campaign: Campaign, *speeds_mph: float) -> Matrix:
+    """Conditions at these speeds with the weights of the second test."""
+    here = campaign.tests[1].condition
+    return Matrix(tuple(f"M{v:g}" for v in speeds_mph), tuple(replace(here, speed_mps=v * MPH) for v in speeds_mph))
+
+
+@pytest.fixture(scope="module")
+def certification(campaign: Campaign, shared_cache: Path) -> Certification:
+    """Verdicts of the raw CAE model at three speeds: the first as if too slow for OLC, the last outside."""
+    asked = matrix(campaign, 20.0, 30.0, 70.0)
+    config = StudyConfig(approaches=("cae",))
+    found = certify_matrix(campaign, CRITERIA, asked, config, cache=Cache(shared_cache), workers=1)
+    (crush, olc, rating), *others = found.verdicts
+    unknown = replace(olc, value=None, lower=None, upper=None, probability=None, word="open")
+    return replace(found, verdicts=((crush, unknown, rating), *others))
+
+
+@pytest.fixture(scope="module")
+def alone(campaign: Campaign, shared_cache: Path) -> Certification:
+    """From a single test, at one speed."""
+    one, config = replace(campaign, tests=campaign.tests[:1]), StudyConfig(approaches=("cae",))
+    return certify_matrix(one, CRITERIA, matrix(campaign, 20.0), config, cache=Cache(shared_cache), workers=1)
+
+
+@pytest.fixture(scope="module")
+def text(certification: Certification, shared_cache: Path) -> str:
+    """The report."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CRASHFUSE_CACHE", str(shared_cache))
+        return certification_report(certification)
+
+
+def wrong(certification: Certification) -> Certification:
+    """The same with a verdict that a test contradicts."""
+    first, *rest = certification.record.trials
+    said = replace(first, verdict=replace(first.verdict, word="not met" if first.met else "met"))
+    return replace(certification, record=TrackRecord((said, *rest)))
+
+
+def all_as(certification: Certification, word: Word, probability: float | None = 0.99) -> Rows:
+    """The verdicts with this word everywhere."""
+    return tuple(
+        tuple(replace(verdict, word=word, probability=probability) for verdict in row) for row in certification.verdicts
+    )
+
+
+def with_factors(certification: Certification) -> Certification:
+    """Drive and type of every test are known; of the conditions one is new together, one lacks a type."""
+    kinds = (("FWD", "I"), ("AWD", "II"), ("FWD", "I"), ("FWD", "I"))
+    of_tests = [(("drive", drive), ("type", kind)) for drive, kind in kinds]
+    planned = ((("drive", "FWD"), ("type", "II")), (("drive", "FWD"),), (("drive", "AWD"), ("type", "II")))
+    campaign = certification.campaign
+    tests = (
+        replace(test, condition=replace(test.condition, factors=factors))
+        for test, factors in zip(campaign.tests, of_tests, strict=True)
+    )
+    campaign = replace(campaign, tests=tuple(tests))
+    conditions = (
+        replace(condition, factors=factors)
+        for condition, factors in zip(certification.matrix.conditions, planned, strict=True)
+    )
+    own = Matrix(certification.matrix.ids, tuple(conditions))
+    return replace(certification, campaign=campaign, matrix=own, domain=Domain.of(campaign))
+
+
+def near(certification: Certification) -> Certification:
+    """All open at 0.717; four tests within 1 km/h and 2 % of the mass of the fastest, none made for it."""
+    there = replace(certification.matrix.conditions[2], front_weight_kg=1000.0, rear_weight_kg=700.0)
+    tests = tuple(
+        replace(test, condition=replace(there, speed_mps=there.speed_mps + 0.6 * KPH, front_weight_kg=front))
+        for test, front in zip(certification.campaign.tests, (975.0, 978.0, 1021.0, 1022.0), strict=True)
+    )
+    *rows, last = all_as(certification, "open", 0.717)
+    last = tuple(replace(verdict, condition=there) for verdict in last)
+    return replace(certification, verdicts=(*rows, last), campaign=replace(certification.campaign, tests=tests))
+
+
+def values(certification: Certification, code: str) -> list[dict[str, object]]:
+    """The values of the facts of a code."""
+    return [dict(fact.values) for fact in facts(certification) if fact.code == code]
+
+
+def variants(certification: Certification, alone: Certification) -> Iterator[tuple[str, Certification]]:
+    """Certifications of every kind, with names."""
+    campaign, (first, _, third) = certification.campaign, certification.verdicts
+    olc = OccupantModel(olc_free_flight_mm=120.0)
+    yield "as it is", certification
+    yield (
+        "a wrong verdict, a warning, an own occupant model",
+        replace(wrong(certification), campaign=replace(campaign, warnings=("Two tests look alike.",), occupant=olc)),
+    )
+    yield "all met", replace(certification, verdicts=all_as(certification, "met"))
+    yield "each met, all at once uncertain", replace(certification, verdicts=all_as(certification, "met", 0.9))
+    missed = tuple(replace(own, word="not met", run={"T3": 1e6}) for own in first)
+    yield "run, would miss", replace(certification, verdicts=(missed, tuple(replace(o, run={}) for o in missed), third))
+    yield "tests near", near(certification)
+    yield "factors", with_factors(certification)
+    yield "a single test", alone
+
+
+def test_all_sentences_are_those_that_were_read(certification: Certification, alone: Certification) -> None:
+    """By code, whatever place shows them; each once."""
+    lines: dict[str, None] = {}
+    for name, own in variants(certification, alone):
+        lines |= dict.fromkeys((f"# {name}", *(f"{fact.code}: {fact.sentence}" for fact in facts(own))))
+    assert_golden("certification", lines)
+
+
+def test_facts_stand_in_the_places_of_their_code_in_order(certification: Certification) -> None:
+    """Every one stands somewhere; those against the verdicts under the subject of their code."""
+    found = wrong(certification)
+    assert {fact.code for fact in facts(found)} <= {code for codes in PLACES.values() for code in codes}
+    codes = [fact.code for fact in shown(found, "summary")]
+    assert codes == sorted(codes, key=PLACES["summary"].index)
+    told = tuple(fact.sentence for fact in facts(found) if fact.code == "record.wrong")
+    assert exceptions(found)["Wrong verdicts on left-out tests"] == told
+    assert sentences(certification, "summary")[0].startswith("3 conditions × 3 criteria, confidence 0.8: ")
+
+
+def test_answers_name_the_conditions_that_have_them(certification: Certification) -> None:
+    """One that would miss a criterion takes another design: a test there, though others are open, tells nothing new."""
+    assert values(certification, "answer.outside") == [{"conditions": {"M70": ""}}]
+    first, second, third = certification.verdicts
+    met = tuple(replace(own, word="met", probability=p) for own, p in zip(first, (0.9, 0.99, 1), strict=True))
+    missed, undecided = replace(first[0], word="not met"), replace(second[1], word="open", probability=0.5)
+    rest = tuple(replace(own, word="met") for own in second[2:])
+    found = replace(certification, verdicts=(met, (missed, undecided, *rest), third))
+    assert values(found, "answer.need not be run") == [{"conditions": {"M20": "0.890"}}]
+    assert values(found, "answer.would miss") == [{"conditions": {"M30": "crush"}}]
+    assert not values(found, "answer.test or redesign")
+    found = replace(certification, verdicts=(met, (replace(missed, word="met"), undecided, *rest), third))
+    assert values(found, "answer.test or redesign") == [{"conditions": {"M30": "OLC"}}]
+    unknown = tuple(replace(own, word="open", probability=None) for own in second)
+    found = replace(certification, verdicts=(met, unknown, third))
+    assert values(found, "answer.record for longer") == [{"conditions": {"M30": "crush, OLC, rating"}}]
+    assert values(replace(certification, verdicts=(met, met, met)), "matrix.none_needed") == [{}]
+
+
+def test_of_many_conditions_the_least_probability_is_told_and_the_table_has_all(certification: Certification) -> None:
+    """Neighbours are a range in the summary; the dossier's table of conditions has each."""
+    many = matrix(certification.campaign, *(20 + i / 10 for i in range(30)))
+    less, more = (
+        tuple(
+            replace(own, word="met", probability=p)
+            for own, p in zip(certification.verdicts[0], (first, 0.9996, 1), strict=True)
+        )
+        for first in (0.9, 0.95)
+    )
+    found = replace(certification, matrix=many, verdicts=(more, *(less,) * 28, more))
+    assert any(sentence.endswith(": M20 to M22.9 (0.900 or more).") for sentence in sentences(found, "summary"))
+    assert SHOWN["conditions"](found, DEFAULT)["All met at once"].value_counts().to_dict() == {
+        "≥ 0.900": 28,
+        "≥ 0.950": 2,
+    }
+
+
+ROWS = [f"M{i:04}" for i in range(1, 2001)]
+
+
+@pytest.mark.parametrize(
+    ("answers", "told"),
+    [
+        ({"M0001": "crush", "M0002": "crush"}, "M0001 (crush), M0002 (crush)"),  # few: one by one
+        (
+            {"M0001": "peak"} | dict.fromkeys(ROWS[2:10], "crush") | {"M0012": "crush", "M0013": "peak"},
+            "M0003 to M0010, M0012 (crush); M0001, M0013 (peak)",
+        ),
+        (dict.fromkeys((*ROWS[:5], *ROWS[6:8]), ""), "M0001 to M0005, M0007, M0008"),  # two are no range
+        (dict.fromkeys(ROWS, "0.97 or more"), "M0001 to M2000 (0.97 or more)"),
+    ],
+)
+def test_conditions_in_a_sentence_can_be_read_at_a_glance(answers: dict[str, str], told: str) -> None:
+    """Neighbours with the same answer are a range; what most of them share comes first."""
+    assert listed_conditions(ROWS, answers) == told
+
+
+def test_of_conditions_in_no_order_the_first_ranges_are_told_and_where_all_of_them_are() -> None:
+    """Never a paragraph; all of them and the rest are counted."""
+    told = listed_conditions(ROWS, {i: "peak" if place % 3 else "crush" for place, i in enumerate(ROWS)}, "x.csv")
+    assert told.startswith("2,000 conditions, M0002, M0003, M0005, M0006, ")
+    assert told.endswith(" (peak) and 1,984 more, all in x.csv")
+    assert len(told) < 200
+
+
+def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confidence(
+    certification: Certification,
+) -> None:
+    """Three of 0.93 each leave 0.79 for all, less than the 0.8 asked for; of 0.94 each, 0.82."""
+    ids = certification.matrix.ids
+    rows = tuple(
+        tuple(replace(own, word="met", probability=p) for own in row)
+        for row, p in zip(certification.verdicts, (0.93, 0.94, 0.99), strict=True)
+    )
+    found = replace(certification, verdicts=rows)
+    assert (list(found.uncertain), list(found.waived), found.run_first) == ([ids[0]], [ids[1], ids[2]], None)
+    assert values(found, "answer.to be tested") == [{"conditions": {ids[0]: "0.790"}}]
+    assert list(certification_record(found)["waived"]) == [ids[1], ids[2]]  # type: ignore[call-overload]
+
+
+def test_conditions_that_are_one_are_one_test_that_need_not_be_run(certification: Certification) -> None:
+    """Or copies would pad what is saved; beside one that was run or takes a test, a copy saves nothing."""
+    many = matrix(certification.campaign, 20.0, 20.1, 20.2, 30.0)
+    met = tuple(replace(own, word="met", probability=1.0) for own in certification.verdicts[0])
+    found = replace(certification, matrix=many, verdicts=(met,) * 4)
+    record = certification_record(found)
+    assert (record["saved"], record["counted_once"]) == ({"n": 2, "tests": 2}, {"M20.1": "M20", "M20.2": "M20"})
+    assert values(found, "matrix.counted_once") == [{"n": 2, "of": 2}]
+    ran = tuple(replace(own, run={"T1": 1.0}) for own in met)
+    assert replace(found, verdicts=(met, met, ran, met)).saved == (1, 2)
+    many = matrix(certification.campaign, 20.0, 20.3, 20.6, 30.0)
+    unsettled = tuple(replace(own, word="open", probability=0.5) for own in met)
+    found = replace(certification, matrix=many, verdicts=(met, unsettled, met, met))
+    assert (found.counted_once, found.saved) == ({"M20": "M20.3", "M20.6": "M20.3"}, (1, 2))
+    found = replace(certification, matrix=many, verdicts=(ran, unsettled, met, met))
+    assert (found.counted_once, found.saved) == ({"M20.6": "M20.3"}, (1, 3))
+
+
+def test_of_conditions_to_be_tested_the_fastest_is_run_first(certification: Certification) -> None:
+    """If a test can settle two or more: not one that was run, misses a criterion, or whose record is too short."""
+    assert certification.run_first is None  # the record is too short for one, the other is outside
+    ids, (one, two, three) = certification.matrix.ids, all_as(certification, "open", 0.5)
+
+    def first(*rows: tuple[Verdict, ...]) -> str | None:
+        return replace(certification, verdicts=rows).run_first
+
+    assert first(one, two, three) == ids[2]
+    missed = (replace(three[0], word="not met"), *three[1:])
+    for settled in (
+        missed,
+        tuple(replace(own, run={"T01": 1.0}) for own in three),
+        (replace(three[0], probability=None), *three[1:]),
+    ):
+        assert first(one, two, settled) == ids[1]
+    assert first(one, tuple(replace(own, word="met", probability=0.99) for own in two), missed) is None
+    assert first(one, tuple(replace(own, word="met", probability=0.9) for own in two), missed) == ids[1]
+    assert certification_record(replace(certification, verdicts=(one, two, three)))["run_first"] == ids[2]
+
+
+def test_a_test_where_others_were_run_is_asked_for_with_the_numbers(certification: Certification) -> None:
+    """What the four showed of each criterion that is open there; farther off, they are none of its neighbours."""
+    found = near(certification)
+    assert values(found, "matrix.tests_near") == [{"tests": ["T1", "T2", "T3", "T4"]}]
+    beside = verdict_matrix(found).layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
+    assert list(beside) == ["test or redesign", "test or redesign", "test or redesign; T1 stands apart"]
+    assert SHOWN["conditions"](found, DEFAULT)["A test there"].tolist() == list(beside)
+    tests = tuple(
+        replace(test, condition=replace(test.condition, speed_mps=test.condition.speed_mps + 0.5 * KPH))
+        for test in found.campaign.tests
+    )
+    assert not values(replace(found, campaign=replace(found.campaign, tests=tests)), "matrix.tests_near")
+
+
+def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certification: Certification) -> None:
+    """1 of 9 wrong: at most 42.9 %, for with that share one or none of nine is wrong in 5 % of cases."""
+    (told,) = values(wrong(certification), "record.decided")
+    assert (told["n"], told["wrong"]) == (9, 1)
+    assert pytest.approx(0.05, abs=5e-4) == 0.571**9 + 9 * 0.429 * 0.571**8
+    record = certification.record
+    (decided, _), (telling, _) = record.decided, record.telling.decided
+    assert 0 < telling < decided
+    kept = certification_record(certification)["track_record"]
+    assert isinstance(kept, dict)
+    assert kept["telling"] == {
+        "n": telling,
+        "wrong": 0,
+        "wrong_at_most": pytest.approx(1 - 0.05 ** (1 / telling), abs=1e-4),
+    }
+    inside, n = record.intervals
+    assert kept["intervals"] == {"n": n, "inside": inside}
+    assert n > 0
+
+
+def test_probabilities_that_did_not_come_true_or_gain_nothing_are_exceptions(certification: Certification) -> None:
+    """A bin outside its bounds, and a Brier score that is not below that of the raw CAE."""
+    first = next(trial for trial in certification.record.trials if trial.cae_probability is not None)
+    said, limit = replace(first.verdict, probability=0.9, word="open"), first.verdict.criterion.at_most or 0.0
+    for measured, contradicted, brier in ((limit + 1, 1, "record.no_gain"), (limit - 1, 0, "record.brier")):
+        trials = tuple(
+            replace(first, held_out=f"T{i}", verdict=said, measured=measured, cae_probability=0.8) for i in range(9)
+        )
+        found = replace(certification, record=TrackRecord(trials))
+        assert len(values(found, "record.bin")) == contradicted
+        assert len(values(found, brier)) == 1
+
+
+def test_the_order_is_that_of_a_review(text: str) -> None:
+    """Intended use first, verification before validation, prediction, track record, exceptions; signatures last."""
+    assert re.findall("<h2>(.*?)</h2>", text) == [
+        "Intended use",
+        "Validated domain, and the conditions in it",
+        "Method and settings",
+        "Is the CAE model fit to be believed?",
+        "Data: 4 tests, 24 CAE runs",
+        "How well tests repeat",
+        "Evidence from left-out tests",
+        "Acceptance criteria",
+        "Verdicts",
+        "Track record of the verdicts",
+        "Exceptions and discrepancies",
+        "Limits",
+        "Where this comes from",
+        "Signatures",
+    ]
+    assert all(f"<tr><td>{who}</td>" in text for who in ("Prepared", "Checked", "Approved"))
+    assert "claims no compliance with any regulation, standard or protocol" in text
+
+
+def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: Certification, text: str) -> None:
+    """A row a condition and criterion; the figure of the matrix, and the domain with the new conditions."""
+    for _, verdict in certification.cells:
+        assert str(escape(verdict.reason)) in text
+    cells = re.findall("<td class=(met|not-met|open|outside)>", text)
+    assert len(cells) == len(certification.cells) + len(certification.record.counted)
+    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # domain, record, reliability, matrix
+    assert certification.campaign.fingerprint in text
+    assert certify_command(certification.config) in text
+    for place in ("summary", "domain", "record"):
+        assert all(str(escape(sentence)) in text for sentence in sentences(certification, place))
+    assert all(str(escape(sentence)) in text for told in exceptions(certification).values() for sentence in told)
+
+
+def test_open_cells_say_how_far_their_limit_is(certification: Certification) -> None:
+    """In the unit of the criterion, and in half widths of the interval; without an end, behind those that have both."""
+    verdict = certification.verdicts[1][0]
+    assert verdict.word == "open"
+    assert None not in (verdict.value, verdict.lower, verdict.upper)
+    value, lower, upper = (float(end or 0) for end in (verdict.value, verdict.lower, verdict.upper))
+    (row,) = (
+        SHOWN["open"](certification, DEFAULT).query("Condition == 'M30' and Criterion == 'crush'").to_dict("records")
+    )
+    assert row["Distance"] == f"{value - 430:.4g}\N{NO-BREAK SPACE}mm"
+    assert row["In half widths of the interval"] == f"{(value - 430) / ((upper - lower) / 2):.2f}"
+    first, (crush, *others), third = certification.verdicts
+    ended = replace(certification, verdicts=(first, (replace(crush, lower=None), *others), third))
+    assert SHOWN["open"](ended, DEFAULT)["In half widths of the interval"].iloc[-1] == "–"
+
+
+def test_notes_on_tests_stand_in_the_dossier_as_text(certification: Certification, text: str) -> None:
+    """A reviewer has to know that an accelerometer came loose; without any there is no such section."""
+    notes = [Note("T2", "bracket <loose> at the tunnel", 30.0)]
+    report = certification_report(certification, notes=notes)
+    assert "<td>T2</td><td class=when>30 ms</td><td>bracket &lt;loose&gt; at the tunnel</td>" in report
+    assert "id=notes" not in text
+
+
+def test_a_single_test_makes_a_dossier_that_says_so(alone: Certification) -> None:
+    """No record, no figures of one, no table of repeats; everything outside."""
+    text = certification_report(alone)
+    assert [fact.code for fact in facts(alone) if fact.code.startswith("record")] == ["record.none"]
+    assert not re.findall("<h2>(How well tests repeat)</h2>", text)
+    assert "Each test was left out in turn" not in text
+    assert set(SHOWN["conditions"](alone, DEFAULT)["Validated domain"]) == {"outside"}
+
+
+def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:
+    """48 km/h, not 29.83 mph alone; where the reader's units are those of the criteria, once."""
+    limit = Criterion("change", "delta_v", at_most=48.0)
+    criteria = replace(certification.criteria, items=(*certification.criteria.items[:2], limit))
+    rows = tuple((*row[:2], replace(row[0], criterion=limit)) for row in certification.verdicts)
+    found = replace(certification, criteria=criteria, verdicts=rows)
+    row = SHOWN["criteria"](found, DEFAULT).iloc[-1]
+    assert (row["Limit"], row["As declared"]) == ("at most 29.83 mph", "at most 48 km/h")
+    assert "As declared" not in SHOWN["criteria"](found, Display(system=KPH_KG))
+
+
+def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certification) -> None:
+    """A matrix of 400 conditions by 3 criteria has 1200 rows in the CSV, of which the report shows 1000."""
+    many = matrix(certification.campaign, *(20 + i / 40 for i in range(400)))
+    text = certification_report(replace(certification, matrix=many, verdicts=(certification.verdicts[0],) * 400))
+    assert "200 more rows are in certification.csv." in text
+    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # the matrix as one figure, in colours alone
+
+
+def test_the_command_is_parsed_back_to_its_settings() -> None:
+    """Approach, preset, seed and device, as they were."""
+    config = StudyConfig(approaches=("displacement_domain",), preset="fast", seed=7, device="cpu")
+    _, *command = certify_command(config).split()
+    parsed = cli.parser().parse_args(command)
+    assert (parsed.approach, parsed.preset, parsed.seed, parsed.device) == ("displacement_domain", "fast", 7, "cpu")
+    assert (parsed.criteria, parsed.matrix) == (Path("criteria.toml"), Path("matrix.csv"))
