@@ -71,7 +71,7 @@ def _cases(seed: int) -> list[_Case]:
             case
             for subset in subsets(campaign, repeats=0, seed=0)
             if len(subset.chosen) in _SIZES
-            for case in _predicted(campaign, subset.held_out(campaign), cache)
+            for case in _predicted(campaign, [test for test in campaign.test_ids if test not in subset.chosen], cache)
         ]
 
 

@@ -67,7 +67,8 @@ def _vehicle(seed: int, kind: str) -> _Plan:
 def _campaign(folder: Path) -> _Plan:
     campaign = load_campaign(folder)
     [own, *_] = (each for each in subsets(campaign, repeats=0, seed=0) if len(each.chosen) == _RUN)
-    begun, planned = campaign.without(own.held_out(campaign)).tests, campaign.without(own.chosen).tests
+    planned = campaign.without(own.chosen).tests
+    begun = campaign.without([test.id for test in planned]).tests
     return _Plan(campaign.name, campaign.cae, begun, planned, shown(campaign.tests))
 
 

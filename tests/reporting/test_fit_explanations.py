@@ -1,5 +1,7 @@
 """What people are told of fits and bands."""
 
+from typing import Any
+
 import numpy as np
 
 from crashfuse.approaches.base import Prediction
@@ -63,7 +65,7 @@ def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
 def test_what_is_said_of_fits() -> None:
     """Of a bias model, alive and dead, a fine-tuning, a mixture, and a band that was widened more after TTZV."""
     tuned = {"members": 4, "weights": 63000, "penalty": 0.02, "left_out_rmse": {"0.02": 0.23, "0.06": 0.25}}
-    states = [
+    states: list[dict[str, Any]] = [
         STATE,
         {**STATE, "dead": True, "factors": [], "band_check": {}},
         {**tuned, "left_out_delta_v_misfit": 0.041, "band_check": Calibration(1.0, (INSIDE,) * 3).state},

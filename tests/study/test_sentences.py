@@ -7,6 +7,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.account import account, worst_test
+from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.departure import Departure
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.recommendation import recommend, recommend_for
@@ -55,12 +56,12 @@ def comparisons() -> Iterator[str]:
     make, first = test_comparison.study, test_comparison.FIRST
     steady = {test: rating + 0.02 + 0.001 * i for i, (test, rating) in enumerate(first.items())}
     for second in (steady, {**first, "T4": 0.68}, {"T1": 0.9, "T9": 0.1}):
-        compared = test_comparison.StudyComparison(make(first), make(second, fingerprint="b", basis="CFC 60"))
+        compared = StudyComparison(make(first), make(second, fingerprint="b", basis="CFC 60"))
         yield from (*compared.sentences(), *compared.cautions)
     raw = test_comparison.raw
     for changed in ({"T1": 0.5, "T2": 0.6}, {"T1": 0.6, "T2": 0.6}):
         other = raw(changed, fingerprint="b")
-        yield from test_comparison.StudyComparison(raw({"T1": 0.5, "T2": 0.5}), other).cautions
+        yield from StudyComparison(raw({"T1": 0.5, "T2": 0.5}), other).cautions
 
 
 def curves(campaign: Campaign) -> Iterator[str]:
