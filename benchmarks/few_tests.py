@@ -41,10 +41,8 @@ def _choices(campaign: Campaign) -> Iterator[tuple[str, tuple[str, ...]]]:
     for subset in subsets(campaign, repeats=0, seed=0):
         size = len(subset.chosen)
         if size in _SIZES or size == n - 1:
-            yield (
-                "all but one" if size == n - 1 else str(size),
-                [test for test in campaign.test_ids if test not in subset.chosen],
-            )
+            others = tuple(test for test in campaign.test_ids if test not in subset.chosen)
+            yield "all but one" if size == n - 1 else str(size), others
     for group in dict.fromkeys(campaign.speed_group(test_id) for test_id in campaign.test_ids):
         if len(group) < n:
             yield "all but a speed group", group
