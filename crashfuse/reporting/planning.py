@@ -30,7 +30,7 @@ from crashfuse.wording import speed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Plan:
+class Plan:
     """What a campaign's models say of tests that were not run."""
 
     campaign: Campaign
@@ -45,7 +45,7 @@ class _Plan:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpeedSweep(_Plan):
+class SpeedSweep(Plan):
     """Pulse metrics over impact speed; ``sweeps`` has them by approach, as objects."""
 
     sweeps: tuple[Sweep, ...]
@@ -88,7 +88,7 @@ class SpeedSweep(_Plan):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NextTests(_Plan):
+class NextTests(Plan):
     """Tests that might be run next, by how much each would narrow the band; ``ranked`` has them as objects."""
 
     over: ConditionRange
