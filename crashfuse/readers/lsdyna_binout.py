@@ -40,7 +40,7 @@ _LONGEST_RECORD = 4096  # bytes, for a path or a name
 _BLOCK = 1 << 20  # bytes of a symbol table in memory
 _AGAIN = "copy it again from the run"
 
-_Folder = tuple[str, ...]  # A folder's path: ("nodout", "d000001")
+_Folder = tuple[str, ...]  # a folder's path: ("nodout", "d000001")
 
 _Shards = Sequence[tuple[IO[bytes], str]]  # seekable files, and their names in messages
 

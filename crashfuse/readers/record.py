@@ -165,6 +165,9 @@ class RecordedChannel:
         if not self.origin and is_simulated(self.label):
             object.__setattr__(self, "origin", self.label)
 
+    def __repr__(self) -> str:
+        return f"<RecordedChannel {self.shown}: {self.values.size:,} samples in {self.unit or 'an unknown unit'}>"
+
     @property
     def shown(self) -> str:
         """The name, the label where it says more, and what speaks against it."""
@@ -247,6 +250,9 @@ class Record:
     unread: Mapping[str, Problem] = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
     other_setup: str = ""
+
+    def __repr__(self) -> str:
+        return f"<Record {self.id!r} of {printable(self.source)}: channels {self.listed}>"
 
     @property
     def is_simulated(self) -> bool:

@@ -112,7 +112,7 @@ class _Layout(NamedTuple):
     size: int
 
 
-# A channel's numbers in a segment: chunks times count, their code, offset, and strides in bytes
+# a channel's numbers in a segment: chunks times count, their code, offset, and strides in bytes
 _Extent = tuple[tuple[int, int], str, int, tuple[int, int]]
 
 

@@ -37,33 +37,16 @@ SCALES = {93: 1.02, 94: 0.98, 95: 3.0, 97: 0.1, 100: 0.1}
 def said(number: int, kind: str, seat: str, place: str, axis: str, rank: str, comment: str) -> dict[str, Any]:
     """The properties of a channel, as NHTSA spells them."""
     return {
-        "description": f"v09999_{number:03d}aa0.uds; Sensor: type={kind}, Attach={place}",
-        "unit_string": "gn",
-        "Inst_Axis": axis,
-        "Inst_ChStat": rank,
-        "Inst_CurNo": np.int32(number),
-        "Inst_DaStat": "CF" if number == 100 else "AM",
-        "Inst_InsCom": comment,
-        "Inst_PreFil": np.int32(1650),
-        "Inst_SenAtt": place,
-        "Inst_SenLoc": seat,
-        "Inst_SenTyp": kind,
-        "Test_ClsSpd": 56.0,
-        "Test_ImpAng": 0.0,
-        "Test_TstCfn": "VTB",
-        "Test_TstNo": np.int32(9999),
-        "Veh_MakeD": "NOVA",
-        "Veh_ModelD": "ONE",
-        "Veh_VehNo": np.int32(1),
-        "Veh_VehSpd": 56.0,
-        "Veh_VehTWt": 1700.0,
-        "Veh_Year": np.int32(2099),
-        "wf_increment": 1e-4,
-        "wf_start_offset": -0.05,
+        "description": f"v09999_{number:03d}aa0.uds; Sensor: type={kind}, Attach={place}", "unit_string": "gn",
+        "Inst_Axis": axis, "Inst_ChStat": rank, "Inst_CurNo": np.int32(number), "Inst_InsCom": comment,
+        "Inst_DaStat": "CF" if number == 100 else "AM", "Inst_PreFil": np.int32(1650), "Inst_SenAtt": place,
+        "Inst_SenLoc": seat, "Inst_SenTyp": kind,
+        "Test_ClsSpd": 56.0, "Test_ImpAng": 0.0, "Test_TstCfn": "VTB", "Test_TstNo": np.int32(9999),
+        "Veh_MakeD": "NOVA", "Veh_ModelD": "ONE", "Veh_VehNo": np.int32(1), "Veh_VehSpd": 56.0,
+        "Veh_VehTWt": 1700.0, "Veh_Year": np.int32(2099),
+        "wf_increment": 1e-4, "wf_start_offset": -0.05, "wf_xname": "Time", "wf_xunit_string": "s",
         "wf_start_time": datetime(2026, 11, 21, tzinfo=UTC).replace(tzinfo=None),
-        "wf_xname": "Time",
-        "wf_xunit_string": "s",
-    }
+    }  # fmt: skip
 
 
 def pulse(number: int) -> FloatArray:
