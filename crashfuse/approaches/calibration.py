@@ -260,7 +260,10 @@ class BandedApproach(Approach):
 def check_band(
     campaign: Campaign, without: Callable[[int, Sequence[int]], HeldOutPredictor], watch: Watch
 ) -> tuple[Calibration, LeftOut, LeftOut]:
-    """Widen a band until it holds on left-out tests; also their predictions without them, and without their speeds."""
+    """Widen a band until it holds on left-out tests; also their predictions without them, and without their speeds.
+
+    ``without`` takes a test's number and those left out with it.
+    """
     tests = campaign.tests
     numbers = np.unique(np.linspace(0, len(tests) - 1, min(len(tests), _MOST_CHECKED)).astype(int)).tolist()
     predictors = {}
