@@ -50,10 +50,7 @@ class Prediction:
 
 
 def central_interval(draws: FloatArray, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper end of the central interval of draws, shape (n_draws, ...), linear between them.
-
-    The numbers are those of ``numpy.quantile``, to the bit, in a fifth of the time.
-    """
+    """Central interval of draws, shape (n_draws, ...): to the bit ``numpy.quantile``, in a fifth of the time."""
     ordered, tail = np.sort(draws, axis=0), (1 - level) / 2
     low, high = (_at(ordered, share * (len(ordered) - 1)) for share in (tail, 1 - tail))
     return low, high
@@ -69,7 +66,7 @@ def _at(ordered: FloatArray, place: float) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class FittedState:
-    """Result of a fit, JSON values and arrays by name: with the fitted data it gives every prediction again."""
+    """Result of a fit, JSON values and arrays: with the fitted data it gives every prediction again."""
 
     values: Mapping[str, Any]
     arrays: Entry
@@ -131,7 +128,7 @@ class Approach(ABC):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:  # noqa: ARG003 - most others need it
-        """Create an unfitted approach from these settings, ignoring any that do not apply to it."""
+        """Create an unfitted approach from the settings that apply to it."""
         return cls()
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
@@ -144,10 +141,7 @@ class Approach(ABC):
 
     @abstractmethod
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fit to the whole campaign as given, without held-out tests.
-
-        Raises a UsageError or DataError if there is not enough to learn from.
-        """
+        """Fit to the whole campaign as given; a UsageError or DataError if there is not enough to learn from."""
 
     @abstractmethod
     def predict(self, condition: Condition) -> Prediction:
@@ -163,10 +157,7 @@ class Approach(ABC):
         return self.predict(condition)
 
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
-        """Prediction for each test left out (cross-validation), by test id; empty under the paper's preset.
-
-        With fewer draws than other predictions.
-        """
+        """Prediction for each test left out (cross-validation), by id; empty under the paper's preset."""
         return {} if self.learns_from_tests else {test.id: self.predict(test.condition) for test in campaign.tests}
 
     @abstractmethod
@@ -175,10 +166,7 @@ class Approach(ABC):
 
     @abstractmethod
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
-        """Restore what an approach with these hyperparameters learned from this campaign.
-
-        Raises a KeyError, ValueError or RuntimeError if the state is not of this kind.
-        """
+        """Restore what was learned from this campaign; a KeyError, ValueError or RuntimeError if it was not."""
 
     def _thinned(self, campaign: Campaign) -> Campaign:
         n = len(campaign.tests)
@@ -213,6 +201,6 @@ def draw(mean: FloatArray, covariance: FloatArray, n_samples: int, rng: np.rando
 def student_draws(
     mean: FloatArray, covariance: FloatArray, freedom: int, n_samples: int, rng: np.random.Generator
 ) -> FloatArray:
-    """Draw from Student's t with this location, scale matrix and degrees of freedom, (n_samples, m)."""
+    """Draw from Student's t with this location and scale matrix, shape (n_samples, m)."""
     widening = np.sqrt(freedom / rng.chisquare(freedom, size=(n_samples, 1)))
     return np.asarray(mean + widening * draw(np.zeros_like(mean), covariance, n_samples, rng))

@@ -12,7 +12,7 @@ from crashfuse.execution.progress import SILENT, Watch
 
 
 class Cae(Approach):
-    """The uncorrected CAE model: the paired run if there is one, else the emulator, kept in the cache."""
+    """The CAE model as it is: the paired run if there is one, else the emulator."""
 
     name = "cae"
     label = "CAE"

@@ -42,10 +42,7 @@ class LeftOut:
 
     @classmethod
     def of(cls, pulses_mps2: Mapping[int, FloatArray]) -> "LeftOut":
-        """Thin out pulses, given by test number: row 0 is the expected pulse, then draws.
-
-        They are on every k-th sample of the study grid, shape (1 + m, 1250 / k), where k divides 10.
-        """
+        """Thin out pulses by test number, shape (1 + m, 1250 / k), k divides 10: the expected pulse, then draws."""
         thin = [pulses[: 1 + _DRAWS, :: STRIDE * pulses.shape[1] // N_SAMPLES] for pulses in pulses_mps2.values()]
         return cls(
             np.array(list(pulses_mps2), dtype=np.int64),
@@ -54,7 +51,7 @@ class LeftOut:
         )
 
     def widened(self, factors: Mapping[int, float]) -> "LeftOut":
-        """The same with each test's deviations of draws times the factor under its number."""
+        """With each test's deviations of draws times the factor under its number."""
         by = np.array([factors[int(number)] for number in self.numbers])[:, None, None]
         mean = self.mean_mps2[:, None]
         return LeftOut(self.numbers, self.mean_mps2, (mean + by * (self.draws_mps2 - mean)).astype(np.float32))
@@ -75,7 +72,7 @@ class LeftOut:
 
 
 def speed_groups(campaign: Campaign) -> list[tuple[int, ...]]:
-    """For each test, the numbers of the tests of its speed group, itself included."""
+    """For each test, the numbers of the tests of its speed group."""
     number = {test_id: i for i, test_id in enumerate(campaign.test_ids)}
     return [tuple(number[member] for member in campaign.speed_group(test_id)) for test_id in campaign.test_ids]
 
@@ -97,7 +94,7 @@ class Coverage:
 
     @classmethod
     def of(cls, test: CrashTest, draws_mps2: FloatArray) -> Self:
-        """Compare a test with draws of pulses without it, at every k-th sample of the grid, (n_draws, 1250 / k)."""
+        """Compare a test with draws of pulses without it, at every k-th sample, (n_draws, 1250 / k)."""
         stride = N_SAMPLES // draws_mps2.shape[1]
         dt_s, time = stride * DT_S, GRID_S[::stride]
         speed, accel = test.condition.speed_mps, test.pulse.accel_mps2[::stride]
@@ -116,7 +113,7 @@ class Coverage:
 
 
 def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = LEVELS) -> FloatArray:
-    """Share of the time up to zero velocity at which a left-out test's a(t) lies inside the band of each level."""
+    """Share of the time up to zero velocity at which a test's a(t) lies inside the band of each level."""
     accel = test.pulse.accel_mps2
     loading = ~(test.pulse.kinematics(test.condition.speed_mps).t0_s < GRID_S)
     below = (draws_mps2[:, loading] < accel[loading]).mean(axis=0)
@@ -126,7 +123,7 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
     """Whether values lie inside the central interval of draws, shape (n_draws, ...).
 
-    Quantiles, for which draws are sorted, are computed only where the number of draws beyond a value does not decide.
+    Quantiles, for which draws are sorted, are computed only where counting does not decide.
     """
     tail = (1 - LEVEL) / 2
     end = int(tail * (len(draws) - 1))  # draws that lie beyond the interval's end for sure
@@ -151,7 +148,7 @@ class Calibration:
     far: float = 1.0  # further factor far from all tests, where tests left out one by one say little
 
     def further(self, nearness: float) -> float:
-        """Factor on top of ``widening`` and ``late_widening`` at a condition of this nearness to a test."""
+        """Further factor at a condition of this nearness to a test."""
         return nearness + (1 - nearness) * self.far
 
     @property
@@ -207,10 +204,7 @@ class Calibration:
 
 
 def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[float] = WIDENINGS) -> Calibration:
-    """Find the first widening with which a band holds on left-out tests; the last one if none suffices.
-
-    ``check`` takes the widening and returns the resulting coverage of each left-out test.
-    """
+    """The first widening with which left-out tests are covered by ``check``; the last one if none suffices."""
     for widening in widenings:
         calibration = Calibration(widening, tuple(check(widening)))
         if calibration.holds:
@@ -240,9 +234,8 @@ def widening_far(measured_mps2: FloatArray, speeds_mps: FloatArray, left_out: Le
 class BandedApproach(Approach):
     """An approach whose band is calibrated on left-out tests.
 
-    ``left_out_`` has the predictions of tests left out one by one, ``left_out_groups_`` those of each test with all at
-    about its speed left out (its prediction in ``left_out_`` where no other is); the latter is empty if all tests are
-    at one speed.
+    ``left_out_`` has their predictions, ``left_out_groups_`` those of each test with its whole speed group left out;
+    the latter is empty if all tests are at one speed.
     """
 
     calibration_: Calibration
@@ -267,9 +260,9 @@ class BandedApproach(Approach):
 def check_band(
     campaign: Campaign, without: Callable[[int, Sequence[int]], HeldOutPredictor], watch: Watch
 ) -> tuple[Calibration, LeftOut, LeftOut]:
-    """Widen a band until it holds on left-out tests; ``without`` takes a test's number and those left out with it.
+    """Widen a band until it holds on left-out tests; also their predictions without them, and without their speeds.
 
-    Also returned are these tests' predictions from all others, and from those at other speeds, if there are any.
+    ``without`` takes a test's number and those left out with it.
     """
     tests = campaign.tests
     numbers = np.unique(np.linspace(0, len(tests) - 1, min(len(tests), _MOST_CHECKED)).astype(int)).tolist()
@@ -299,10 +292,7 @@ def check_band(
 def check_band_far(
     campaign: Campaign, near: Calibration, alone: LeftOut, apart: LeftOut
 ) -> tuple[Calibration, LeftOut, LeftOut]:
-    """Widen a band far from all tests, too, until it holds on tests predicted from other speeds.
-
-    Also returned are the predictions of left-out tests, each as wide as that far from the others.
-    """
+    """Widen a band far from tests, too; also the predictions of left-out tests, as wide as that far from others."""
     measured = np.array([test.pulse.accel_mps2 for test in campaign.tests])
     speeds = np.array([test.condition.speed_mps for test in campaign.tests])
     far = widening_far(measured, speeds, apart) if apart.numbers.size else _FAR_UNCHECKED

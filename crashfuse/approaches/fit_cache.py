@@ -21,7 +21,7 @@ _TEXT = "text"  # name of the array that holds everything else as JSON
 
 
 def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = SILENT) -> tuple[A, float]:
-    """Fit an approach, or restore the same fit from the cache; also returns the duration of the fit in s."""
+    """Fit an approach, or restore it from the cache; also the duration of the fit in s."""
 
     def learn() -> tuple[float, Mapping[str, npt.ArrayLike]]:
         start = time.perf_counter()

@@ -87,17 +87,14 @@ class Distribution:
         return max(upper - lower, 0.0)
 
     def quantile(self, share: float) -> float | None:
-        """The value that a share of tests stays below, from 0 to ``most``; None if it lies beyond the record."""
+        """The value that a share of tests stays below; None beyond the record."""
         within = (share - self.lowest) / (1 - self.lowest - self.highest)
         if not 0 < within < 1:
             return None
         return min(max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0), self.most)
 
     def interval(self, value: float | None = None) -> tuple[float | None, float | None]:
-        """Central 95 % interval; an end beyond the record is None, and so is then a lower end of 0.
-
-        It reaches to the ``value`` of the predicted pulse, which left-out tests can have moved it away from.
-        """
+        """Central 95 %, reaching to the predicted pulse's ``value``; None beyond the record, or from 0 to beyond it."""
         lower, upper = self.quantile((1 - _LEVEL) / 2), self.quantile((1 + _LEVEL) / 2)
         if value is not None:
             lower = None if lower is None else min(lower, value)
@@ -106,7 +103,7 @@ class Distribution:
 
 
 def standardised_error(values: FloatArray, measured: float, metric: str = "") -> float:
-    """Error of a left-out test in units of its draws' spread, or of the single value; NaN where unknown."""
+    """Error of a left-out test in units of its draws' spread, or of the value; NaN where unknown."""
     spread = _spread(values, metric)
     if spread is None or not np.isfinite(measured) or not spread[1]:
         return float("nan")
@@ -115,7 +112,7 @@ def standardised_error(values: FloatArray, measured: float, metric: str = "") ->
 
 
 def metric_errors(left_out: Mapping[str, Prediction], campaign: Campaign) -> Errors:
-    """Standardised errors of all metrics for left-out tests, in the order of their ids in ``left_out``."""
+    """Standardised errors of all metrics for left-out tests, in their order."""
     if not left_out:
         return {name: np.empty(0) for name in METRIC_LABELS}
     tests = [campaign.test(test_id) for test_id in left_out]
@@ -163,7 +160,7 @@ def metric_distributions(
 def calibrated_metrics(
     prediction: Prediction, errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
 ) -> tuple[Metric, ...]:
-    """Metrics of a predicted pulse, with the calibrated 95 % interval for a single test if it has draws."""
+    """Metrics of a predicted pulse, with calibrated 95 % intervals if it has draws."""
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
@@ -177,10 +174,7 @@ def calibrated_metrics(
 
 
 def _spread(values: FloatArray, metric: str) -> tuple[float, float] | None:
-    """Median of draws, and normal scale of their central 80 % and repeats, or a single value twice.
-
-    None if that reaches beyond the record.
-    """
+    """Median of draws, and normal scale of their central 80 % and repeats, or a value twice; None beyond the record."""
     if values.size == 1:
         value = float(values[0])
         return (value, abs(value)) if np.isfinite(value) else None

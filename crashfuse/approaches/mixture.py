@@ -72,7 +72,7 @@ class Component(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """A left-out test: what each component, thinned, predicts for it, and how near the tests learned from are."""
+    """A left-out test: its components, thinned, and how near the tests learned from are."""
 
     number: int
     components: list[Component]
@@ -191,8 +191,8 @@ def spread(draws: FloatArray) -> float:
 class Pool:
     """Component weights: a softmax of logits, linear in log ratios of the components' spreads.
 
-    Far from the tests bands grow, not all alike: of the approaches those with narrow bands count for more, and the last
-    component, the raw CAE, the less the narrower they are beside it. How much is learned.
+    Of the approaches those with narrow bands count for more, and the last component, the raw CAE, the less the narrower
+    they are beside it. How much is learned.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ class Pool:
         return self
 
     def weights(self, spreads: FloatArray) -> FloatArray:
-        """Weights of the components where they have these spreads, shape (n_components,); they add up to 1."""
+        """Weights of the components at these spreads; they add up to 1."""
         return np.asarray(softmax(self.logits_ @ log_ratios(spreads)))
 
 

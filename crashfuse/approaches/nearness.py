@@ -16,7 +16,7 @@ _REACH_MPS = 3 * MPH  # speed difference at which a test is neither near nor far
 
 
 def nearness(speed_mps: float, tests_mps: FloatArray) -> float:
-    """Nearness in speed to the nearest of these tests: 0 far from all of them, 1 beside one."""
+    """Nearness in speed to the nearest test: 0 far from all, 1 beside one."""
     return float(np.exp(-np.abs(tests_mps - speed_mps).min() / _REACH_MPS)) if tests_mps.size else 0.0
 
 
@@ -55,7 +55,7 @@ def nearest_sentences(campaign: Campaign, condition: Condition) -> tuple[str, st
 
 
 def doubtful_tests(campaign: Campaign, condition: Condition) -> tuple[Sentence, ...]:
-    """Sentences on tests whose sensor failed and that decide a prediction: the nearest, and all at about its speed."""
+    """Sentences on tests whose sensor failed and that decide a prediction."""
     doubtful = [test for test in campaign.tests if test.faults]
     nearest = [near.id for near in nearest_tests(campaign, condition)] if doubtful else []
     return tuple(

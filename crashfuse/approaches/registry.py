@@ -77,7 +77,7 @@ def require_approach(name: str) -> type[Approach]:
 
 
 def create(name: str, settings: Settings) -> Approach:
-    """Create an unfitted approach; a UsageError if there is none of that name, or another package's cannot be used."""
+    """Create an unfitted approach; a UsageError if there is none that can be used."""
     approach = require_approach(name)
     if isabstract(approach):
         approach = next((network for network in _with_networks() if issubclass(network, approach)), approach)
@@ -86,7 +86,7 @@ def create(name: str, settings: Settings) -> Approach:
 
 @contextmanager
 def blamed_on(name: str) -> Iterator[None]:
-    """Tell an unexpected error of another package's approach as that package's own; ours is passed on."""
+    """Tell an unexpected error of another package's approach as that package's own."""
     try:
         yield
     except BaseException as error:

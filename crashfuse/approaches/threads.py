@@ -50,12 +50,12 @@ def _in_a_new_thread(function: Callable[..., T], *arguments: int) -> T:
 
 
 def quick_threads(n_weights: int) -> AbstractContextManager[None]:
-    """One thread for a network of so few weights that several would wait for each other."""
+    """One thread for a network of few weights."""
     return single_thread() if n_weights < _SMALL else nullcontext()
 
 
 def side_by_side(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
-    """Do the work for all networks in parallel, in their order; it must not call this function."""
+    """Do the work for all in parallel; it must not call this function."""
     items = list(items)
     return list((_crew().map if len(items) > 1 else map)(work, items))
 

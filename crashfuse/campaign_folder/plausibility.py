@@ -87,7 +87,7 @@ def check_physics(
 
 
 def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray]) -> list[str]:
-    """Warnings of tests whose ΔV/v0 matches CAE runs at their speed better with mph and km/h exchanged."""
+    """Warnings of tests whose ΔV/v0 fits CAE runs better with mph and km/h exchanged."""
     warnings: list[str] = []
     tests, runs = tables["tests"], tables["cae"].speeds_mps
     moving = runs > CREEP_MPS
@@ -112,7 +112,7 @@ def _speed_text(speed_mps: float) -> str:
 
 
 def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatArray]) -> list[str]:
-    """Warnings of tests whose weights lie among the CAE runs' only in the other unit, or with the axles exchanged."""
+    """Warnings of tests whose weights fit the CAE runs' only in the other unit, or exchanged."""
     runs = _weights(tables["cae"])
     low, high = runs.min(axis=0) * (1 - _BESIDE), runs.max(axis=0) * (1 + _BESIDE)
     tests, warnings = tables["tests"], []
@@ -137,7 +137,7 @@ def check_ends(
     faults: Faults,
     problems: list[Problem],
 ) -> None:
-    """Reject a record that ends while the vehicle is still moving: the rest of its pulse would be invented."""
+    """Reject a record that ends while the vehicle is still moving."""
     for row, run_id in enumerate(table.ids):
         if run_id not in ends_s:
             continue
@@ -170,7 +170,7 @@ def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
 
 
 def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
-    """What to do about a test whose sensor failed, as far as its record alone shows it; empty if it does not."""
+    """What to do about a test whose record alone shows that its sensor failed; else empty."""
     sure = sorted((fault for fault in faults if fault.strength >= 1), key=lambda fault: -fault.strength)[:_MOST_FAULTS]
     leave = f"leave it out of use (crashfuse edit CAMPAIGN --leave-out {shlex.quote(test_id)})"
     return f"{'; '.join(fault.text for fault in sure)}; mend its record, or {leave}" if sure else ""

@@ -24,10 +24,10 @@ _WINDOW_S = 0.025  # of SM25
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """One metric of a pulse.
+    """One metric of a pulse; ``value`` is None if the record is too short for it.
 
-    ``value`` is None if the record is too short for it, see :func:`missing_metrics`. ``lower`` and ``upper`` are the
-    central 95 % interval, each None without draws (``drawn``) or if too many of them are too short to determine it.
+    ``lower`` and ``upper`` are the central 95 %, each None without draws (``drawn``) or if too many of them are too
+    short.
     """
 
     name: str
@@ -91,11 +91,7 @@ def _olc(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
 
 
 class _Reading(NamedTuple):
-    """How a metric is computed and displayed.
-
-    ``needs`` is what must happen within the record. Of ``minor`` metrics pages and reports show the table on demand;
-    ``occupant`` names what the metric takes from the occupant model, which its function then takes as well.
-    """
+    """``needs`` is what must happen within the record; of ``occupant`` metrics the function takes the model, too."""
 
     label: str
     function: Callable[..., FloatArray]

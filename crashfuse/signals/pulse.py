@@ -232,10 +232,7 @@ def checked_pulse(
 
 
 def in_full(thinned: FloatArray, stride: int) -> FloatArray:
-    """Interpolate every n-th sample back to the study grid by a cubic spline, shape (..., 1250).
-
-    A CFC 60 pulse holds no finer detail than ten samples.
-    """
+    """Interpolate every n-th sample back to the study grid by a cubic spline, shape (..., 1250)."""
     return thinned if stride == 1 else np.asarray(thinned @ _spline(stride))
 
 

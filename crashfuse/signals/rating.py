@@ -69,12 +69,12 @@ def rating_basis(filter_class: str) -> str:
 
 
 def grade(overall: float) -> str:
-    """Grade of an overall rating: Excellent > 0.94, Good > 0.80, Fair > 0.58, else Poor."""
+    """Excellent > 0.94, Good > 0.80, Fair > 0.58, else Poor."""
     return next((name for limit, name in GRADES if overall > limit), "Poor")
 
 
 def graded(overall: float) -> str:
-    """An overall rating with its grade: ``0.871 Good``; with a digit more beside a limit, ``0.8004 Good``."""
+    """Rating and grade: ``0.871 Good``; with a digit more beside a limit."""
     digits = 3 if grade(round(overall, 3)) == grade(overall) else 4
     return f"{overall:.{digits}f} {grade(overall)}"
 
@@ -118,7 +118,7 @@ def rate_iso18571(
 def curves_at_10_khz(
     reference: FloatArray | Pulse, comparison: FloatArray | Pulse, dt_s: float | None, window_ms: float | None
 ) -> tuple[FloatArray, FloatArray]:
-    """The two curves as :func:`rate_iso18571` rates them, which says what they may be."""
+    """The two curves that :func:`rate_iso18571` rates."""
     if isinstance(reference, Pulse) and isinstance(comparison, Pulse):
         if dt_s is not None:
             raise UsageError("A pulse has its times: leave out dt_s, which is the step of arrays.")
@@ -225,7 +225,7 @@ def corridor_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray
 
 
 def corridor_values(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
-    """At each time 1 inside the inner corridor, 0 outside the outer one, and a parabola in between."""
+    """1 inside the inner corridor, 0 outside the outer one, a parabola in between."""
     norm = np.abs(reference).max()
     inner, outer = INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm
     distance = np.abs(comparisons - reference)
@@ -233,7 +233,7 @@ def corridor_values(reference: FloatArray, comparisons: FloatArray) -> FloatArra
 
 
 def overlap(reference: FloatArray, comparisons: FloatArray, shift: int) -> tuple[FloatArray, FloatArray]:
-    """The overlap of both when the comparison moves left by ``shift`` samples (right if negative)."""
+    """The overlap when the comparison moves left by ``shift`` samples."""
     if shift >= 0:
         return reference[: reference.size - shift], comparisons[..., shift:]
     return reference[-shift:], comparisons[..., :shift]
@@ -322,8 +322,7 @@ def smooth_slope(curves: FloatArray) -> FloatArray:
 def warping_paths(comparisons: FloatArray, reference: FloatArray, *, band: float) -> Iterator[WarpingPath]:
     """Warp each curve, shape (n_curves, L), onto the reference along the path of least squared differences.
 
-    The path stays within |i − j| ≤ ceil(band · L) − 1. Steps are (1, 0), (0, 1) and (1, 1) of equal weight; ties
-    are broken in this order.
+    The path stays within |i − j| ≤ ceil(band · L) − 1; ties go to (1, 0), then (0, 1), then (1, 1).
     """
     costs = _costs(reference, comparisons, band)
     for curve in range(len(comparisons)):

@@ -120,10 +120,7 @@ def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFau
 def confirmed(
     faults: Sequence[SensorFault], time_s: FloatArray, accel_mps2: FloatArray, expected_mps2: FloatArray
 ) -> tuple[SensorFault, ...]:
-    """The faults that a record shows alone, and those of the others that what is expected there does not show.
-
-    There the record is further from what is expected than elsewhere, and a saturated sensor hides more than it shows.
-    """
+    """The faults that a record shows alone, and of the others those that are not expected there."""
     off = accel_mps2 - expected_mps2
 
     def is_odd(fault: SensorFault) -> bool:

@@ -90,7 +90,7 @@ class CaeView:
 
     @property
     def grid_m(self) -> FloatArray:
-        """Displacements from 0 to beyond the reach of any vehicle in m; a bias is drawn at every ``FINER``-th."""
+        """Displacements beyond the reach of any vehicle; a bias is drawn at every ``FINER``-th."""
         return np.linspace(0.0, self.condition.speed_mps * DT_S * N_SAMPLES, _GRID * FINER + 1)
 
     def at_displacement(self, curves: FloatArray, displacement_m: FloatArray) -> FloatArray:
@@ -107,7 +107,7 @@ class CaeView:
 
 
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
-    """The CAE model's error in a test over displacement, as the hierarchical model reads it, at finer steps."""
+    """The CAE model's error in a test over displacement, at finer steps."""
     condition, speed = test.condition, test.condition.speed_mps
     phase = loading_phase(test.pulse.accel_mps2, speed)
     return uniform_points(condition, phase, model.loading_curve(condition), step_m / speed, HierarchicalBias.end_share)
@@ -137,7 +137,7 @@ class DisplacementDomain(BandedApproach):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """Create it with Table 4 under the paper's preset, else with the hierarchical bias."""
+        """Table 4 under the paper's preset, else the hierarchical bias."""
         config = DisplacementConfig.paper() if settings.preset == "paper" else DisplacementConfig.fast()
         return cls(config, seed=settings.seed, cache=settings.cache)
 
@@ -199,13 +199,13 @@ class DisplacementDomain(BandedApproach):
         return uniform_points(condition, phase, curve, self.config.step_s, self.bias_.end_share, self._most_points)
 
     def expected_points(self, condition: Condition) -> BiasPoints:
-        """Where a test would show the bias if it crushed like the CAE model; the bias there is zero."""
+        """Where a test would show the bias if it crushed like the CAE model."""
         self._require("bias_")
         test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
         return self._points(test, LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps)))
 
     def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition: Eq. 29 with the mean bias, and with whole bias functions drawn."""
+        """Eq. 29 with the mean bias, and with whole bias functions drawn."""
         self._require("bias_")
         rng = np.random.default_rng(self.seed)
         view = CaeView.of(self.model_, condition)
@@ -278,7 +278,7 @@ class DisplacementDomain(BandedApproach):
         return pulses
 
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
-        """The expected bias at a condition, split into its parts; empty for Table 4, which has none."""
+        """The expected bias at a condition by its parts; none for Table 4."""
         self._require("bias_")
         if isinstance(self.bias_, Table4Bias):
             return ()

@@ -22,8 +22,7 @@ _REACH = 4.0  # in standard deviations; farther points have no weight
 class CaeForce(NamedTuple):
     """Acceleration of the CAE vehicle at displacements (force over mass), and its trend; shape (n,) each.
 
-    A CAE model is often right about the level of the force and wrong about where the folds are. The trend can be
-    trusted where no test has crushed, whatever the tests say about the humps.
+    A CAE model is often right about the level of the force and wrong about where the folds are.
     """
 
     accel_mps2: FloatArray
@@ -87,8 +86,7 @@ class BiasPart:
 def bijective_projection(condition: Condition, test: LoadingPhase, curve: LoadingCurve, n_points: int) -> BiasPoints:
     """Project the CAE pulse on the test and the test on the CAE pulse (Eqs. 16 to 22).
 
-    Both are sampled at even times of their loading phases, the CAE pulse only up to the crush of the test. Returns
-    ``n_points`` at the test's displacements (Eq. 18), then as many at the CAE's (Eq. 21).
+    Returns ``n_points`` at the test's displacements (Eq. 18), then as many at the CAE's (Eq. 21), at even times.
     """
     cae = curve.phase
     test_s = np.linspace(0.0, test.end_s, n_points)

@@ -83,10 +83,7 @@ def _block(part: Part, x: FloatArray, z: FloatArray) -> tuple[tuple[slice, slice
 
 
 class TrainingCovariance:
-    """Covariance of rows, shape (n, n_columns + 1), with themselves, and its derivatives.
-
-    Only where a part is not zero in the lower triangle (rows and columns in ``entries``): a third of the work.
-    """
+    """Covariance of rows and its derivatives, only where a part is not zero in the lower triangle (``entries``)."""
 
     def __init__(self, parts: Sequence[Part], x: FloatArray) -> None:
         self._ends = np.cumsum([len(part.priors) for part in parts])

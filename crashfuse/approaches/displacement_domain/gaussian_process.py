@@ -48,10 +48,10 @@ class GaussianProcess:
         self.seed = seed
 
     def fit(self, x: FloatArray, y: FloatArray, like: "GaussianProcess | None" = None) -> Self:
-        """Find the most probable hyperparameters and condition on n rows and their output.
+        """Find the most probable hyperparameters, and condition on n rows and their output.
 
-        The last of the n_columns + 1 columns is the number of the test that a row belongs to. The search starts from
-        the priors' medians, or from the result of a process fitted before (``like``) for the parts that it has too.
+        The last of the n_columns + 1 columns is the test's number. The search starts from the priors' medians, or from
+        the result of a process fitted before (``like``) for the parts that it has too.
         """
         self._take(x, y)
         rng = np.random.default_rng(self.seed)
@@ -102,12 +102,12 @@ class GaussianProcess:
         self._alpha = cho_solve((self._lower, True), self._y)
 
     def without(self, *tests: int) -> Self:
-        """The same, hyperparameters kept, as if these tests had not been run."""
+        """The same as if these tests had not been run."""
         others = ~np.isin(self.x_[:, -1], tests)
         return self._given(self.x_[others], self._y[others])
 
     def also_at(self, x: FloatArray) -> Self:
-        """The same, hyperparameters kept, as if these rows had been measured with the expected output."""
+        """The same as if these rows had been measured with the expected output."""
         return self._given(np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_))
 
     def _given(self, x: FloatArray, y: FloatArray) -> Self:
@@ -117,11 +117,7 @@ class GaussianProcess:
         return other
 
     def std_given(self, x: FloatArray, further: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Standard deviation of the function now, and after measuring each set of further rows with noise.
-
-        Equals :meth:`also_at` for each set, by the Schur complement of the posterior covariance: many sets cost little
-        more than one. Shapes (m,) and (len(further), m).
-        """
+        """Standard deviation now and as by :meth:`also_at` for each set of rows, by the Schur complement."""
         theta = self.theta_[:-1]
 
         def solved(rows: FloatArray) -> FloatArray:
@@ -142,10 +138,7 @@ class GaussianProcess:
         return self.output_scale_ * np.sqrt(np.maximum(now, 0)), self.output_scale_ * np.sqrt(np.maximum(then, 0))
 
     def left_out_log_density(self) -> FloatArray:
-        """Log density of each test's scaled output given all other tests, shape (n_tests,), by ascending number.
-
-        From the blocks of the inverse covariance (Rasmussen & Williams, Sect. 5.4.2); hyperparameters stay the same.
-        """
+        """Log density of each test's scaled output given all others (Rasmussen & Williams, Sect. 5.4.2)."""
         inverse = cho_solve((self._lower, True), np.eye(self._y.size))
         densities = []
         for test in np.unique(self.x_[:, -1]):
@@ -188,10 +181,7 @@ class GaussianProcess:
         return np.linalg.cholesky(covariance)
 
     def log_marginal_likelihood(self, theta: FloatArray) -> tuple[float, FloatArray]:
-        """Log marginal likelihood of the scaled training output and its gradient.
-
-        Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), Eqs. 2.30 and 5.9.
-        """
+        """Of the scaled output, and its gradient (Rasmussen & Williams 2006, Eqs. 2.30 and 5.9)."""
         covariance, derivatives = self._covariance.with_derivatives(theta[:-1])
         lower = self._cholesky(covariance, theta[-1])
         alpha = cho_solve((lower, True), self._y)

@@ -142,7 +142,7 @@ class HierarchicalBias:
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
     def without(self, *numbers: int) -> Self:
-        """The same, hyperparameters and factors kept, as if the tests with these numbers had not been run."""
+        """The same as if the tests with these numbers had not been run."""
         other = copy.copy(self)
         other.process_ = self.process_.without(*numbers)
         other.tests_ = self.tests_ - len(numbers)
@@ -159,10 +159,7 @@ class HierarchicalBias:
     def half_widths(
         self, targets: Sequence[BiasPoints], further: Sequence[BiasPoints]
     ) -> tuple[FloatArray, FloatArray]:
-        """Half the width of the 95 % band of new tests' bias in m/s², now and after running each of the further tests.
-
-        At the concatenated n points of the targets: shapes (n,) and (len(further), n).
-        """
+        """Half the width of the 95 % band of the targets' bias, now and after each of the further tests."""
         at = np.concatenate([self._rows(target) for target in targets])
         tests = [self._rows(test, self._next_number) for test in further]
         now, then = self.process_.std_given(at, tests)
@@ -196,10 +193,7 @@ class HierarchicalBias:
         n_draws: int,
         rng: np.random.Generator,
     ) -> BiasDraws:
-        """Mean and draws of a new test's bias, including its specific deviation and stop, without noise.
-
-        The draws follow Student's t, as hyperparameters are estimated from a handful of tests.
-        """
+        """Mean and draws (Student's t) of a new test's bias with its specific deviation and stop, without noise."""
         moving = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)
         stopping = self._rows(BiasPoints(condition, crush, stop.speed_share, hump), crushing=False)
@@ -208,7 +202,7 @@ class HierarchicalBias:
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
     def parts(self, condition: Condition, displacement_m: FloatArray, cae: CaeForce) -> tuple[BiasPart, ...]:
-        """Split the bias of a new test before its stop into parts, then their total, as in :meth:`sample`."""
+        """The bias of a new test before its stop by parts, then their total."""
         x = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]

@@ -91,7 +91,7 @@ class Unloading:
 
 
 class Rebound:
-    """Correction of the CAE unloading branch over time since zero velocity: a hierarchical model, as for the bias."""
+    """Correction of the CAE unloading branch over time since zero velocity, modelled as the bias is."""
 
     process_: GaussianProcess | None  # None if no test stops early enough to show a rebound
     freedom_: int  # degrees of freedom of the draws
@@ -128,7 +128,7 @@ class Rebound:
         return np.concatenate(x), np.concatenate(y)
 
     def without(self, *numbers: int) -> Self:
-        """The same, hyperparameters kept, as if the tests with these numbers had not been run."""
+        """The same as if the tests with these numbers had not been run."""
         other = copy.copy(self)
         if self.process_ is not None:
             nothing_left = np.isin(self.process_.x_[:, -1], numbers).all()
@@ -144,7 +144,7 @@ class Rebound:
         rng: np.random.Generator,
         widening: float = 1.0,
     ) -> FloatArray:
-        """Apply :func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others."""
+        """:func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others."""
         since = _SinceStop.of(pulses)
         whole = _unloaded(pulses, since, cae_mps2, cae_loading)
         if self.process_ is None:

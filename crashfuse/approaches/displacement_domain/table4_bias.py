@@ -102,7 +102,7 @@ class Table4Bias:
         n_draws: int,
         rng: np.random.Generator,
     ) -> BiasDraws:
-        """Mean and draws of the bias at displacements (Eqs. 26 and 27); zero over velocity, which is not in Table 4."""
+        """Mean and draws at displacements (Eqs. 26 and 27); zero over velocity, which is not in Table 4."""
         x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)
         functions = np.vstack([mean, draw(mean, covariance, n_draws, rng)])

@@ -51,8 +51,7 @@ class Stopping:
     def imposed(self, posterior: Posterior, end_shares: FloatArray) -> Posterior:
         """Condition the output on a vehicle that stops and rebounds about as those in the tests did, if there are any.
 
-        Eq. 11 over the whole record is one more measurement: acceleration must integrate to ΔV. ``end_shares`` are the
-        shares of v0 left at the end of each test.
+        Eq. 11 over the whole record is one more measurement: acceleration must integrate to ΔV.
         """
         if not len(end_shares):
             return posterior
@@ -100,10 +99,7 @@ class Band:
     def stopped(
         self, condition: Condition, lf: FloatArray, posterior: Posterior, without: Sequence[int] = ()
     ) -> Posterior:
-        """Sum of LF networks and increments, smoothed to real pulses and constrained to a vehicle that stops.
-
-        As if the tests with the numbers in ``without`` had not been run.
-        """
+        """LF networks and increments, smoothed and made to stop the vehicle, without some tests."""
         n_steps = SMOOTH_S / (DT_S * self.scaling.config.stride)
         total = Posterior(lf + posterior.mean, posterior.covariance).smoothed(n_steps)
         return self.stopping(condition).imposed(total, np.delete(self.end_shares, without))
@@ -132,7 +128,7 @@ class Band:
     def check(
         self, tests: Sequence[CrashTest], left_out: Mapping[int, Posterior], watch: Watch
     ) -> tuple[Calibration, dict[int, FloatArray]]:
-        """Widen the band until it holds on tests, each predicted without it; also the resulting pulses by number."""
+        """Widen the band until it holds on left-out tests; also their pulses by number."""
         drawn = {number: self.drawn(tests[number].condition, posterior) for number, posterior in left_out.items()}
         pulses: dict[int, FloatArray] = {}
 

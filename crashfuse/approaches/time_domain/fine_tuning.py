@@ -103,10 +103,7 @@ class Increments:
         return self
 
     def posterior(self, across: FloatArray, here: FloatArray) -> Posterior:
-        """Posterior of a new test's correction to the LF prediction.
-
-        From the tangent kernels between tests and new condition, shape (n, n_times, n_times), and of the latter alone.
-        """
+        """Correction to the LF prediction, by the kernels between tests and new condition, and of the latter."""
         n_times = here.shape[0]
         across, here = across.reshape(-1, n_times) / self._unit, here / self._unit
         mean = across.T @ self._weights
@@ -152,10 +149,7 @@ class _Trial:
 
 
 def _left_out(inverse: FloatArray, weights: FloatArray, out: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Leave tests out together by blocks of the inverse (Rasmussen & Williams 2006, Eqs. 5.10–5.12).
-
-    Returns their errors, shape (m, n_times), and the covariance of each, shape (m, n_times, n_times).
-    """
+    """Errors and covariance of tests left out together (Rasmussen & Williams 2006, Eqs. 5.10–5.12)."""
     n, n_times = weights.shape
     m, numbers = len(out), list(out)
     block = inverse.reshape(n, n_times, n, n_times)[numbers][:, :, numbers].reshape(m * n_times, -1)
@@ -165,7 +159,7 @@ def _left_out(inverse: FloatArray, weights: FloatArray, out: Sequence[int]) -> t
 
 
 def _one_standard_error(squares: dict[float, FloatArray]) -> float:
-    """The first ρ whose mean square error exceeds the least by no more than its standard error."""
+    """The first ρ whose error exceeds the least by no more than its standard error."""
     best = min(squares, key=lambda rho: float(squares[rho].mean()))
     excess = {rho: square - squares[best] for rho, square in squares.items()}
     return next(rho for rho, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(len(e)))

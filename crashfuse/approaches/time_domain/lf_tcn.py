@@ -61,10 +61,7 @@ class TcnApproach(Approach):
 
 
 class LfTcn(AboutLfTcn, TcnApproach):
-    """The LF networks as an approach; the cache keeps them, and checkpoints of an unfinished training.
-
-    ``losses_``, shape (n_members, n_epochs, 2), are those of training and validation after each epoch.
-    """
+    """The LF networks as an approach; the cache keeps them, and checkpoints of an unfinished training."""
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Train on the CAE runs of the campaign, or load networks from the cache."""
@@ -129,7 +126,7 @@ class LfTcn(AboutLfTcn, TcnApproach):
 
 
 def thinned(curve: FloatArray, columns: Sequence[str]) -> dict[str, list[float]]:
-    """A learning curve, shape (n_epochs, n_columns), of at most 200 epochs, as plain JSON values by column."""
+    """A learning curve of at most 200 epochs, as plain JSON values by column."""
     chosen = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_POINTS)).astype(int))
     values = {name: [float(f"{value:.4g}") for value in curve[chosen, i]] for i, name in enumerate(columns)}
     return {"epoch": (chosen + 1).tolist(), **values}

@@ -61,10 +61,7 @@ class Tangent:
         return Tangent(self.first[members, outputs], tuple(last))
 
     def kernel_with(self, other: "Tangent") -> Tensor:
-        """Scalar products of derivatives here and elsewhere, shape (n_members, n_outputs, n_outputs of the other).
-
-        To the bit the same either way round: the order of the sums is the same.
-        """
+        """Scalar products, (n_members, n_outputs, n_outputs of the other): to the bit the same either way round."""
         kernel = self.first @ other.first.mT
         for ours, theirs in zip(self.last, other.last, strict=True):
             for number, both in enumerate(zip(ours, theirs, strict=True)):
@@ -206,9 +203,8 @@ def _lagged(sequence: Tensor, steps: int) -> Tensor:
 class KernelBlocks:
     """J(x) J(x')ᵀ of the mean of an ensemble's members, all weights together, times the number of members.
 
-    A block depends on the LF networks and its two conditions alone, and not on what was measured there, so all folds,
-    subsets and predictions share it. ``library`` is the fingerprint of the CAE runs, which determine the inputs; the
-    cache keeps the blocks between the conditions of :meth:`among`.
+    A block does not depend on what was measured, so all folds, subsets and predictions share it. ``library`` is the
+    fingerprint of the CAE runs.
     """
 
     def __init__(

@@ -97,9 +97,8 @@ def minimise(
 ) -> FloatArray:
     """Train networks in place, side by side, from their checkpoint if there is one.
 
-    The objectives have equal numbers of steps; ``name`` labels the progress reports. Returns the learning curves of all
-    members of all networks, shape (n_members, n_epochs, n_columns). Raises Cancelled if the watch was told to stop; the
-    state is then in the checkpoint.
+    Returns the learning curves of all members, shape (n_members, n_epochs, n_columns). Raises Cancelled if the watch
+    was told to stop; the state is then in the checkpoint.
     """
     n_steps, columns = objectives[0].n_steps, objectives[0].columns
     runs = [_Run(network, objective) for network, objective in zip(networks, objectives, strict=True)]
@@ -225,8 +224,7 @@ def train(
 ) -> tuple[Tcn, FloatArray]:  # fmt: skip
     """Train the LF networks on CAE runs, conditions of shape (n_runs, 3) and pulses of shape (n_runs, 1250).
 
-    Also returns the mean square error (Eq. 5) of training and validation, shape (n_members, n_epochs, 2). The seed
-    determines the weights, and each member's validation runs and order of batches.
+    Also returns the mean square error (Eq. 5) of training and validation, shape (n_members, n_epochs, 2).
     """
     config, inputs = scaling.config, scaling.inputs(vectors).to(device)
     targets = scaling.targets(vectors, accel_mps2).to(device)
