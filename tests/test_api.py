@@ -145,7 +145,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "window in s": (lambda: crashfuse.Display(window_ms=0.06), "choose 10 to 100 ms"),
     "yes and no": (lambda: crashfuse.Display(deceleration="no"), "takes a bool"),  # type: ignore[arg-type]
     "m for mm": (lambda: crashfuse.OccupantModel(olc_free_flight_mm=0.065), "write 65"),
-    "mm for m": (lambda: crashfuse.Choices(gap_m=390), "390 mm are 0.39 m"),
+    "mm for m": (lambda: crashfuse.Choices(gap_m=390), "from 0 to 10 m, not 390"),
     "no condition": (lambda: crashfuse.Choices(condition="35 mph"), "takes a PartialCondition"),  # type: ignore[arg-type]
     "role": (lambda: crashfuse.ColumnChoice("Zeit", "zeit"), "There is no role of a column"),  # type: ignore[arg-type]
     "two units": (
