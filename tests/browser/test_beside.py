@@ -137,7 +137,7 @@ def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(
     assert sum(column.startswith("Displacement domain, seed 1") for column in first) >= 3
     user.go("Data")
     user.sees("T3 by Displacement domain, seed 1", FIGURE)
-    user.press("Beside them", f"{MAIN} button")
+    user.press("Add curves", f"{MAIN} button")
     user.find('input[aria-label^="Also show"]').send_keys("T3 by Displacement domain", Keys.ENTER)
     seed_0 = "T3 by Displacement domain (95 % band)"
     user.wait(lambda: seed_0 in legend(user))

@@ -232,5 +232,5 @@ def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: "User"
     engineer.browser.get(f"{engineer.browser.current_url}&also=T99")
     engineer.sees("Not among the tests in use and the CAE runs: T99.")
     field = engineer.find(f'{MAIN} [data-testid="stMultiSelect"]').rect
-    button = engineer.find(f"{MAIN} button", "Beside them").rect
+    button = engineer.find(f"{MAIN} button", "Add curves").rect
     assert abs(field["y"] + field["height"] - button["y"] - button["height"]) < 10

@@ -25,7 +25,7 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.ui.kit import campaigns, uploads, visitors
-from crashfuse.ui.kit.results import problem_table, short_table
+from crashfuse.ui.kit.results import problem_table
 from crashfuse.units import G
 from tests.conftest import content_of
 
@@ -292,7 +292,7 @@ def test_problems_that_differ_by_the_row_alone_are_shown_as_one() -> None:
     bad = [Problem("a.csv", "a number", "'x'", "correct the cell", "v", row) for row in (2, 3, 4)]
     other = [Problem("a.csv", "a number", "'y'", "correct the cell", "v", row) for row in (7, 9)]
     missing = Problem("b.csv", "this file", "no such file", "add it")
-    assert short_table([*bad, *other, missing])["Row"].tolist() == ["2–4", "7, 9", ""]
+    assert problem_table([*bad, *other, missing], merged=True)["Row"].tolist() == ["2–4", "7, 9", ""]
     assert problem_table([*bad, *other, missing])["Row"].tolist() == ["2", "3", "4", "7", "9", ""]
 
 

@@ -242,7 +242,10 @@ def test_a_cache_that_cannot_be_written_is_said(
     (tmp_path / "file").touch()
     frame._not_kept.clear()
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path / "file" / "cache"))
-    assert f"Results are not kept: {tmp_path / 'file' / 'cache'} cannot be written" in visit("train").words
+    assert (
+        f"Results are lost when the server ends: {tmp_path / 'file' / 'cache'} cannot be written"
+        in visit("train").words
+    )
     frame._not_kept.clear()
 
 
