@@ -91,7 +91,7 @@ def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, c
     assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
     for tab in ("Tests", "CAE model", "Conditions"):
         assert session.open_tab("data", tab).charts == 1
-    assert "the CAE run paired with each" in session.words
+    assert "how their paired CAE runs rate" in session.words
     (table,) = session.tables
     assert table["Test"].tolist() == ["T1", "T2", "T3", "T4"]
     assert table["Speed (mph)"].tolist() == ["15.0", "25.0", "26.0", "35.0"]

@@ -233,6 +233,7 @@ def metrics_tables(
         table[heading] = pd.Series({metric.name: display.metric(metric).text for metric in metrics})
         css.loc[list(missed_by(columns).get(heading, ())), heading] = fill(GRADE_COLOURS["Fair"])
     main = table.index.isin(MAIN_METRICS)
+    table, css = table.reset_index(drop=True), css.reset_index(drop=True)
     first, second = (
         literal(table[part]).apply(lambda _, part=part: css[part].to_numpy(), axis=None) for part in (main, ~main)
     )
