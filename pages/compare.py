@@ -2,9 +2,10 @@
 
 from crashfuse.ui import compare, compare_figures
 from crashfuse.ui.compare import Comparison
-from crashfuse.ui.kit import curves, frame
+from crashfuse.ui.kit import frame
 from crashfuse.ui.kit.choices import chosen_config
 from crashfuse.ui.kit.computation import StudyRequest
+from crashfuse.ui.kit.curves import Subject
 from crashfuse.ui.kit.figures import show_tabs
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.text import plain
@@ -35,5 +36,5 @@ study = result_of(
 show_training(config, study.config.approaches)
 comparison = Comparison.of(view, request, study)
 compare.show_headline(comparison)
-curves.offer_predictions_of_test(campaign, test.id, comparison.leading)
+Subject.held_out(view).offer(comparison.leading)
 show_tabs(TABS, comparison, key="compare_tab")

@@ -3,36 +3,25 @@
 import streamlit as st
 
 from crashfuse.reporting.plots.display import DEFAULT
-from crashfuse.ui.history import (
-    compare,
-    edit_ticked,
-    is_suggested,
-    of_campaign,
-    say_refused,
-    show_results,
-    ticked,
-    visible,
-    with_ticked,
-)
+from crashfuse.ui import history
 from crashfuse.ui.kit import frame
 from crashfuse.ui.kit.window import end_page
 
 view = frame.enter()
 st.title("History")
-say_refused()
-results = visible()
+history.say_refused()
+results = history.visible()
 if not results:
     st.markdown("Nothing was computed on this machine yet. Studies, and predictions that were pinned, appear here.")
     end_page()
 display, here = (DEFAULT, "") if view is None else (view.display, view.campaign.name)
 st.caption(
-    "Studies, tests predicted one by one, and predictions that were pinned or made with the command, by whomever on "
-    "this machine, the latest first; those of an upload for whoever has it open. Tick one to write a note on it, two "
-    "to compare them. Certifications are listed on the page Certify, Earlier verdicts."
+    "Studies, tests predicted one by one, and predictions that were pinned or made with the command, by anybody on "
+    "this machine. Tick one to write a note on it, two to compare them. Certifications are on the page Certify."
 )
-listed = of_campaign(results, here)
-chosen = ticked(results, listed)
-show_results(with_ticked(results, listed, chosen), chosen, display, here)
-if not is_suggested():
-    edit_ticked(chosen, display)
-compare(chosen, display)
+listed = history.choose_listed(results, here)
+chosen = history.ticked(results, listed)
+history.show_results([result for result in results if result in listed or result in chosen], chosen, display, here)
+if not history.is_suggested():
+    history.edit_ticked(chosen, display)
+history.compare(chosen, display)

@@ -43,7 +43,7 @@ def ask_and_answer() -> None:
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(TABS), key="predict_tab")
         if answer.advice is not None:
-            show_pins(view, condition, answer.remember)
+            show_pins(answer)
     TABS[tab](answer)
 
 

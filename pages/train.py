@@ -79,15 +79,13 @@ def show_models(fitted: Fitted) -> None:
     )
     show_link("predict", "Predict a new condition")
     download_bytes("models.zip", partial(fitted.models, campaign), campaign.name)
-    st.caption("The files that `crashfuse train` writes, zipped; `crashfuse predict --models` reads their folder.")
 
 
 def show_predicted_so_far(study: Study) -> None:
     """Say which approaches have predicted already; their tests can be compared by them."""
     show_training(config, study.config.approaches)
-    window_ms = view.display.window_ms
+    window_ms, n = view.display.window_ms, len(study.folds)
     rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
-    n = len(study.folds)
     of = plain(study.folds[0].held_out) if n == 1 else f"mean of {n} tests"
     st.markdown(f"Rated already, {of}, {results.window_label(window_ms)}: {rated}.")
     link_to_tests(study)

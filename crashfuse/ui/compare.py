@@ -13,7 +13,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting import glossary
-from crashfuse.reporting.earlier_prediction import EarlierPrediction
 from crashfuse.reporting.rating_tables import REPEAT
 from crashfuse.reporting.report import study_report
 from crashfuse.study.config import StudyConfig
@@ -23,7 +22,7 @@ from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest, advised
-from crashfuse.ui.kit.curves import Shown, choose_curves, leading, predictions_of_test, without_clicks
+from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, leading, without_clicks
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, offer_pulses
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.window import component
@@ -32,8 +31,8 @@ from crashfuse.wording import difference, joined
 _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
 _RATINGS_HELP = (
-    "Single draws are pulses drawn from the band, each rated against the test: 95 % of the ratings lie in this "
-    "interval. A single pulse has oscillations of its own, so it rates lower than the expected pulse."
+    "Single draws: 95 % of the ratings of single pulses drawn from the band. A single pulse has oscillations of its "
+    "own, so it rates lower than the expected pulse."
 )
 
 
@@ -80,19 +79,18 @@ class Comparison:
         return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
 
     @property
-    def earlier(self) -> Sequence[EarlierPrediction]:
-        """Predictions of the test with other settings that were chosen to be shown beside these."""
-        return predictions_of_test(self.view.campaign, self.test.id, self.leading).predictions
-
-    @property
     def leading(self) -> str:
         """The approach whose predictions with other settings stand beside these."""
         return leading(self.predictions, self.recommended)
 
+    @property
+    def repeat(self) -> Repeatability | None:
+        """What a repeat of the test would rate, if it is known."""
+        return self.study.repeatability.get(self.test.id, {}).get(self.window_ms)
+
     def choose_curves(self, offered: Sequence[str] | None = None) -> Shown:
         """Let the user choose the curves of a figure."""
-        predictions = self.predictions
-        return choose_curves(self.view, predictions, self.recommended, self.test.condition, self.test.id, offered)
+        return choose_curves(Subject.held_out(self.view), self.predictions, self.recommended, offered)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""
@@ -102,11 +100,6 @@ class Comparison:
         )  # fmt: skip
         return without_clicks(drawn)
 
-    @property
-    def repeats(self) -> Mapping[float, Repeatability]:
-        """What a repeat of the test would rate, by window; empty if it is not known."""
-        return self.study.repeatability.get(self.test.id, {})
-
 
 def show_headline(comparison: Comparison) -> None:
     """Show the ratings in a row, and the recommendation."""
@@ -115,16 +108,14 @@ def show_headline(comparison: Comparison) -> None:
         component("ratings")(key=_KEY, on_approach_change=_explain)
     if (advice := comparison.advice) is None:
         return
-    rated = comparison.fold.ratings[advice.approach][comparison.window_ms].overall
+    overall = {name: ratings[comparison.window_ms].overall for name, ratings in comparison.fold.ratings.items()}
+    rated = overall[advice.approach]
     missed = advice.expected is not None and advice.expected.is_missed_by(rated)
-    beside = []
-    if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
-        beside.append(repeat.sentence(rated, LABELS[advice.approach]))
+    repeat = comparison.repeat
+    beside = [] if repeat is None else [repeat.sentence(rated, LABELS[advice.approach])]
     first, *reasons = advice.after(rated)
-    if BASELINE in comparison.fold.ratings:
-        raw = comparison.fold.ratings[BASELINE][comparison.window_ms].overall
-        if raw - rated >= _NO_CHANGE:
-            first = joined([first, f"The raw CAE model rates {raw:.3f}, higher."])
+    if (raw := overall.get(BASELINE, rated)) - rated >= _NO_CHANGE:
+        first = joined([first, f"The raw CAE model rates {raw:.3f}, higher."])
     results.show_recommendation([first, *reasons], beside, "warning" if missed else "lightbulb")
 
 
@@ -134,20 +125,17 @@ def _explain() -> None:
 
 def _row(comparison: Comparison) -> str:
     """HTML list of the ratings by approach, and that of a repeat."""
-    window_ms = comparison.window_ms
-    overall = {name: by_window[window_ms] for name, by_window in comparison.fold.ratings.items()}
+    rated = {name: by_window[comparison.window_ms] for name, by_window in comparison.fold.ratings.items()}
     items = []
-    for name, rating in overall.items():
-        values = f"<b>{rating.overall:.3f}</b>"
-        if BASELINE in overall and name != BASELINE:
-            values += _change(rating.overall, overall[BASELINE].overall)
-        values += results.grade_chip(rating.grade)
+    for name, rating in rated.items():
+        change = _change(rating.overall, rated[BASELINE].overall) if BASELINE in rated and name != BASELINE else ""
         label = f'<span role="button" tabindex="0" data-approach="{name}" title="Why">{escape(LABELS[name])}</span>'
+        values = f"<b>{rating.overall:.3f}</b>{change}{results.grade_chip(rating.grade)}"
         items.append(_item(label, values, recommended=name == comparison.recommended))
-    if (repeat := comparison.repeats.get(window_ms)) is not None:
+    if (repeat := comparison.repeat) is not None:
         values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f} (95 %)</small>"
         items.append(_item(f"<i>{REPEAT}</i>", values))
-    window, basis = results.window_label(window_ms), comparison.view.campaign.rating_basis
+    window, basis = results.window_label(comparison.window_ms), comparison.view.campaign.rating_basis
     label = escape(f"Ratings over {window}, with the change from the raw CAE model: {basis}")
     return f'<div class="cf-ratings" role="list" aria-label="{label}" title="{label}">{"".join(items)}</div>'
 
@@ -168,29 +156,28 @@ def _change(rating: float, raw: float) -> str:
 
 def show_ratings(comparison: Comparison) -> None:
     """Show ratings, metrics, and what the approaches say of themselves."""
-    campaign, fold = comparison.view.campaign, comparison.fold
+    campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.window_ms
     st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}. {_RATINGS_HELP} {glossary.REPEAT}")
-    draws = {name: fold.rating_interval(name, comparison.window_ms) for name in fold.with_band}
-    rated, display = dict(fold.ratings), comparison.view.display
-    beside = dict(prediction.curve(display) for prediction in comparison.earlier)
-    for name, estimate in beside.items():
+    draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
+    rated = dict(fold.ratings)
+    others = Subject.held_out(comparison.view).predictions(comparison.leading)
+    added = dict(prediction.curve(comparison.view.display) for prediction in others)
+    for name, estimate in added.items():
         fold_of = Fold.of(comparison.test, [estimate], comparison.config.windows_ms)
         rated[name] = fold_of.ratings[estimate.approach]
         if fold_of.with_band:
-            draws[name] = fold_of.rating_interval(estimate.approach, comparison.window_ms)
-    show_table(results.ratings_table(rated, comparison.window_ms, comparison.repeats, draws), "ratings")
-    st.caption(
-        f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(comparison.window_ms)}."
-    )
+            draws[name] = fold_of.rating_interval(estimate.approach, window_ms)
+    repeats = comparison.study.repeatability.get(comparison.test.id, {})
+    show_table(results.ratings_table(rated, window_ms, repeats, draws), "ratings")
+    st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
     results.show_terms(comparison.config)
     columns = [
         (results.TEST_COLUMN, campaign.metrics_of(comparison.test)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
-        *((name, estimate.metrics) for name, estimate in beside.items()),
+        *((name, estimate.metrics) for name, estimate in added.items()),
     ]
     results.show_metrics(columns, comparison.view)
-    said = () if comparison.advice is None else comparison.advice.sentences
-    results.show_notes(fold.estimates, said)
+    results.show_notes(fold.estimates, () if comparison.advice is None else comparison.advice.sentences)
     results.show_fits(fold.estimates)
 
 

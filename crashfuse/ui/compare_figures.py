@@ -3,10 +3,10 @@
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import cache, partial
-from typing import Any
 
 import plotly.graph_objects as go
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting import glossary
@@ -29,22 +29,20 @@ _CORRIDORS_HELP = (
     "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test and 0 outside the outer one. Their half "
     "widths are 5 % and 50 % of the largest acceleration in the rated window."
 )
-_CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
-_PARTS, _CHECK = "Parts of the bias", "Check of the integration"
+_CURVES, _BIAS, _PARTS = "Acceleration", "Bias by speed", "Parts of the bias"
 _OF_CURVES = {
     _CURVES: (
         "displacement",
         "Acceleration over displacement, up to maximum crush: {}",
-        "Up to maximum crush (the marks, with their 95 % interval; an open end has no bar). The area under each curve "
-        "is the absorbed energy per unit mass, ½ v0²: at one impact speed, a lower deceleration means more crush.",
+        "Marks: maximum crush with its 95 % interval. The area under each curve is the absorbed energy per unit mass, "
+        "½ v0²: at one impact speed, a lower deceleration means more crush.",
     ),
-    _ENERGY: (
+    "Energy": (
         "energy",
         "Absorbed energy over crush: {}",
-        "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force; of curves at one speed and "
-        "mass, one that ends further right needs more crush for the same energy.",
+        "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force.",
     ),
-    _CHECK: (
+    "Check of the integration": (
         "integration",
         "Displacement over time, integrated over time and recovered from a(s), and their difference",
         "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the same motion recovered from "
@@ -53,18 +51,28 @@ _OF_CURVES = {
 }
 """Figures of curves that the user chooses: the library's name, the alternative text, and what to see."""
 _BEFORE_AND_AFTER, _LEARNING = "Before and after the tests", "Learning curves"
-_TITLES = {"lf_tcn": "Before: trained on CAE runs only", "time_domain": "After: fine-tuned on tests"}
-_MEANING = {
-    "lf_tcn": "The networks should reproduce the CAE model; the remaining difference from the test is what no CAE run "
-    "can tell them.",
-    "time_domain": "What the other tests add to the networks.",
+_NETWORKS = {
+    "lf_tcn": (
+        "Before: trained on CAE runs only",
+        "The networks should reproduce the CAE model; the remaining difference from the test is what no CAE run can "
+        "tell them.",
+    ),
+    "time_domain": ("After: fine-tuned on tests", "What the other tests add to the networks."),
 }
+_EXACT_TUNING = (
+    "The fine-tuning has an exact solution, so there are no epochs, only one choice: how far each test may differ from "
+    "what all share. Taken is the least whose error on left-out tests is within one standard error of the lowest."
+)
+
+
+def _row() -> DeltaGenerator:
+    return st.container(horizontal=True, vertical_alignment="center", gap="xsmall")
 
 
 def show_pulses(comparison: Comparison) -> None:
     """Show acceleration, velocity and displacement over time, or what the predictions miss."""
     test = comparison.test
-    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
+    with _row():
         shown = choose("Figure", [_MOTION, _RESIDUALS], key="compared")
         corridors = shown == _MOTION and st.toggle(
             "Corridors of the rating", key="corridors", persist_state="session", help=_CORRIDORS_HELP
@@ -72,18 +80,16 @@ def show_pulses(comparison: Comparison) -> None:
         curves = comparison.choose_curves()
     notes = notes_of(comparison.view)
     notes_here = tuple(note for note in notes if note.test == test.id)
-
-    def draw() -> go.Figure:
-        return comparison.plot(shown.lower(), curves, corridors=corridors, notes=notes_here)
-
-    alt = {
-        _MOTION: f"Acceleration, velocity and displacement over time: {curves.of(test.id)}",
-        _RESIDUALS: f"Prediction of test {test.id} by {curves.by or 'others'} minus what was measured, over time",
-    }
-    name = "residuals" if shown == _RESIDUALS else "pulses with corridors" if corridors else "pulses"
+    alt = f"Acceleration, velocity and displacement over time: {curves.of(test.id)}"
+    name = "pulses with corridors" if corridors else "pulses"
+    if shown == _RESIDUALS:
+        alt, name = (
+            f"Prediction of test {test.id} by {curves.by or 'others'} minus what was measured, over time",
+            "residuals",
+        )
     show_cached_figure(
-        draw, alt[shown], shown, corridors, notes_here, comparison.key, curves.key, beside=curves.also,
-        name=curves.named(name, of_test=shown == _MOTION),
+        lambda: comparison.plot(shown.lower(), curves, corridors=corridors, notes=notes_here), alt, shown, corridors,
+        notes_here, comparison.key, curves.key, beside=curves.also, name=curves.named(name, of_test=shown == _MOTION),
     )  # fmt: skip
     if shown == _RESIDUALS:
         st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
@@ -92,9 +98,11 @@ def show_pulses(comparison: Comparison) -> None:
 
 def show_why(comparison: Comparison) -> None:
     """Show the parts of the ratings, and explain that of one approach."""
-    display, test = comparison.view.display, comparison.test
-    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
-        approach = _choose_approach(comparison)
+    display, test, advice = comparison.view.display, comparison.test, comparison.advice
+    names = list(comparison.fold.ratings)
+    with _row():
+        first = comparison.recommended or names[-1]
+        approach = choose("Approach", names, key="explained", default=first, label_of=LABELS.__getitem__)
         curves = comparison.choose_curves(offered=())
     explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
@@ -104,26 +112,19 @@ def show_why(comparison: Comparison) -> None:
     show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
     parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
     st.markdown("\n".join(f"- {said[part]}" for part in parts), help=glossary.RATING_PARTS)
-    if comparison.advice is not None:
-        test_account = _account(comparison.key, comparison.advice.approach, comparison)
+    if advice is not None:
+        test_account = _account(comparison.key, advice.approach, comparison)
         if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):
             results.show_account(test_account.sentences[1:], missed=test_account.disappoints)
-    draw, key = partial(draw, "rating", approaches=[approach], also=curves.also), (comparison.key, curves.key)
-    alt = (
-        f"Test {test.id} and its prediction by {LABELS[approach]}: in the corridors, shifted, warped, and their slopes"
-    )
-    name = f"rating of {LABELS[approach]}"
-    show_cached_figure(draw, alt, "rated curves", approach, key, name=name, beside=curves.also)
+    alt = f"Test {test.id} and its prediction by {LABELS[approach]}: corridors, shifted, warped, and their slopes"
+    show_cached_figure(
+        partial(draw, "rating", approaches=[approach], also=curves.also), alt, "rated curves", approach,
+        comparison.key, curves.key, name=f"rating of {LABELS[approach]}", beside=curves.also,
+    )  # fmt: skip
     with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")
         st.caption(glossary.HUMPS)
         show_table(excursions_table(explanation, display), "excursions")
-
-
-def _choose_approach(comparison: Comparison) -> str:
-    names = list(comparison.fold.ratings)
-    first = comparison.recommended or names[-1]
-    return choose("Approach", names, key="explained", default=first, label_of=LABELS.__getitem__)
 
 
 @st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")
@@ -134,33 +135,29 @@ def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account: 
 
 def show_over_displacement(comparison: Comparison) -> None:
     """Show test, CAE model and its correction over displacement, in the figure that the user picks."""
-    row = st.container(horizontal=True, vertical_alignment="center", gap="xsmall")
-    with row:
-        choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over_displacement")
-    if choice == _PARTS:
-        _show_parts(comparison)
+    with _row():
+        figures = [_CURVES, "Energy", _BIAS, _PARTS, "Check of the integration"]
+        choice = choose("Figure", figures, key="over_displacement")
+        curves = comparison.choose_curves() if choice in _OF_CURVES else None
+    if curves is None:
+        (_show_bias if choice == _BIAS else _show_parts)(comparison)
         return
-    if choice == _BIAS:
-        _show_bias(comparison)
-        return
-    with row:
-        curves = comparison.choose_curves()
     figure, alt, caption = _OF_CURVES[choice]
     shown = "acceleration over displacement" if choice == _CURVES else choice.lower()
     draw, alt = partial(comparison.plot, figure, curves), alt.format(curves.of(comparison.test.id))
-    key, name = (choice, comparison.key, curves.key), curves.named(shown)
-    show_cached_figure(draw, alt, key, name=name, beside=curves.also)
+    name = curves.named(shown)
+    show_cached_figure(draw, alt, choice, comparison.key, curves.key, name=name, beside=curves.also)
     st.caption(caption)
 
 
 def _show_bias(comparison: Comparison) -> None:
-    campaign, test, display = comparison.view.campaign, comparison.test, comparison.view.display
-    draw = partial(campaign.plot, "bias", held_out=test.id, display=display)
+    test = comparison.test.id
+    draw = partial(comparison.view.campaign.plot, "bias", held_out=test, display=comparison.view.display)
     alt = "What the CAE model got wrong in each test, over displacement, coloured by speed"
     show_cached_figure(draw, alt, _BIAS, comparison.key, name="bias by speed")
     st.caption(
-        "What has to be added to the CAE model to get each test. The displacement domain is fitted to these; "
-        f"{plain(test.id)} is held out: drawn here, not used in the fit. The steep ends are at zero velocity."
+        f"What has to be added to the CAE model to get each test. The displacement domain is fitted to these, but not "
+        f"to {plain(test)}, which is held out. The steep ends are at zero velocity."
     )
 
 
@@ -168,79 +165,67 @@ def _show_parts(comparison: Comparison) -> None:
     if comparison.config.preset == "paper":
         st.info("The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts.")
         return
-    test, display = comparison.test, comparison.view.display
-    draw = partial(comparison.study.plot, test.id, "bias parts", display=display)
-    alt = f"Parts of the bias that is expected in test {test.id}, over displacement, each with its 95 % band"
+    test = comparison.test.id
+    draw = partial(comparison.study.plot, test, "bias parts", display=comparison.view.display)
+    alt = f"Parts of the bias that is expected in test {test}, over displacement, each with its 95 % band"
     show_cached_figure(draw, alt, _PARTS, comparison.key, name="parts of the bias")
     st.caption(
-        f"What the other {len(comparison.others.tests)} tests predict of the bias in {plain(test.id)}. Parts can "
-        "cancel each other: their sum is better known than each of them. Shared: the same in every test; ratio: the "
-        "CAE model's pulse, its trend and its humps, times a factor. The test's own part, its repeatability, can't be "
-        "predicted, only its size. The measured bias is drawn for comparison only."
+        f"What the other {len(comparison.others.tests)} tests predict of the bias in {plain(test)}. Shared: the same "
+        "in every test. Ratio: the CAE model's pulse, its trend and its humps, times a factor. Parts can cancel each "
+        "other: their sum is better known than each. Of the test's own part, its repeatability, only the size can be "
+        "predicted. The measured bias is drawn for comparison only."
     )
 
 
 def show_networks(comparison: Comparison) -> None:
     """Show the networks before and after fine-tuning (Figs. 12 and 13), or how they were trained."""
-    fold = comparison.fold
-    states: dict[str, dict[str, Any]] = {
-        estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _TITLES
-    }
+    states = {own.approach: own.state for own in comparison.fold.estimates if own.approach in _NETWORKS}
     if not states:
         st.info("No approach with a network is known here yet.", icon=":material/info:")
         return
-    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
+    with _row():
         choice = choose("Figure", [_BEFORE_AND_AFTER, _LEARNING], key="networks")
         if choice == _BEFORE_AND_AFTER:
             curves = comparison.choose_curves([TEST, *({BASELINE} & {*comparison.predictions})])
     columns = st.columns(2, gap="medium")
     if choice == _BEFORE_AND_AFTER:
-        drawn = cache(partial(_beside_the_cae, comparison, curves))  # once for both columns
+        drawn = cache(partial(_before_and_after, comparison, curves))  # once for both columns
         for column, name in zip(columns, states, strict=False):
             with column:
-                _show_beside_the_cae(comparison, name, curves, drawn)
+                _show_network(comparison, name, curves, drawn)
         return
-    st.caption("Both learning curves are kept with the predictions, and written to study.json.")
     name = "time_domain" if "time_domain" in states else "lf_tcn"
-    network, plot = states[name], partial(comparison.study.plot, fold.held_out, approaches=[name])
+    network, plot = states[name], partial(comparison.study.plot, comparison.fold.held_out, approaches=[name])
     with columns[0]:
         st.markdown("**Training on CAE runs**")
         show_figure(plot("training"), alt="Mean square error over epochs", name="training")
         st.caption(
-            f"Mean square error, averaged over {network['members']} network{'s' if network['members'] != 1 else ''}; "
-            "validation is on the tenth of the runs that is not trained on."
+            f"Mean square error, averaged over the networks ({network['members']}); validation is on the tenth of the "
+            "runs that is not trained on. Both learning curves are also in study.json."
         )
-    with columns[1]:
-        if "left_out_rmse" in network:
+    exact = "left_out_rmse" in network
+    if exact or "tuning_curve" in network:
+        with columns[1]:
             st.markdown("**Fine-tuning on tests**")
-            alt = "Error for each strength of the fine-tuning, on tests fitted to and on tests left out in turn"
+            alt = "Error on tests fitted to, and on tests left out, by strength" if exact else "Loss over steps"
             show_figure(plot("fine-tuning"), alt, name="fine-tuning")
-            st.caption(
-                "The fine-tuning has an exact solution, so there are no epochs, only one choice: how far each test may "
-                "differ from what all share. Taken is the least whose error on left-out tests is within one standard "
-                "error of the lowest."
-            )
-        elif "tuning_curve" in network:
-            st.markdown("**Fine-tuning on tests**")
-            show_figure(plot("fine-tuning"), alt="Loss over steps", name="fine-tuning")
+            if exact:
+                st.caption(_EXACT_TUNING)
 
 
-def _show_beside_the_cae(
-    comparison: Comparison, name: str, curves: Shown, drawn: Callable[[], dict[str, go.Figure]]
-) -> None:
-    fold = comparison.fold
-    rating = fold.ratings[name][comparison.window_ms]
-    st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f} ({rating.grade})")
-    alt = f"Acceleration over time: {_with(curves, name).of(fold.held_out)}"
+def _show_network(comparison: Comparison, name: str, curves: Shown, drawn: Callable[[], dict[str, go.Figure]]) -> None:
+    title, meaning = _NETWORKS[name]
+    rating = comparison.fold.ratings[name][comparison.window_ms]
+    st.markdown(f"**{title}** · {LABELS[name]} {rating.overall:.3f} ({rating.grade})")
+    alt = f"Acceleration over time: {_with(curves, name).of(comparison.fold.held_out)}"
     key, file_name = (name, comparison.key, curves.key), curves.named(LABELS[name])
     show_cached_figure(lambda: drawn()[name], alt, key, name=file_name, beside=curves.also)
-    st.caption(_MEANING[name])
+    st.caption(meaning)
 
 
-def _beside_the_cae(comparison: Comparison, curves: Shown) -> dict[str, go.Figure]:
-    figures = {
-        name: comparison.plot("acceleration", _with(curves, name)) for name in _TITLES if name in comparison.predictions
-    }
+def _before_and_after(comparison: Comparison, curves: Shown) -> dict[str, go.Figure]:
+    names = [name for name in _NETWORKS if name in comparison.predictions]
+    figures = {name: comparison.plot("acceleration", _with(curves, name)) for name in names}
     share_y_range(figures.values())
     return figures
 

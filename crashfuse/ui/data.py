@@ -7,6 +7,7 @@ from pathlib import Path
 
 import streamlit as st
 
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.campaign_folder.load import unread_files
 from crashfuse.errors import DataError, Problem
@@ -14,11 +15,11 @@ from crashfuse.readers.formats import all_formats
 from crashfuse.reporting.result_tables import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import import_step
-from crashfuse.ui.kit import campaigns, choices, curves, editing, results
+from crashfuse.ui.kit import campaigns, choices, editing, results
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.choices import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.computation import StudyRequest
-from crashfuse.ui.kit.curves import add_to_runs, choose_tests, key_of, usual_approach, without_clicks
+from crashfuse.ui.kit.curves import Subject, add_to_runs, choose_tests, key_of, usual_approach, without_clicks
 from crashfuse.ui.kit.figures import show_cached_figure
 from crashfuse.ui.kit.results import show_problems, show_table
 from crashfuse.ui.kit.text import plain
@@ -30,19 +31,22 @@ _ROUND = "uploads so far"
 _CLASSES = (60, 180, 600)
 _AS_READ = "As read"
 _ASKED = "asked for the next prediction"  # session key
+_LAYOUT = """<pre>tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb
+tests/&lt;id&gt;.csv       its pulse: time_ms, acceleration_g
+cae.csv              one row a CAE run: id, speed_mph, front_weight_lb, rear_weight_lb
+cae_pulses.parquet   all CAE pulses: id, time_ms, acceleration_g</pre>"""  # st.code fetches 1.5 MB to colour programs
 
 
 def show_summary(view: View) -> None:
     """Say in a line what was accepted, and offer the next step."""
     campaign = view.campaign
     speeds = [test.condition.speed_mps for test in campaign.tests]
-    paired = sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
-    tests = "1 test" if len(campaign.tests) == 1 else f"{len(campaign.tests)} tests"
+    tests = "1 test" if len(speeds) == 1 else f"{len(speeds)} tests"
     at = view.display.words(speed(min(speeds), max(speeds), form=".0f"))
     with st.container(horizontal=True, vertical_alignment="center", key="summary"):
         st.markdown(
             f"**{tests} at {at}, {len(campaign.cae):,} CAE runs**", width="content",
-            help=f"Tests that have a CAE run at their own condition: {paired}.",
+            help=f"Tests that have a CAE run at their own condition: {_paired(campaign)}.",
         )  # fmt: skip
         st.caption(
             f"Fingerprint {campaign.fingerprint[:12]}", width="content",
@@ -57,6 +61,10 @@ def show_summary(view: View) -> None:
     editing.show_last_change(view)
     if asked:
         open_page("compare")
+
+
+def _paired(campaign: Campaign) -> int:
+    return sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
 
 
 def _offer_next(view: View) -> bool:
@@ -80,42 +88,37 @@ def _predict_next(request: StudyRequest) -> None:
 
 def show_tests(view: View) -> None:
     """All tests overlaid, as read or filtered."""
-    campaign, test = view.campaign, view.held_out
+    campaign, test, display = view.campaign, view.held_out, view.display
     editing.show_tests_in_use(view)
-    curves.offer_predictions_of_test(campaign, test.id, usual_approach(), among_tests=True)
+    Subject.held_out(view, among_tests=True).offer(usual_approach())
     options = [_AS_READ, *(f"CFC {cfc}" for cfc in _CLASSES)]
     choices.default("filter", _AS_READ, options)
     row = st.container(horizontal=True, vertical_alignment="bottom")
-    with row:
-        choice = st.segmented_control(
-            "Channel filter class (SAE J211-1)", options, default=_AS_READ,
-            required=True, key="filter", persist_state="session",
-            help="For this figure only: approaches are fitted and rated on the pulses as read.",
-        )  # fmt: skip
+    choice = row.segmented_control(
+        "Channel filter class (SAE J211-1)", options, default=_AS_READ, required=True, key="filter",
+        persist_state="session", help="For this figure only: approaches are fitted and rated on the pulses as read.",
+    )  # fmt: skip
     tests, also = choose_tests(view, row)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
-    by = chosen_config()  # added predictions are made
     show_cached_figure(
-        lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=view.display)),
+        lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=display)),
         f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed",
-        ("tests", campaign.fingerprint, test.id, cfc, view.display, tests, key_of(also), by),
-        name=" ".join([*(tests if len(tests) < len(campaign.tests) else ["tests"]), choice]),
-        beside=also,
-    )
+        ("tests", campaign.fingerprint, test.id, cfc, display, tests, key_of(also), chosen_config()),
+        name=" ".join([*(tests if len(tests) < len(campaign.tests) else ["tests"]), choice]), beside=also,
+    )  # fmt: skip
     reading = "as they are in the files"
     if campaign.channel_filter_class is not None:
         reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
     if cfc is None:
         st.caption(f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart.")
         return
-    peaks = [
-        abs(accel * view.display.accel_scale).max()
-        for accel in (test.pulse.accel_mps2, cfc_filter(test.pulse.accel_mps2, cfc=cfc, dt_s=test.pulse.dt_s))
-    ]
+    accel = test.pulse.accel_mps2
+    pulses = accel, cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
+    peaks = [abs(pulse * display.accel_scale).max() for pulse in pulses]
     st.caption(
         f"Thick: filtered to {choice}; thin: as read, {reading}. The filter takes the peak of {plain(test.id)} from "
-        f"{peaks[0]:.1f} to {peaks[1]:.1f} {view.display.unit}. It sees 0–100 ms only, so the first and last "
-        "milliseconds may differ from those of a filtered full record."
+        f"{peaks[0]:.1f} to {peaks[1]:.1f} {display.unit}. It sees 0–100 ms only: the first and last milliseconds may "
+        "differ from those of a filtered full record."
     )
 
 
@@ -128,16 +131,14 @@ def show_conditions(view: View) -> None:
         ("conditions", campaign.fingerprint, view.held_out.id, view.display.system),
         name="conditions",
     )
-    st.markdown(
-        f"**The tests, and how the CAE run paired with each rates before any correction** ({campaign.rating_basis})"
-    )
+    st.markdown(f"**The tests, and how their paired CAE runs rate before any correction** ({campaign.rating_basis})")
     show_table(results.conditions_table(campaign, view.display), "conditions")
 
 
 def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
-    curves.offer_predictions_of_test(campaign, view.held_out.id, usual_approach(), among_tests=True)
+    Subject.held_out(view, among_tests=True).offer(usual_approach())
     also = add_to_runs(view)
     show_cached_figure(
         lambda: without_clicks(campaign.plot("cae", also=also, display=view.display)),
@@ -146,12 +147,8 @@ def show_library(view: View) -> None:
         name="CAE runs",
         beside=also,
     )
-    paired = any(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
-    lines = "Lines are the runs" if paired else "No run was"
-    st.caption(
-        "The shaded band holds the middle 90 % of all CAE runs at each time, whatever their speed. "
-        f"{lines} made at a test's own condition."
-    )
+    lines = "Lines are the runs" if _paired(campaign) else "No run was"
+    st.caption(f"The band holds the middle 90 % of all CAE runs at each time. {lines} made at a test's own condition.")
     _show_quality(view)
 
 
@@ -176,12 +173,10 @@ def show_open_forms() -> None:
     folder, upload = st.columns(2, gap="large")
     with folder.form("open folder", border=False):
         st.text_input(
-            "A campaign folder on this computer",
-            key="folder",
+            "A campaign folder on this computer", key="folder",
             placeholder="the folder that holds tests.csv and cae.csv",
-            help="On the computer that crashfuse runs on. Nothing is copied or sent anywhere. Files and folders of "
-            "other formats are taken, too, to be imported.",
-        )
+            help="On the computer that crashfuse runs on. Nothing is copied or sent. Other formats are imported.",
+        )  # fmt: skip
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
     if folders := campaigns.recent_folders():
         with folder.container(horizontal=True, vertical_alignment="center", gap="small"):
@@ -193,24 +188,18 @@ def show_open_forms() -> None:
                 )  # fmt: skip
     with upload.form("open upload", border=False):
         st.file_uploader(
-            "Or a zip of one, its files together, or test and CAE files to import",
-            accept_multiple_files=True,
+            "Or a zip of one, its files together, or test and CAE files to import", accept_multiple_files=True,
             key=f"files {st.session_state.get(_ROUND, 0)}",
-            help=f"A campaign is CSV and Parquet. Formats that can be imported: {all_formats()}; how they are read is "
-            "shown first. Files go to the computer that crashfuse runs on, no further, and are deleted when it ends. "
-            "Open what is larger than the limit as a folder.",
-        )
+            help=f"A campaign is CSV and Parquet. Formats that can be imported: {all_formats()}. Files go to the "
+            "computer that crashfuse runs on, no further, and are deleted when it ends. Open what is larger than the "
+            "limit as a folder.",
+        )  # fmt: skip
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
     if problems := st.session_state.get(REFUSED):
         show_problems(problems, place="open")
     import_step.show_unfinished()
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
-        st.html(  # st.code would make the browser read 1.5 MB that colours programs
-            "<pre>tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb\n"
-            "tests/&lt;id&gt;.csv       its pulse: time_ms, acceleration_g\n"
-            "cae.csv              one row a CAE run: id, speed_mph, front_weight_lb, rear_weight_lb\n"
-            "cae_pulses.parquet   all CAE pulses: id, time_ms, acceleration_g</pre>"
-        )
+        st.html(_LAYOUT)
         st.markdown(
             "Speeds may be in mph, km/h or m/s (`_mph`, `_kph`, `_mps`), weights in lb or kg, time in ms or s, and "
             "accelerations in g or m/s² (`_g`, `_mps2`): the end of a column's name tells. Pulses of either source "
@@ -238,17 +227,16 @@ def _open_folder() -> None:
 
 
 def _campaign_or_source(path: Path) -> str | Source:
-    """Open a campaign folder; a folder that is not a campaign, but can be imported, is a source."""
+    """Open a campaign folder; a file or folder that is none, but can be imported, is a source."""
     path = campaigns.allowed(path)
     if path.is_file():
         return _source_or_advice(path)
     try:
         name = campaigns.open_folder(path)
     except DataError:
-        if has_table(path):
-            raise
-        with suppress(DataError, OSError):
-            return source_at(path)
+        if not has_table(path):
+            with suppress(DataError, OSError):
+                return source_at(path)
         raise
     campaigns.remember(campaigns.folder_of(name))
     return name

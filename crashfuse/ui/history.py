@@ -1,7 +1,6 @@
 """The page History: past results, notes on them, one opened again, two compared."""
 
 from contextlib import suppress
-from dataclasses import replace
 
 import streamlit as st
 
@@ -33,19 +32,14 @@ from crashfuse.ui.predict import fill_in
 
 _ROW_PX, _MOST_ROWS = 35, 9
 _OPEN = "Open"
-_WIDTHS_PX = {_OPEN: 62, "Campaign": 100, "What": 195}  # all columns fit at 900 px
 _TICKED = ("first", "second")  # session keys: ids of the results that are compared; "" for none
 _TABLE, _CLICKED, _CHOSEN = "past results", "clicked result", "result to open"
-_HOW_TO_COMPARE = (
-    "No two studies listed here share a test and differ in their data or settings: run one again with another seed, "
-    "say, and both are compared here."
-)
 _REFUSED = "refused result"  # session key
 
 
 def visible() -> list[PastResult]:
     """Past results of campaigns open to this visitor and, unless folders are restricted, of all but uploads."""
-    mine = {data for name in campaigns.open_campaigns() if (data := fingerprint(name)) is not None}
+    mine = {data for name in campaigns.open_campaigns() if (data := _fingerprint(name)) is not None}
     hidden = uploaded_data() - mine
     return [
         result
@@ -54,7 +48,7 @@ def visible() -> list[PastResult]:
     ]
 
 
-def of_campaign(results: list[PastResult], here: str) -> list[PastResult]:
+def choose_listed(results: list[PastResult], here: str) -> list[PastResult]:
     """Those of the open campaign or of all, as the user chooses."""
     here_only = [result for result in results if result.campaign == here]
     if not here_only or len(here_only) == len(results):
@@ -62,12 +56,6 @@ def of_campaign(results: list[PastResult], here: str) -> list[PastResult]:
     labels = {"this": plain(here), "all": "All campaigns"}
     shown = choose("Campaigns", list(labels), key="listed", label_of=labels.__getitem__)
     return here_only if shown == "this" else results
-
-
-def with_ticked(results: list[PastResult], listed: list[PastResult], chosen: list[PastResult]) -> list[PastResult]:
-    """The list with whatever is ticked, of any campaign, so that its tick can be taken away."""
-    missing = [result for result in chosen if result not in listed]
-    return sorted([*listed, *missing], key=results.index) if missing else listed
 
 
 def is_suggested() -> bool:
@@ -79,9 +67,9 @@ def ticked(results: list[PastResult], listed: list[PastResult]) -> list[PastResu
     """Those that are ticked; until somebody ticks one, two of the list that differ."""
     if is_suggested():
         return list(telling_pair([result for result in listed if result.tests]) or ())
-    asked = [st.session_state[key] for key in _TICKED]
     by_id = {result.id: result for result in results}
-    if any(asked_id and asked_id not in by_id for asked_id in asked):
+    asked = [asked_id for key in _TICKED if (asked_id := st.session_state[key])]
+    if not {*asked} <= {*by_id}:
         st.warning("A result of this link is not in the list of this machine.", icon=":material/link_off:")
     return [by_id[asked_id] for asked_id in asked if asked_id in by_id]
 
@@ -100,7 +88,7 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
         new = [result for result in selected if result not in chosen]
         kept = [] if new and is_suggested() else [result for result in chosen if result in selected]
         ids = [result.id for result in [*kept, *new][-2:]]
-        st.session_state.update(zip(_TICKED, [*ids, "", ""], strict=False))  # "": none, and that was chosen
+        st.session_state.update(zip(_TICKED, [*ids, "", ""], strict=False))
 
     def open_clicked() -> None:
         open_result(results[st.session_state[_CLICKED].row])
@@ -109,16 +97,15 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
         open_result(next(result for result in results if result.id == st.session_state[_CHOSEN]))
         st.session_state[_CHOSEN] = None  # to be chosen again, if it could not be opened
 
+    text = st.column_config.TextColumn
     st.dataframe(
         table, hide_index=True, on_select=tick, selection_mode="multi-row", key=_TABLE,
         height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Studies and predictions of this machine",
-        column_config={
-            _OPEN: st.column_config.ButtonColumn("", width=_WIDTHS_PX[_OPEN], key=_CLICKED, on_click=open_clicked),
-            "What": st.column_config.TextColumn(
-                width=_WIDTHS_PX["What"], help="A test is left out alone, with all at about its speed, or both ways."
-            ),
-            "Campaign": st.column_config.TextColumn(width=_WIDTHS_PX["Campaign"]),
-            "Mean rating": st.column_config.TextColumn(
+        column_config={  # all columns fit at 900 px
+            _OPEN: st.column_config.ButtonColumn("", width=62, key=_CLICKED, on_click=open_clicked),
+            "What": text(width=195, help="A test is left out alone, with all at about its speed, or both ways."),
+            "Campaign": text(width=100),
+            "Mean rating": text(
                 "Rating", alignment="right",
                 help="Over the longest window: of a study the mean, of a prediction 80 % of what is to be expected.",
             ),
@@ -131,21 +118,53 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
     )  # fmt: skip
 
 
+def edit_ticked(ticked: list[PastResult], display: Display) -> None:
+    """Offer a note on each result that is ticked, and to take it off the list."""
+    for result in ticked:
+        key, label = f"note on {result.id}", f"Note on {described(result, display)}"
+        show_label(label)
+        with st.container(horizontal=True, vertical_alignment="bottom"):
+            st.text_input(
+                label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed",
+                placeholder="such as: baseline CAE model, before the new rail", on_change=_annotate, args=(result, key),
+            )  # fmt: skip
+            st.button(
+                "Take off the list", icon=":material/playlist_remove:", key=f"forget {result.id}", on_click=_forget,
+                args=(result,), help="For everybody on this machine. It is listed again when it is asked for again.",
+            )  # fmt: skip
+        if refused := st.session_state.pop(f"{key} refused", ""):
+            st.warning(plain(refused), icon=":material/warning:")
+
+
+def _annotate(result: PastResult, key: str) -> None:
+    """Keep the note; what is refused stays in its field, and why is shown below it."""
+    try:
+        annotate(result, st.session_state[key])
+    except DataError as error:
+        st.session_state[f"{key} refused"] = str(error.problems[0])
+    except OSError as error:
+        st.session_state[f"{key} refused"] = f"The note was not kept: {error.strerror or error}."
+
+
+def _forget(result: PastResult) -> None:
+    forget(result)
+    note_in_log(visitor(), f"took a result of {result.campaign} off the list")
+
+
 def compare(chosen: list[PastResult], display: Display) -> None:
     """Show the two that are ticked beside each other, or say what to tick."""
     if len(chosen) < 2:
-        st.markdown(_HOW_TO_COMPARE if is_suggested() else "Tick two results to compare them.")
+        st.markdown("Tick two results to compare them: studies with a test in common, or predictions.")
         return
     first, second = chosen
     st.header("Two compared")
     st.markdown(f"First: **{plain(described(first, display))}**  \nSecond: **{plain(described(second, display))}**")
-    if not (first.tests or second.tests):
-        offer_predictions(first, second)
-        return
-    if not (first.tests and second.tests):
-        st.info("A prediction has no ratings: tick two studies, or two predictions.", icon=":material/join_inner:")
-        return
     try:
+        if not (first.tests or second.tests):
+            _offer_predictions(first, second)
+            return
+        if not (first.tests and second.tests):
+            raise UsageError("A prediction has no ratings: tick two studies, or two predictions.")
         compared = _compared(first.id, second.id, chosen)
     except UsageError as error:
         st.info(plain(error), icon=":material/join_inner:")
@@ -155,7 +174,7 @@ def compare(chosen: list[PastResult], display: Display) -> None:
         way = choose("Left out", compared.ways, key="compared_way", label_of=left_out_in_words)
     elif way in first.by_way:  # else the cautions say it
         st.caption(f"{left_out_in_words(way)}.")
-    offer_pulses(first, second)
+    _offer_pulses(first, second)
     _show(compared, way, display)
 
 
@@ -196,101 +215,53 @@ def _show_each_test(compared: StudyComparison, window: float, way: str) -> None:
     show_table(comparison_table(compared, approach, window, way), "compared tests")
 
 
-def edit_ticked(ticked: list[PastResult], display: Display) -> None:
-    """Offer a note on each result that is ticked, and to take it off the list."""
-    for result in ticked:
-        key, label = f"note on {result.id}", f"Note on {described(result, display)}"
-        refused = st.session_state.pop(f"{key} refused", "")
-        show_label(label)
-        with st.container(horizontal=True, vertical_alignment="bottom"):
-            st.text_input(
-                label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed",
-                placeholder="such as: baseline CAE model, before the new rail", on_change=_annotate, args=(result, key),
-            )  # fmt: skip
-            st.button(
-                "Take off the list", icon=":material/playlist_remove:", key=f"forget {result.id}", on_click=_forget,
-                args=(result,), help="For everybody on this machine; the result itself stays, and is listed when asked "
-                "for again.",
-            )  # fmt: skip
-        if refused:
-            st.warning(plain(refused), icon=":material/warning:")
-
-
-def _annotate(result: PastResult, key: str) -> None:
-    """Keep the note; what is refused stays in its field, and why is shown below it."""
-    try:
-        annotate(result, st.session_state[key])
-    except DataError as error:
-        st.session_state[f"{key} refused"] = str(error.problems[0])
-    except OSError as error:
-        st.session_state[f"{key} refused"] = f"The note was not kept: {error.strerror or error}."
-
-
-def _forget(result: PastResult) -> None:
-    forget(result)
-    note_in_log(visitor(), f"took a result of {result.campaign} off the list")
-
-
 def say_refused() -> None:
     """Say what is in the way of opening a result, if that was just tried."""
     if refused := st.session_state.pop(_REFUSED, ""):
         st.warning(plain(refused), icon=":material/folder_off:")
 
 
-def open_result(result: PastResult) -> bool:
-    """Open a result; False if it cannot be, and why is recorded."""
-    if not _choose_data(result):
+def open_result(result: PastResult, test: str = "", settings: str = "") -> bool:
+    """Open a result, at a test and beside that by other settings perhaps; False if it cannot be, which is then said."""
+    names = [name for name in campaigns.open_campaigns() if _fingerprint(name) == result.fingerprint]
+    state, config = st.session_state, result.config
+    here = state["campaign"]
+    if not names:
+        state[_REFUSED] = _in_the_way(result)
         return False
-    if len(result.tests) == 1:
-        st.session_state["test"] = result.tests[0]
-    if result.condition is not None:
-        fill_in(campaigns.load(st.session_state["campaign"]), result.condition)
-    open_next(_page(result))
-    return True
-
-
-def _choose_data(result: PastResult) -> bool:
-    names = [name for name in campaigns.open_campaigns() if fingerprint(name) == result.fingerprint]
-    here = st.session_state["campaign"]
-    name = here if here in names else next(iter(names), None)
-    if name is None:
-        st.session_state[_REFUSED] = _in_the_way(result)
-        return False
+    name = here if here in names else names[0]
     choose_campaign(name)
     if name != here:
         note_for_next_page(f"Opened in {campaigns.label(name)}, which has the data of this result.")
-    config = result.config
-    st.session_state.update(
+    state.update(
         preset=config.preset, seed=config.seed, device=config.device,
         approaches=[approach for approach in APPROACHES if approach in config.approaches],
         leave_out="speed group" if config.leave_out == "speed group" else "test",
     )  # fmt: skip
+    if len(result.tests) == 1 or test:
+        state["test"] = test or result.tests[0]
+    if result.condition is not None:
+        fill_in(campaigns.load(name), result.condition)
+    if settings:
+        state["also"] = list(dict.fromkeys([*state["also"], settings]))
+    at_test = test or len(result.tests) == 1
+    open_next("predict" if result.condition is not None else "compare" if at_test else "study")
     return True
 
 
 def _in_the_way(result: PastResult) -> str:
     data = f"campaign {result.campaign} with the data {result.fingerprint[:8]}"
-    of = f"The {data}"
     for name in campaigns.open_campaigns():
         with suppress(DataError):
             campaign = campaigns.load(name)
-            unused = ", ".join(test for test, _ in campaign.unused)
-            if campaign.name == result.campaign and unused:
-                return f"{of} is open with other tests: use {unused} again on the page Data, then choose it again."
             if campaign.name == result.campaign:
-                return (
-                    f"{of} was changed since: undo that on the page Data, or open a copy of it, then choose it again."
-                )
+                unused = ", ".join(test for test, _ in campaign.unused)
+                change = f"use {unused} again" if unused else "undo the last change, or open a copy"
+                return f"The {data} was changed since: {change} on the page Data, then choose the result again."
     return f"You have not opened the {data}: open its folder, or upload it, on the page Data, then choose it again."
 
 
-def _page(result: PastResult) -> str:
-    if result.condition is not None:
-        return "predict"
-    return "compare" if len(result.tests) == 1 else "study"
-
-
-def fingerprint(name: str) -> str | None:
+def _fingerprint(name: str) -> str | None:
     """That of the data of an open campaign; None if it cannot be read any more."""
     try:
         return campaigns.fingerprint_of(name)
@@ -298,57 +269,35 @@ def fingerprint(name: str) -> str | None:
         return None
 
 
-def offer_pulses(first: PastResult, second: PastResult) -> None:
+def _offer_pulses(first: PastResult, second: PastResult) -> None:
     """Offer to show both on Compare, if they rest on the same data and have one test in common."""
     shared = [test for test in first.tests if test in second.tests]
     config, others = first.config.split_configs[0], second.config.split_configs
-    other = next((way for way in others if way.leave_out == config.leave_out), others[0])
-    beside = settings_text(other)
-    if first.fingerprint == second.fingerprint and len(shared) == 1 and beside != settings_text(config):
+    other = settings_text(next((way for way in others if way.leave_out == config.leave_out), others[0]))
+
+    def open_both() -> None:
+        open_result(first, shared[0], other)
+
+    if first.fingerprint == second.fingerprint and len(shared) == 1 and other != settings_text(config):
         st.button(
-            f"Show both on Compare, {plain(shared[0])}", icon=":material/stacked_line_chart:", on_click=_open_beside,
-            args=(first, shared[0], beside), help="The pulses of the second stand beside those of the first.",
+            f"Show both on Compare, {plain(shared[0])}", icon=":material/stacked_line_chart:", on_click=open_both,
+            help="The pulses of the second stand beside those of the first.",
         )  # fmt: skip
 
 
-def _open_beside(result: PastResult, test: str, beside: str) -> None:
-    """Open a study at one of its tests on Compare, with the prediction of it by other settings beside its own."""
-    if _choose_data(result):
-        st.session_state["test"] = test
-        _put_beside(beside)
-        open_next("compare")
-
-
-def _put_beside(settings: str) -> None:
-    st.session_state["also"] = list(dict.fromkeys([*st.session_state["also"], settings]))
-
-
-def offer_predictions(first: PastResult, second: PastResult) -> None:
-    """Offer to show two predictions beside each other on the page Predict."""
-    if first.fingerprint != second.fingerprint:
-        why = "These predictions rest on different data; Predict shows those beside each other that rest on the same."
-    elif _settings(first) != _settings(second) and first.condition != second.condition:
-        why = (
-            "These predictions differ in their condition and in their settings; Predict shows those beside each other "
-            "that differ in only one of the two."
+def _offer_predictions(first: PastResult, second: PastResult) -> None:
+    """Offer to show two predictions beside each other on the page Predict: by other settings, or one of them pinned."""
+    same_settings = (first.config.preset, first.config.seed) == (second.config.preset, second.config.seed)
+    if first.fingerprint != second.fingerprint or not (same_settings or first.condition == second.condition):
+        raise UsageError(
+            "Predict shows predictions beside each other that rest on the same data and differ in their condition or "
+            "in their settings; these do not."
         )
-    else:
-        st.button(
-            "Show both on Predict", icon=":material/keep:", type="primary", on_click=_open_both, args=(first, second)
-        )
-        return
-    st.info(why, icon=":material/join_inner:")
 
+    def open_both() -> None:
+        if same_settings and open_result(first):
+            pin_all([result.condition for result in (first, second) if result.condition is not None])
+        elif not same_settings:
+            open_result(first, settings=settings_text(second.config))
 
-def _open_both(first: PastResult, second: PastResult) -> None:
-    """Open a prediction with another beside it: by its settings, or pinned if these are the same."""
-    if not open_result(first):
-        return
-    if _settings(first) != _settings(second):
-        _put_beside(settings_text(replace(second.config, leave_out=st.session_state["leave_out"])))
-    else:
-        pin_all([result.condition for result in (first, second) if result.condition is not None])
-
-
-def _settings(result: PastResult) -> tuple[str, int]:
-    return result.config.preset, result.config.seed
+    st.button("Show both on Predict", icon=":material/keep:", type="primary", on_click=open_both)

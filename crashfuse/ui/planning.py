@@ -21,7 +21,7 @@ from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
 from crashfuse.ui.kit import choices, results
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import SweepRequest
+from crashfuse.ui.kit.computation import sweep_over_speed
 from crashfuse.ui.kit.figures import show_figure
 from crashfuse.ui.kit.files import download_report, download_table
 from crashfuse.ui.kit.progress import result_or_none
@@ -56,7 +56,7 @@ def show_over_speed(answer: Answer) -> None:
         return
     st.markdown("Predictions of every approach over impact speed, at the weights above, with the tests as points.")
     sweep = result_or_none(
-        SweepRequest(request, answer.fitted, condition),
+        sweep_over_speed(request, answer.fitted, condition),
         invitation="About thirty speeds are predicted, which takes about ten seconds.",
         button="Predict over speed",
     )
@@ -81,7 +81,7 @@ def show_over_speed(answer: Answer) -> None:
 
 def show_next_test(answer: Answer) -> None:
     """Show which test would narrow the band most, over a range chosen here."""
-    campaign, request = answer.campaign, answer.request
+    campaign, request = answer.view.campaign, answer.request
     domains = [fit.approach for fit in answer.fitted.fits if isinstance(fit.approach, DisplacementDomain)]
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
         st.info("Ranking next tests needs the displacement domain with the fast settings.")

@@ -86,29 +86,10 @@ def launch(
     secrets: Path | None = None,
     log: Path | None = None,
 ) -> None:
-    """Serve the dashboard on 127.0.0.1 until interrupted.
+    """Serve the dashboard on 127.0.0.1, and under the names of a proxy (``hosts``), until interrupted.
 
-    Parameters
-    ----------
-    port : int
-        Port to listen on.
-    campaign : Path, optional
-        Folder to open at start-up.
-    roots : sequence of Path, optional
-        Folders that the pages may open and write to, with all in them; none for no restriction.
-    hosts : sequence of str, optional
-        Names under which a reverse proxy makes it known.
-    secrets : Path, optional
-        Secrets file whose section ``[auth]`` says how to log in; without it, nobody has to.
-    log : Path, optional
-        File to append the log to, instead of standard error.
-
-    Raises
-    ------
-    DataError
-        If nobody could log in by that file.
-    OSError
-        If the log cannot be written.
+    Pages open and write to the ``roots`` alone, if any; people log in if ``secrets`` has a section ``[auth]``.
+    Raises a DataError if nobody could log in, an OSError if the log cannot be written.
     """
     if secrets is not None:
         visitors.check_login([secrets], required=True)
@@ -141,12 +122,9 @@ def launch(
 
 
 class Guard:
-    """Lets no other page embed the dashboard, so that nobody clicks in it unknowingly, and names each browser.
+    """Lets no other page embed the dashboard, nor its pages fetch anything from elsewhere, and names each browser.
 
-    Nor do its pages fetch anything from other servers.
-
-    Of other names than the allowed ones Streamlit refuses the WebSocket only; here all is refused, and why is said. It
-    lets in any page of this machine, whichever program serves it; here the WebSocket is for pages of this server alone.
+    Under other names than the allowed ones all is refused, not the WebSocket only, which is for own pages alone.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -190,10 +168,7 @@ def _is_own_page(connection: HTTPConnection) -> bool:
 
 
 async def _forget_closed_tabs() -> None:
-    """Free what lies in upload fields of tabs that were closed: Streamlit keeps it until it is asked about something.
-
-    A browser that was cut off for some seconds finds it again.
-    """
+    """Free what lies in upload fields of tabs that were closed, unless they come back within seconds."""
     gone: dict[str, float] = {}
     while True:
         await asyncio.sleep(_LOOK_S)

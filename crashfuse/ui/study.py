@@ -7,10 +7,7 @@ from functools import partial
 
 import streamlit as st
 
-from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError
-from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import Watch
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5
@@ -19,14 +16,14 @@ from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MO
 from crashfuse.reporting.result_tables import curve_table, gains_table
 from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig, has_speed_groups
-from crashfuse.study.learning_curve import CURVE_CONFIG, LearningCurve, is_curve_cached, learning_curve
+from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.choices import choose_held_out
-from crashfuse.ui.kit.computation import Request, StudyRequest, jobs, said_of
+from crashfuse.ui.kit.computation import StudyRequest, jobs, learn_curve
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
 from crashfuse.ui.kit.files import choose_report, download_report, download_table
 from crashfuse.ui.kit.progress import result_or_none
@@ -71,10 +68,7 @@ class Outcome:
 
 
 def by_group(request: StudyRequest) -> bool:
-    """Whether tests are left out with all at about their speed: where a study has both ways, as the reader has chosen.
-
-    Of a study that is being computed, the way that is shown: at first each test left out alone.
-    """
+    """Whether the tests shown were left out with all at about their speed; of both ways, as the reader has chosen."""
     if request.config.leave_out != "both":
         return request.config.leave_out == "speed group"
     job = jobs().get(request.key)
@@ -146,11 +140,14 @@ def show_bands(outcome: Outcome) -> None:
     if not study.coverage:
         st.info("None of these approaches has a band.", icon=":material/info:")
         return
-    st.subheader(f"How sure the ratings are, {outcome.window}")
     left_out, draw = file_of(leave_out), partial(study.plot, display=outcome.view.display)
+
+    def show(figure: str, alt: str, name: str) -> None:
+        show_cached_figure(partial(draw, figure=figure), alt, figure, leave_out, outcome.key, name=f"{name} {left_out}")
+
+    st.subheader(f"How sure the ratings are, {outcome.window}")
     alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
-    name = f"ratings of draws {left_out}"
-    show_cached_figure(partial(draw, figure="draws"), alt, "draws", leave_out, outcome.key, name=name)
+    show("draws", alt, "ratings of draws")
     st.caption(
         "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
         "single pulse has oscillations of its own, so it rates lower. Grey: where a repeat of the test would rate."
@@ -162,8 +159,7 @@ def show_bands(outcome: Outcome) -> None:
         f"{len(study.folds)} tests no more can be promised than these counts."
     )
     alt = f"Share of the time up to TTZV at which a(t) lies inside bands of each level, each test {left_out}"
-    name = f"coverage by level {left_out}"
-    show_cached_figure(partial(draw, figure="calibration"), alt, "calibration", leave_out, outcome.key, name=name)
+    show("calibration", alt, "coverage by level")
     st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")
 
 
@@ -189,31 +185,8 @@ def show_files(outcome: Outcome) -> None:
         if (groups := study.speed_groups) is not None:
             download_table("speed_groups.csv", lambda: groups.scores, of)
         if outcome.whole:
-            download_report(
-                lambda: study_report(study, view.display, report), f"{of} {report.form} {' '.join(report.tests)}"
-            )
-
-
-@dataclass(frozen=True)
-class LearningCurveRequest(Request[LearningCurve]):
-    """Predict the tests of a campaign from fewer of the others."""
-
-    campaign: Campaign
-    config: StudyConfig
-
-    @property
-    def key(self) -> Hashable:  # noqa: D102
-        return "learning curve", said_of(self.campaign), self.config
-
-    @property
-    def title(self) -> str:  # noqa: D102
-        return f"{self.campaign.name}: predict tests from fewer of the others"
-
-    def work(self, watch: Watch) -> LearningCurve:  # noqa: D102
-        return learning_curve(self.campaign, self.config, watch=watch)
-
-    def in_cache(self) -> bool:  # noqa: D102
-        return is_curve_cached(self.campaign, self.config, Cache())
+            of_report = f"{of} {report.form} {' '.join(report.tests)}"
+            download_report(lambda: study_report(study, view.display, report), of_report)
 
 
 def show_learning_curve(view: View, config: StudyConfig) -> None:
@@ -225,7 +198,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     )
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
     whole = result_or_none(
-        LearningCurveRequest(campaign, settings),
+        learn_curve(campaign, settings),
         invitation="This has not been computed for this campaign yet. It takes a minute or more the first time; "
         "meanwhile you can work on the other pages.",
         button=f"Predict from 1 to {len(campaign.tests) - 1} tests",

@@ -274,19 +274,6 @@ def bands(user: User) -> dict[str, bool]:
     return {name: fill == "toself" for name, fill in drawn}
 
 
-def drawn_again(user: User) -> list[int]:
-    """How often Plotly drew figures anew because they had too narrow margins."""
-    asked = (
-        "return [...document.querySelectorAll('.js-plotly-plot')].map(e => e._fullLayout._redrawFromAutoMarginCount)"
-    )
-    return [count for count in user.browser.execute_script(asked) if count is not None]
-
-
-def top_of(user: User, css: str) -> float:
-    """Distance of the first element of this kind from the window's upper edge, in pixels."""
-    return float(user.browser.execute_script("return arguments[0].getBoundingClientRect().top", user.find(css)))
-
-
 def rows(text: str) -> list[dict[str, str]]:
     """A CSV file's rows by column."""
     return list(csv.DictReader(io.StringIO(text)))

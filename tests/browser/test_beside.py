@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, press_tool, rows, top_of
+from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, press_tool, rows
 
 pytestmark = pytest.mark.slow
 
@@ -61,7 +61,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: "Server", user: "User") -> None:
     """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one.
 
-    The figure stays within 350 px, outside the CAE runs, too; of three bands one is filled. Compare shows a pinned
+    Of three bands one is filled. Compare shows a pinned
     prediction beside its test, if asked. The report is short, if that is chosen.
     """
     user.sits_at(1440, 1000)
@@ -81,7 +81,6 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.sees("Extrapolation: speed 60.0 mph lies outside")
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
-    user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.", 10)
     assert sorted(bands(user).values()) == [False, False, True]
     assert bands(user)["displacement_domain"]
     user.wait(lambda: "speed_mph=60" in user.browser.current_url)
@@ -137,7 +136,7 @@ def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(
     assert sum(column.startswith("Displacement domain, seed 1") for column in first) >= 3
     user.go("Data")
     user.sees("T3 by Displacement domain, seed 1", FIGURE)
-    user.press("Beside them", f"{MAIN} button")
+    user.press("Add curves", f"{MAIN} button")
     user.find('input[aria-label^="Also show"]').send_keys("T3 by Displacement domain", Keys.ENTER)
     seed_0 = "T3 by Displacement domain (95 % band)"
     user.wait(lambda: seed_0 in legend(user))

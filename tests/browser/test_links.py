@@ -87,21 +87,6 @@ def test_back_undoes_the_last_choice_and_no_more(server: "Server", user: "User")
     user.wait(lambda: shown(user)[2:4] == ["All at its speed", "0–20 ms"] and asked(user)["window"] == "20")
 
 
-def test_back_from_another_page_returns_to_what_was_chosen_just_before(server: "Server", user: "User") -> None:
-    """A choice that acts on both pages, as units do, is a step of its own however soon the other page is opened."""
-    user.open(server, "compare", campaign="sample", test="T03")
-    user.wait(lambda: "T03 · 16.7 mph" in shown(user))
-    user.press("km/h, kg", f"{SIDEBAR} button")
-    user.wait(lambda: asked(user).get("system") == "kph-kg")
-    user.go("Train")
-    user.wait(lambda: urlsplit(user.browser.current_url).path == "/train" and asked(user)["system"] == "kph-kg")
-    user.sees("Held-out tests")
-    user.browser.back()
-    user.wait(lambda: urlsplit(user.browser.current_url).path == "/compare" and "T03 · 26.9 km/h" in shown(user))
-    user.browser.back()
-    user.wait(lambda: "T03 · 16.7 mph" in shown(user) and "system" not in asked(user))
-
-
 def test_a_button_that_opens_a_page_is_one_step_for_back(small_server: "Server", user: "User") -> None:
     """Back from a test that Train has opened returns to Train as it was, not to Train with that test chosen."""
     user.open(small_server, "train", campaign="campaign", test="T2", held_out=("T2", "T3"), approaches="cae")

@@ -123,51 +123,15 @@ def sample_study() -> Study:
     return Study(campaign, config, tuple(folds))
 
 
-_CELLS = """
-const figure = [...document.querySelectorAll(".js-plotly-plot")].find(each => each.querySelector(".heatmap-label"));
-const words = [...figure.querySelectorAll(".heatmap-label")].map(each => each.getBoundingClientRect().width);
-const cells = figure.querySelector(".nsewdrag").getBoundingClientRect().width;
-const trace = figure.data.find(each => each.type === "heatmap");
-return [Math.max(...words), cells / trace.x.length, trace.textfont.size];
-"""  # of a table of cells: its widest words, the width of a cell, and the size of the words
-
-
-_PARTS = """
-const parts = [...document.querySelectorAll(".js-plotly-plot")].filter(each => each.layout.yaxis4);
-return Math.max(0, ...parts.map(each => each.getBoundingClientRect().height));
-"""  # how high the figure is that explains a rating, if there is one
-
-
-_TOO_WIDE = """
-const ids = document.querySelectorAll(".narrow td:first-child");
-ids.forEach(id => id.textContent = "2026-11_" + "long_id_".repeat(8));
-return Math.max(0, ...[...document.querySelectorAll(".narrow")].map(tables => tables.scrollWidth - tables.clientWidth));
-"""  # by how much tables in columns are, whose tests have long ids
-
-
 @pytest.mark.parametrize(("form", "most"), [("short", 3), ("whole", 26)])
 def test_a_report_on_the_sample_fits_its_pages(
     user: "User", tmp_path: "Path", sample_study: Study, form: ReportForm, most: int
 ) -> None:
-    """Printed by Chromium: short on three pages of A4, whole on about 25.
-
-    Words of a table keep within its cells; long ids make tables in columns no wider, which made all pages smaller.
-    """
+    """Printed by Chromium: short on three pages of A4, whole on about 25."""
     path = tmp_path / f"{form}.html"
     notes = (Note("T01", "Third hump comes early: check the record", 25.0, 40.0), Note("T02", "Barrier face replaced"))
     path.write_text(study_report(sample_study, options=ReportOptions(form, notes=notes)), encoding="utf-8")
     user.browser.get(path.as_uri())
     user.wait(lambda: user.all(FIGURE))
-    user.browser.execute_script("dispatchEvent(new Event('beforeprint'))")
-    words, cell, on_paper = user.browser.execute_script(_CELLS)
-    assert 0 < words <= 0.8 * cell
-    assert user.browser.execute_script(_PARTS) <= 430  # else they do not fit below the pulses: half a page stays empty
-    user.browser.execute_script("dispatchEvent(new Event('afterprint'))")
-    assert user.browser.execute_script(_CELLS)[2] == 12 > on_paper
     printed = user.browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed["data"]))) <= most
-    user.sits_at(794, 1123)
-    user.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-    too_wide_px = user.browser.execute_script(_TOO_WIDE)
-    user.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
-    assert too_wide_px == 0

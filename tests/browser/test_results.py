@@ -8,7 +8,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, press_tool, rows, top_of
+from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, press_tool, rows
 
 pytestmark = pytest.mark.slow
 
@@ -47,25 +47,10 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User")
     assert "Test T1" in report
 
 
-_CUT = """
-const cut = e => getComputedStyle(e).textOverflow == "ellipsis" && e.scrollWidth > e.clientWidth;
-return [...document.querySelectorAll('[data-testid="stMetric"] *')].filter(cut).length;
-"""
-
-_WIDE_WORDS = """
-const words = [...document.querySelectorAll('.heatmap-label')];
-const columns = document.querySelectorAll('.js-plotly-plot .xtick').length;
-const cell = document.querySelector('.js-plotly-plot .nsewdrag').getBoundingClientRect().width / columns;
-return words.length ? words.filter(e => e.getBoundingClientRect().width > cell).length : -1;
-"""
-
-
 def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: "User") -> None:
     """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict.
 
-    Once judged, criteria fold away, so that all verdicts stand on the first screen, with the answer beside each row,
-    the figure within 350 px; unfolded they stay so. At twice the size no number of the answer is cut, and in a narrow
-    window the words of eight criteria stay in their cells.
+    Once judged, criteria fold away; unfolded they stay so.
     """
     criteria = user.downloads.parent / "criteria.toml"
     criteria.write_text('confidence = 0.9\n[[criterion]]\nmetric = "peak"\nat_most = 25\n', encoding="utf-8")
@@ -78,16 +63,12 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.presses_until(lambda: user.texts(MAIN, "Wrong so far"), "Certify", f"{MAIN} button")
     user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
     user.sees("would miss", FIGURE)
-    user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.", 10)
     user.press("Criteria and conditions", "summary")
     user.fill("Confidence", "0.85")
     user.wait(lambda: "confidence=0.85" in user.browser.current_url)
     user.fill("Confidence", "0.9")
     user.wait(lambda: "confidence=0.85" not in user.browser.current_url)
     user.press("Criteria and conditions", "summary")
-    user.sits_at(720, 500)
-    user.wait(lambda: not user.browser.execute_script(_CUT), "Numbers of the answer are cut.", 15)
-    user.sits_at(1440, 1000)
     # a column of two rows
     user.clicks_cell("M002 · 30.0 mph", lambda _, height: (200, 0.2 * height), "M002 | peak: not met")
     assert "cell=M002" in user.browser.current_url
@@ -97,11 +78,6 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.open_tab("Verdicts")
     user.press("See the predicted pulse there")
     user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "30.0")
-    user.sits_at(720, 1000)
-    many = tuple(f"peak~~~{5 + i}~peak {i}" for i in range(8))
-    user.open(small_server, "certify", campaign="campaign", criteria=many, **link)
-    user.sees("peak 7", FIGURE)
-    user.wait(lambda: user.browser.execute_script(_WIDE_WORDS) == 0, "Words run out of their cells.", 10)
 
 
 def presses(user: "User", slider: "WebElement", key: str) -> None:
@@ -157,7 +133,7 @@ look();
 
 
 def test_predict_answers_another_speed_at_once(small_server: "Server", user: "User") -> None:
-    """The figure, within 350 px, follows number field and slider, and they each other; so do the links and Back.
+    """The figure follows number field and slider, and they each other; so do the links and Back.
 
     Planning lies in tabs. What to expect is a range; where the record ends too early, one end of an interval is told,
     or that there is none.
@@ -166,7 +142,6 @@ def test_predict_answers_another_speed_at_once(small_server: "Server", user: "Us
     user.open(small_server, "predict", approaches=QUICK)
     user.starts("Predict", FIGURE)
     assert re.search(r"Expected over 0–60 ms: 0\.\d\d to 0\.\d\d \(80.%, [A-Z]", user.sees("Use the"))
-    user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.")
     field = user.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("31.5", Keys.ENTER)

@@ -1,7 +1,6 @@
 """Units in a real browser: one choice, which condition, figure, table and report follow."""
 
 from typing import TYPE_CHECKING
-from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
@@ -66,23 +65,3 @@ def test_other_units_change_neither_the_held_out_test_nor_what_is_beside_it(
         assert "Test T3: " in user.sees("Compare")
         assert "test=T3" in user.browser.current_url
         assert "also=T2&also=T4" in user.browser.current_url
-
-
-def test_what_is_chosen_stays_when_units_change_to_and_fro_before_anything_is_computed(
-    small_server: "Server", user: "User"
-) -> None:
-    """A page without a result ends early: its fields come back as they were, neither empty nor in the other units."""
-    user.open(small_server, "predict", campaign="campaign", seed="77", speed_mph="25")
-    for units, value, unit in (("km/h, kg", "40.2", "km/h"), ("mph, lb", "25.0", "mph"), ("km/h, kg", "40.2", "km/h")):
-        user.press(units)
-        shows_speed(user, value, unit)
-    criterion = "delta_v~~~48~velocity change"
-    user.open(small_server, "certify", campaign="campaign", seed="77", criteria=criterion, speeds="30,48 km/h")
-    for units, speeds, unit in (
-        ("km/h, kg", "30,48", "km/h"), ("mph, lb", "18.6411,29.8258", "mph"), ("km/h, kg", "30,48", "km/h")
-    ):  # fmt: skip
-        user.press(units)
-        field = f'input[aria-label="Speeds ({unit})"]'
-        user.wait(lambda: user.find(field).get_attribute("value") == speeds, f"Never {speeds} {unit}.")  # noqa: B023
-    assert "48.0 km/h" in user.sees("2 conditions")
-    assert parse_qs(urlsplit(user.browser.current_url).query)["criteria"] == [criterion]

@@ -25,7 +25,7 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.ui.kit import campaigns, uploads, visitors
-from crashfuse.ui.kit.results import problem_table, short_table
+from crashfuse.ui.kit.results import problem_table
 from crashfuse.units import G
 from tests.conftest import content_of
 
@@ -91,7 +91,7 @@ def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, c
     assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
     for tab in ("Tests", "CAE model", "Conditions"):
         assert session.open_tab("data", tab).charts == 1
-    assert "the CAE run paired with each" in session.words
+    assert "how their paired CAE runs rate" in session.words
     (table,) = session.tables
     assert table["Test"].tolist() == ["T1", "T2", "T3", "T4"]
     assert table["Speed (mph)"].tolist() == ["15.0", "25.0", "26.0", "35.0"]
@@ -292,7 +292,7 @@ def test_problems_that_differ_by_the_row_alone_are_shown_as_one() -> None:
     bad = [Problem("a.csv", "a number", "'x'", "correct the cell", "v", row) for row in (2, 3, 4)]
     other = [Problem("a.csv", "a number", "'y'", "correct the cell", "v", row) for row in (7, 9)]
     missing = Problem("b.csv", "this file", "no such file", "add it")
-    assert short_table([*bad, *other, missing])["Row"].tolist() == ["2–4", "7, 9", ""]
+    assert problem_table([*bad, *other, missing], merged=True)["Row"].tolist() == ["2–4", "7, 9", ""]
     assert problem_table([*bad, *other, missing])["Row"].tolist() == ["2", "3", "4", "7", "9", ""]
 
 

@@ -16,14 +16,10 @@ from streamlit.testing.v1 import AppTest
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.pulses import motion
-from crashfuse.reporting.plots.ratings import rating_parts
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import figures, files
 from crashfuse.ui.kit.files import Caption, caption, file_name, unusual_settings
-from crashfuse.wording import SYSTEMS
 from tests.conftest import ROOT
 
 ALT = "Acceleration, velocity and displacement over time: test T2; the same numbers are in the tables"
@@ -33,25 +29,21 @@ Captioned = Callable[..., Caption]
 @pytest.fixture
 def captioned(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> Captioned:
     """Captions of the pulses of a test, on Compare with the usual choices and those that are given."""
-    test = campaign.test("T2")
 
-    def of(campaign: Campaign = campaign, beside: Any = (), figure: Any = None, **chosen: Any) -> Caption:
-        display = Display(unit=chosen.get("unit", "g"), system=SYSTEMS[chosen.get("system", "mph-lb")])
-        pulses = figure or motion(test.pulse, {}, test.condition.speed_mps, display)
+    def of(campaign: Campaign = campaign, beside: Any = (), **chosen: Any) -> Caption:
         usual = {"page": "compare", "campaign": "tiny", "test": "T2", "leave_out": "test", "preset": "fast", "seed": 0}
         shown = {"window": 60.0, "unit": "g", "sign": "Acceleration", "system": "mph-lb"}
         monkeypatch.setattr(st, "session_state", {**usual, **shown, **chosen})
         monkeypatch.setattr("crashfuse.ui.kit.campaigns.load", lambda _: campaign)
-        return caption(pulses, ALT, "pulses", beside)
+        return caption(ALT, "pulses", beside)
 
     return of
 
 
 def test_a_name_has_the_campaign_the_test_what_is_drawn_the_window_and_the_unit(captioned: Captioned) -> None:
-    """A figure without accelerations has no unit of them, nor one of speeds."""
+    """In few words."""
     assert captioned().name == "Tiny_T2_pulses_0-60ms_g"
     assert captioned(test="T3", window=20.0, unit="m/s²").name == "Tiny_T3_pulses_0-20ms_mps2"
-    assert captioned(figure=rating_parts({}), system="kph-kg").name == "Tiny_T2_pulses_0-60ms"
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import pytest
-import streamlit as st
-from streamlit.runtime.context import ContextProxy, StreamlitTheme
 
-from crashfuse.reporting.plots.palette import IN_THE_DARK, PAPER
 from crashfuse.ui.kit import campaigns, frame
 from crashfuse.ui.kit.text import plain
 
@@ -114,7 +111,7 @@ def test_another_campaign_is_not_shown_in_place_of_that_of_the_link(
     next(button for button in session.app.button if button.label == "Open folder").click().run()
     assert session.app.session_state["test"] == "T3"
     session = visit(test="T9")
-    assert "This link holds out “T9”, but that test is not among the tests" in session.words
+    assert "“T9” is not among the tests; another is held out instead." in session.words
     session.app.sidebar.selectbox(key="test in mph-lb").select("T2").run()
     assert "which this link holds out" not in session.words
 
@@ -159,26 +156,6 @@ def test_a_choice_that_another_campaign_lacks_is_not_laid_to_the_link(visit: Vis
     assert "which this link holds out" not in session.words
 
 
-def test_folders_of_one_name_are_told_apart_without_their_paths(
-    campaign_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Names stand in addresses, which are passed on: no path gets into one. One folder has one name."""
-    sample = tmp_path / "sample"
-    campaign_folder.rename(sample)
-    monkeypatch.setenv("CRASHFUSE_CAMPAIGN", str(sample))
-    assert campaigns.at_start() == "sample (2)"
-    for number in (3, 4):
-        twin = tmp_path / f"{number}" / "sample"
-        twin.parent.mkdir()
-        for path in sorted(sample.rglob("*")):
-            (twin / path.relative_to(sample)).parent.mkdir(parents=True, exist_ok=True)
-            if path.is_file():
-                (twin / path.relative_to(sample)).write_bytes(path.read_bytes())
-        assert campaigns.open_folder(twin) == f"sample ({number})"
-        assert campaigns.open_folder(twin) == f"sample ({number})"
-    assert not [name for name in campaigns.opened_here() if "/" in name]
-
-
 @pytest.mark.slow
 def test_a_campaign_that_goes_bad_while_open_is_refused_on_every_page(visit: Visit, open_campaign: Path) -> None:
     """What is wrong stands where the page would be."""
@@ -205,24 +182,6 @@ def test_the_notice_of_a_synthetic_campaign_stands_on_every_page(visit: Visit, o
 
 
 @pytest.mark.usefixtures("open_campaign")
-@pytest.mark.slow
-def test_figures_are_drawn_for_the_theme_that_the_browser_has(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
-    """White paper in the light theme, the page's own ground in the dark; where it is unknown, light."""
-    assert all(f'"paper_bgcolor":"{PAPER}"' in chart.proto.spec for chart in visit().app.get("plotly_chart"))
-    theme = property(lambda _: StreamlitTheme({"type": "dark"}))
-    monkeypatch.setattr(ContextProxy, "theme", theme)
-    charts = visit().app.get("plotly_chart")
-    assert charts
-    assert all(f'"paper_bgcolor":"{IN_THE_DARK[PAPER]}"' in chart.proto.spec for chart in charts)
-
-
-def test_the_dark_page_has_the_ground_and_the_ink_of_dark_figures() -> None:
-    """Else every figure would stand in a box."""
-    options = {name: st.get_option(f"theme.dark.{name}") for name in ("backgroundColor", "textColor")}
-    assert options == {"backgroundColor": IN_THE_DARK[PAPER], "textColor": "#E6E9EE"}
-
-
-@pytest.mark.usefixtures("open_campaign")
 @pytest.mark.parametrize("page", [*PAGES, "certify", "history"])
 def test_what_a_page_shows_already_is_not_sent_over_what_is_just_being_chosen(visit: Visit, page: str) -> None:
     """A page runs again by itself; whatever it then sets anew wins over a slider that was moved a moment before."""
@@ -242,7 +201,10 @@ def test_a_cache_that_cannot_be_written_is_said(
     (tmp_path / "file").touch()
     frame._not_kept.clear()
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path / "file" / "cache"))
-    assert f"Results are not kept: {tmp_path / 'file' / 'cache'} cannot be written" in visit("train").words
+    assert (
+        f"Results are lost when the server ends: {tmp_path / 'file' / 'cache'} cannot be written"
+        in visit("train").words
+    )
     frame._not_kept.clear()
 
 

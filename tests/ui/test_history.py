@@ -37,7 +37,7 @@ def test_the_history_needs_no_campaign_and_says_what_to_do(visit: Visit) -> None
     for campaign, test in (("![a](b)", "T1"), ("other", "T2")):
         kept(1, campaign, tests=test)
     session = visit("history")
-    assert "run one again with another seed" in session.words
+    assert "Tick two results to compare them" in session.words
     (listed,) = session.app.dataframe
     assert sorted(listed.value["What"]) == ["test T1 alone", "test T2 alone"]
     assert sorted(listed.value["Campaign"]) == ["![a](b)", "other"]
@@ -69,7 +69,7 @@ def test_a_link_compares_what_it_names(visit: Visit) -> None:
     assert "a and b are not known to be one vehicle" in words
     session = visit("history", **{**link, "second": "0123456789ab"})
     assert "is not in the list of this machine" in session.words
-    assert "Tick two results to compare them." in session.words
+    assert "Tick two results to compare them" in session.words
     assert "mean" not in session.words
 
 
@@ -126,9 +126,9 @@ def test_two_predictions_are_shown_on_predict_with_both_pinned(visit: Visit, ope
     chosen = {key: session.app.session_state[key] for key in ("seed", "also", "pins")}
     assert chosen == {"seed": 1, "also": ["by:fast 0 test"], "pins": []}
     told = visit("history", first=one.id, second=otherwise.id).words
-    assert "differ in their condition and in their settings" in told
+    assert "differ in their condition or in their settings; these do not" in told
     elsewhere = predicted(50, "b")
-    assert "rest on different data" in visit("history", first=one.id, second=elsewhere.id).words
+    assert "these do not" in visit("history", first=one.id, second=elsewhere.id).words
 
 
 @pytest.mark.parametrize("tests", ["T2", "T2 T3"])

@@ -75,15 +75,6 @@ def test_one_job_runs_at_a_time_in_the_order_of_asking(gate: threading.Event) ->
     assert jobs.active == []
 
 
-def test_short_work_does_not_queue_behind_long_work(gate: threading.Event) -> None:
-    """What only reads the cache is answered while a training goes on."""
-    jobs = Jobs()
-    jobs.start("long", "Long", lambda _: gate.wait(SOON), ANNA)
-    short = jobs.start("short", "Short", lambda _: 1, ANNA, at_once=True)
-    assert ended(short)
-    assert short.result == 1
-
-
 def test_a_cancelled_job_stops_at_its_next_report_and_can_be_started_again() -> None:
     """Nothing hangs, nothing is kept as if it were done."""
     jobs, reached = Jobs(), threading.Event()
@@ -237,22 +228,6 @@ def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None
     assert train.curves["loss"] == [(0, 1), (1, 1 / 2), (2, 1 / 3), (3, 1 / 4)]
     gate.set()
     assert ended(job)
-
-
-def test_a_job_says_for_how_long_it_has_worked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not for how long it has waited."""
-    now, told = [100.0], []
-    monkeypatch.setattr("crashfuse.ui.kit.jobs.time.monotonic", lambda: now[0])
-
-    def work(_: Watch) -> None:
-        now[0] += 20.0
-        told.append(job.elapsed_s)
-
-    job = Job("A", work)
-    now[0] += 5.0
-    assert job.elapsed_s == 0.0
-    job.run()
-    assert told == [20.0]
 
 
 def test_only_the_last_outcomes_are_kept() -> None:

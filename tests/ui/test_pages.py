@@ -273,18 +273,6 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
     assert shown["Peak deceleration (g)"] == f"{-pulse.min() / G:.1f}"
 
 
-@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
-def test_nothing_can_be_started_with_a_seed_that_is_none() -> None:
-    """The page says why; another seed makes it ready."""
-    app = start("train")
-    app.number_input(key="seed").set_value(-3).run()
-    assert [button.disabled for button in app.button if button.label == "Start"] == [True]
-    assert "Seed must be between 0 and 4294967295, got -3." in words(app)
-    app.number_input(key="seed").set_value(3).run()
-    assert [button.disabled for button in app.button if button.label == "Start"] == [False]
-    assert "Seed must be" not in words(app)
-
-
 @pytest.mark.usefixtures("studies_are_quick")
 def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
@@ -383,29 +371,6 @@ def test_compare_follows_the_window() -> None:
     assert any("single draws: over 0–40 ms" in caption.value for caption in app.caption)
 
 
-@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
-@pytest.mark.slow
-def test_compare_shows_five_figures_over_displacement() -> None:
-    """One at a time, each with a word on what it tells; the choice holds when another test is chosen."""
-    app = finish(press(start("compare"), "Predict test T1"))
-    open_tab(app, "compare", "Over displacement")
-    told = {
-        "Acceleration": "a lower deceleration means more crush",
-        "Energy": "All of ½ m v0² is absorbed at maximum crush",
-        "Bias by speed": "T1 is held out: drawn here, not used in the fit",
-        "Parts of the bias": "What the other 3 tests predict of the bias in T1",
-        "Check of the integration": "the conversion is lossless",
-    }
-    for choice, sentence in told.items():
-        app.button_group(key="over_displacement").set_value(choice).run()
-        assert not app.exception
-        assert charts(app) == 1
-        assert sentence in words(app)
-    app.sidebar.selectbox(key="test in mph-lb").select("T3").run()
-    finish(press(app, "Predict test T3"))
-    assert app.button_group(key="over_displacement").value == "Check of the integration"
-
-
 CURVE = {"epoch": [1, 2], "train_loss": [1.0, 0.1], "validation_loss": [1.1, 0.2]}
 NETWORK = {"members": 4, "weights": 54433, "learning_curve": CURVE}
 BY_STRENGTH = {
@@ -439,33 +404,6 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
     assert not app.exception
     assert charts(app) == n_charts
     assert "Training on CAE runs" in words(app)
-
-
-@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
-@pytest.mark.slow
-def test_a_single_network_is_shown_with_what_is_true_of_it_alone() -> None:
-    """Without the LF TCN there is no figure of before, nor a word on it."""
-    app = start("train")
-    app.button_group(key="approaches").set_value(["cae", "time_domain"]).run()
-    finish(press(app, "Start"))
-    shown = words(open_tab(go(app, "compare"), "compare", "Networks"))
-    assert "What the other tests add to the networks." in shown
-    assert "should reproduce the CAE model" not in shown
-    assert "Left" not in shown
-
-
-@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
-@pytest.mark.slow
-def test_the_papers_bias_model_has_no_parts_and_says_so() -> None:
-    """Table 4 has no parts to show, and fitting it would take minutes."""
-    app = start("train")
-    app.radio(key="preset").set_value("paper").run()
-    finish(press(app, "Start"))
-    open_tab(go(app, "compare"), "compare", "Over displacement")
-    app.button_group(key="over_displacement").set_value("Parts of the bias").run()
-    assert not app.exception
-    assert not charts(app)
-    assert "one Gaussian process" in words(app)
 
 
 # --- Study ---------------------------------------------------------------------------------------------------------
@@ -538,26 +476,13 @@ def test_a_study_says_that_speed_groups_are_left_out_only_where_it_shows_that(
     assert not app.exception
 
 
-@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
-@pytest.mark.slow
-def test_a_test_of_the_study_is_opened_without_a_mouse() -> None:
-    """By choosing its name: Compare then shows it, as the study left it out."""
-    app = finish(press(start("study"), "Leave out each of 4 tests"))
-    app.button_group(key="ways").set_value("With all tests at about its speed").run()
-    app.selectbox(key="open_test").select("T3").run()
-    assert not app.exception
-    assert app.session_state["test"] == "T3"
-    assert app.session_state["leave_out"] == "speed group"
-    assert app.title[0].value == "Compare"
-
-
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.slow
 def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside leaving tests out: sentences, a figure, tables and files; with the cost of a test, what a gain costs."""
     quick = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
     monkeypatch.setattr(study, "CURVE_CONFIG", quick)
-    monkeypatch.setattr(study, "learning_curve", partial(learning_curve, workers=1, repeats=1))
+    monkeypatch.setattr("crashfuse.ui.kit.computation.learning_curve", partial(learning_curve, workers=1, repeats=1))
     app = start("study")
     open_tab(app, "study", "How many tests are enough")
     assert "not been computed for this campaign yet" in words(app)
@@ -732,21 +657,6 @@ def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> N
     pd.testing.assert_frame_equal(tables(later)[0], shown)
 
 
-@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
-@pytest.mark.slow
-def test_without_an_approach_the_other_pages_take_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Train says that one is missing; no page dies of it."""
-    monkeypatch.setattr("crashfuse.study.config.create", lambda *_, **__: Quick())
-    app = start("train")
-    app.button_group(key="approaches").set_value([]).run()
-    assert "Choose at least one approach." in words(app)
-    assert [button.disabled for button in app.button if button.label == "Start"] == [True]
-    finish(press(go(app, "compare"), "Predict test T1"))
-    assert charts(app) == 1
-    finish(press(go(app, "predict"), "Predict"))
-    assert charts(app) == 1
-
-
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.slow
 def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -772,19 +682,3 @@ def test_a_seed_that_there_is_not_starts_nothing(page: str) -> None:
     seed.set_value(-1).run()
     assert "There is no seed -1: it is from 0 to 4294967295." in words(go(app, page))
     assert not [button for button in app.button if button.label.startswith(("Predict", "Leave out"))]
-
-
-@pytest.mark.usefixtures("open_campaign")
-@pytest.mark.slow
-def test_what_was_learned_answers_a_new_condition_after_a_restart(fitting_is_an_error: Callable[[], None]) -> None:
-    """A new server finds the models in the cache: nothing is pressed and nothing learned again."""
-    app = start("train")
-    app.button_group(key="approaches").set_value(["cae"]).run()
-    finish(press(go(app, "predict"), "Predict"))
-    metrics = tables(open_tab(app, "predict", "Metrics"))[0]
-    st.cache_resource.clear()
-    fitting_is_an_error()
-    later = start("train")
-    later.button_group(key="approaches").set_value(["cae"]).run()
-    open_tab(finish(go(later, "predict")), "predict", "Metrics")
-    pd.testing.assert_frame_equal(tables(later)[0], metrics)

@@ -1,7 +1,6 @@
 """The server: its start, what it refuses, and its first seconds."""
 
 import contextlib
-import gc
 import http.client
 import http.server
 import json
@@ -20,7 +19,6 @@ from streamlit.testing.v1 import AppTest
 
 from crashfuse import cli
 from crashfuse.errors import OUT_OF_MEMORY
-from crashfuse.ui import server
 from tests.conftest import ROOT
 from tests.test_imports import loaded
 
@@ -217,17 +215,3 @@ def test_the_server_starts_before_anything_slow_is_imported() -> None:
     (found,) = loaded("import sys, crashfuse.ui.server; print(*sys.modules)")
     assert found
     assert not {"torch", "scipy", "sklearn", "pandas"} & found
-
-
-def test_nobody_looks_for_garbage_in_what_was_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    """That took 0.2 s of every dozenth answer."""
-    for name, value in {"_imported": None, "_SLOW": (), "_NEXT": "json"}.items():
-        monkeypatch.setattr(server, name, value)
-    server.start_importing().result()
-    for thread in threading.enumerate():
-        if thread.name == "crashfuse-imports":
-            thread.join()
-    try:
-        assert gc.get_freeze_count() > 10_000
-    finally:
-        gc.unfreeze()

@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import sys
 import tempfile
 import threading
 from collections.abc import Callable
@@ -166,42 +165,6 @@ def test_the_page_says_what_may_be_opened(root: Path, visit: Visit, campaign_fol
     (table,) = session.tables
     assert str(root) in str(table.to_dict())
     assert list(campaigns.opened_here()) == ["sample"]
-
-
-def test_without_a_root_every_folder_may_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on the desk of one user."""
-    monkeypatch.delenv(visitors.ROOTS, raising=False)
-    assert campaigns.allowed(tmp_path) == tmp_path.resolve()
-
-
-def test_lists_are_read_while_others_add_to_them(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Campaigns open on the server, as others upload theirs; links that wait for a log-in, as others follow theirs."""
-    monkeypatch.setattr(campaigns, "visitor", lambda: ANNA)
-    monkeypatch.setattr(campaigns, "read", lambda _: None)
-    failed: list[Exception] = []
-    done = threading.Event()
-
-    def upload() -> None:
-        for _ in range(2000):
-            campaigns.open_uploaded(campaign_folder)
-        done.set()
-
-    def look() -> None:
-        try:
-            while not done.is_set():
-                campaigns.open_campaigns()
-        except Exception as error:
-            failed.append(error)
-
-    usual = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    threads = [threading.Thread(target=task) for task in (upload, look, look)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    sys.setswitchinterval(usual)
-    assert failed == []
 
 
 def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(

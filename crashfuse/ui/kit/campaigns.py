@@ -89,11 +89,7 @@ def at_start() -> str | None:
 
 
 def allowed(path: Path) -> Path:
-    """The path with links resolved, if pages may open or write to it; else a DataError that says what they may.
-
-    Nothing outside the folders of ``CRASHFUSE_ROOT`` is looked at; without that variable all folders are allowed. What
-    was allowed is asked again before each read and write: a link may have been made since.
-    """
+    """The path with links resolved, if pages may open or write to it by ``CRASHFUSE_ROOT``; else a DataError."""
     asked = path
     try:
         path = path.expanduser().resolve()
@@ -116,7 +112,7 @@ def unquoted(text: str) -> str:
 
 
 def typed_folder(text: str, where: str, expected: str) -> Path:
-    """The folder that was typed in by its whole path, checked by :func:`allowed`; problems name it as ``where``."""
+    """The folder that was typed in by its whole path, checked by :func:`allowed`."""
     typed, advice = unquoted(text), "name a folder by its whole path"
     try:
         folder = Path(typed).expanduser()
@@ -138,10 +134,7 @@ def may_open(path: Path) -> bool:
 
 
 def still_allowed(path: Path) -> Path:
-    """The same path; a DataError if it was allowed as one inside the roots and a link now leads out of them.
-
-    What the server was started with, the sample and uploads may lie outside.
-    """
+    """The same path; a DataError if a link now leads out of the roots. What lay outside from the start may."""
     if roots() and may_open(path):
         allowed(path)
     return path
@@ -279,7 +272,8 @@ def folder_labels(folders: tuple[Path, ...]) -> list[str]:
     """Their names, with the folder that holds them where two have the same."""
     names = [folder.name for folder in folders]
     return [
-        folder.name if names.count(folder.name) == 1 else f"{folder.parent.name}/{folder.name}" for folder in folders
+        name if names.count(name) == 1 else f"{folder.parent.name}/{name}"
+        for folder, name in zip(folders, names, strict=True)
     ]
 
 

@@ -1,8 +1,8 @@
 """What is chosen on the pages, and the address that holds it: one link, one view; Back undoes the last choice.
 
-A widget keeps its value in the session under its key. Before a page is drawn the values that are not the default are
-written to the address, which the browser remembers one by one; they are read back when a session begins and on Back and
-Forward.
+A widget keeps its value in the session under its key. What is not the default is written to the address before a page
+is drawn, and read back when a session begins and on Back and Forward. With Streamlit's own ``bind="query-params"``
+(1.67) Back undoes no choice, returns to a page without what was chosen there, and takes two steps for each page.
 """
 
 import math
@@ -62,9 +62,8 @@ class Choice:
             value: Value = texts[-1] == "true" if self.kind is bool else self.kind(texts[-1])
         except ValueError:
             return self.default
-        if isinstance(value, float) and not math.isfinite(value):
-            return self.default
-        return value if not self.options or value in self.options else self.default
+        sound = value in self.options if self.options else not isinstance(value, float) or math.isfinite(value)
+        return value if sound else self.default
 
     def texts(self, value: object) -> list[str]:
         """What stands for a value in the address."""
@@ -205,10 +204,7 @@ def leave_campaign() -> None:
 
 
 def publish() -> None:
-    """Write the choices to the address of the open page, unless it says them, if with some that are the default.
-
-    What is written is one step for Back.
-    """
+    """Write the choices to the address of the open page, one step for Back, unless it says them already."""
     state, page = _state(), _state()[_PAGE]
     shown, asked, known = parameters(page), given(), _of(page)
     said = {key: known[key].texts(value) for key in asked if key in known and (value := state.get(key)) is not None}
@@ -219,13 +215,12 @@ def publish() -> None:
 def parameters(page: str, keys: Collection[str] = ()) -> dict[str, list[str]]:
     """Parameters of a link to a page that shows what this session has chosen; ``keys`` are those of :func:`keys`."""
     state = _state()
-    known = state.get(_DEFAULTS, {})
-    shown = {}
-    for key, choice in _of(page, keys).items():
-        value, usual = state.get(key), choice.default
-        if value is not None and value not in (known.get(key), _in_session(usual)):
-            shown[key] = choice.texts(value)
-    return shown
+    defaults = state.get(_DEFAULTS, {})
+    return {
+        key: choice.texts(value)
+        for key, choice in _of(page, keys).items()
+        if (value := state.get(key)) is not None and value not in (defaults.get(key), _in_session(choice.default))
+    }
 
 
 def given() -> dict[str, list[str]]:
@@ -318,12 +313,11 @@ def kept_choice(
     The session holds the whole choice under ``key``. A widget of that key would lose what this page does not offer: an
     approach that has not been fitted yet, a test of another campaign.
     """
-    state = st.session_state
-    chosen, shown = [name for name in state[key] if name in options], f"{key} shown"
-    said, widgets = state.get(shown, (None, 0))
-    if said != chosen:
-        # Set by a link, a button or another page: a widget in a closed popover would not hear of it, and would send
-        # what it showed before with the next click, as if that was chosen. Another widget begins with it.
+    state, shown = st.session_state, f"{key} shown"
+    before, widgets = state.get(shown, (None, 0))
+    if before != (chosen := [name for name in state[key] if name in options]):
+        # Set by a link, a button or another page. A widget in a closed popover would not hear of it, and would send
+        # what it showed before with the next click. Another widget begins with it.
         widgets += 1
     state[shown] = chosen, widgets
     here = f"{key} {widgets} in {state['system']} here"  # a browser keeps what is chosen by its label, with its unit
@@ -333,8 +327,8 @@ def kept_choice(
     def keep() -> None:
         if state[shown][1] == widgets:
             now = state[here]
-            before = [name for name in state[key] if name in now or name not in options]
-            state[key] = [*before, *(name for name in now if name not in before)]
+            kept = [name for name in state[key] if name in now or name not in options]
+            state[key] = [*kept, *(name for name in now if name not in kept)]
             state[shown] = [name for name in state[key] if name in options], widgets
 
     widget(label, options, key=here, on_change=keep, **look)

@@ -3,7 +3,7 @@
 import threading
 from abc import ABC, abstractmethod
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
@@ -25,6 +25,7 @@ from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.history import PastResult, keep
+from crashfuse.study.learning_curve import LearningCurve, is_curve_cached, learning_curve
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.study.running import fold_key, run_study
 from crashfuse.study.saved_models import model_bytes, model_file
@@ -83,10 +84,7 @@ class Request(ABC, Generic[T]):
         return False
 
     def start(self, page: str | None = None) -> None:
-        """Queue the job for the visitor, or join them to it if it is already queued.
-
-        They will look for the result on the page that they have open, or on another one.
-        """
+        """Queue the job for the visitor, or join them to it; they will look for the result on this page or another."""
         job = jobs().start(self.key, self.title, self.work, visitor())
         job.places[visitor()] = choices.here(page)
 
@@ -235,22 +233,45 @@ def advised(
 
 
 @dataclass(frozen=True)
-class SweepRequest(Request[SpeedSweep]):
-    """Predict over impact speed with approaches fitted to a campaign."""
+class Task(Request[T]):
+    """A computation of which a page needs the result alone."""
 
-    request: FitRequest
-    fitted: Fitted
-    condition: Condition
+    identity: Hashable
+    name: str
+    compute: Callable[[Watch], T]
+    is_known: Callable[[], bool] = lambda: False
 
     @property
     def key(self) -> Hashable:  # noqa: D102
-        return "sweep", self.request.key, replace(self.condition, speed_mps=1.0)
+        return self.identity
 
     @property
     def title(self) -> str:  # noqa: D102
-        return f"{self.request.campaign.name}: predict over speed"
+        return self.name
 
-    def work(self, watch: Watch) -> SpeedSweep:  # noqa: D102
-        campaign = self.request.campaign
-        sweeps = sweep_speed(self.fitted.fits, self.condition, usual_speeds(campaign), watch)
-        return SpeedSweep(campaign, sweeps, self.fitted.fits[0].config)
+    def work(self, watch: Watch) -> T:  # noqa: D102
+        return self.compute(watch)
+
+    def in_cache(self) -> bool:  # noqa: D102
+        return self.is_known()
+
+
+def sweep_over_speed(request: FitRequest, fitted: Fitted, condition: Condition) -> Request[SpeedSweep]:
+    """Predict over impact speed with approaches fitted to a campaign."""
+    campaign, key = request.campaign, ("sweep", request.key, replace(condition, speed_mps=1.0))
+
+    def compute(watch: Watch) -> SpeedSweep:
+        sweeps = sweep_speed(fitted.fits, condition, usual_speeds(campaign), watch)
+        return SpeedSweep(campaign, sweeps, fitted.fits[0].config)
+
+    return Task(key, f"{campaign.name}: predict over speed", compute)
+
+
+def learn_curve(campaign: Campaign, config: StudyConfig) -> Request[LearningCurve]:
+    """Predict the tests of a campaign from fewer of the others."""
+    return Task(
+        ("learning curve", said_of(campaign), config),
+        f"{campaign.name}: predict tests from fewer of the others",
+        lambda watch: learning_curve(campaign, config, watch=watch),
+        lambda: is_curve_cached(campaign, config, Cache()),
+    )

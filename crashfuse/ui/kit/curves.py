@@ -1,12 +1,10 @@
 """Curves of a figure of pulses: those that were chosen, one filled band, and those that were added.
 
-The choices stay until they are changed, over figures, windows, pages and reloads, and are in the address. A curve is
-shown or hidden here alone, not by clicks in a legend, which the next redraw would forget. Added are tests, CAE runs,
-predictions at pinned conditions, and predictions with other settings: on Compare and Data of the held-out test, on
-Predict of the condition.
+The choices are in the address. Added are tests, CAE runs, predictions at pinned conditions, and predictions with other
+settings: of the held-out test, on Predict at the condition.
 """
 
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -18,10 +16,8 @@ from streamlit.delta_generator import DeltaGenerator
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.nearness import nearest_tests
 from crashfuse.approaches.registry import LABELS, by_preference
-from crashfuse.approaches.settings import PRESETS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.earlier_prediction import LEFT_OUT, EarlierPrediction, earlier_name, otherwise
 from crashfuse.reporting.figures import RUN, Further, prediction_name, pulse_name
@@ -54,7 +50,7 @@ class Shown:
 
     test: bool  # whether the held-out test is among it
     approaches: tuple[str, ...]
-    also: tuple[Further, ...]  # added tests and CAE runs by their ids, pinned predictions, those with other settings
+    also: tuple[Further, ...]
     band: str  # the approach whose band is filled; added predictions are by it, too
     key: Hashable  # equal for equal choices: part of the key of a cached figure
     unlike: tuple[str, ...]  # in what it is not as usual, in few words for names of files
@@ -66,10 +62,7 @@ class Shown:
         return "every approach" if self.every else read_out([LABELS[name] for name in self.approaches])
 
     def named(self, drawn: str, *, of_test: bool = True) -> str:
-        """What is drawn, and what is unlike the usual figure of that, for names of files.
-
-        A figure without a curve ``of_test``, such as what is left of predictions less the test, lacks none.
-        """
+        """A name of files: what is drawn, and what is unusual; a figure without a curve ``of_test`` lacks none."""
         return " ".join([drawn, *(part for part in self.unlike if of_test or part != f"no {_label(TEST)}")])
 
     def of(self, test: str) -> str:
@@ -80,18 +73,103 @@ class Shown:
         return f"test {test} and its prediction {prediction}" if prediction else f"test {test}"
 
 
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What added predictions are of: a held-out test, alone or in a figure ``among_tests``, or a condition."""
+
+    view: View
+    condition: Condition
+    test: str = ""  # none at a condition
+    among_tests: bool = False  # where no prediction is shown, but for those that are added
+
+    @classmethod
+    def held_out(cls, view: View, *, among_tests: bool = False) -> "Subject":
+        """The held-out test."""
+        return cls(view, view.held_out.condition, view.held_out.id, among_tests)
+
+    @property
+    def shown(self) -> StudyConfig:
+        """The settings that names leave out: the chosen ones; among tests the usual ones."""
+        chosen = chosen_config()
+        if self.among_tests:
+            return StudyConfig(chosen.approaches, device=chosen.device)
+        return chosen if self.test else replace(chosen, leave_out="test")
+
+    @property
+    def wanted(self) -> dict[StudyConfig, str]:
+        """Other settings that were chosen, with what stands for them in the address."""
+        wanted: dict[StudyConfig, str] = {}
+        for text in _asked() if not self.test or len(self.view.campaign.tests) > 1 else ():
+            if (config := _settings_of(text, self.shown)) is not None:
+                here = config if self.test else replace(config, leave_out="test")
+                if here != self.shown or self.among_tests:
+                    wanted.setdefault(here, text)
+        return wanted
+
+    def names(self, approach: str) -> dict[str, str]:
+        """Names in the legend of an approach's predictions that can be added, by what stands for them."""
+        campaign = self.view.campaign
+        key = campaign.fingerprint, jobs().ended
+        if self.test:
+            known = _known_of_test(key, self.test, approach, self.shown, self.among_tests, campaign)
+        else:
+            known = _known_at_conditions(key, self.shown, campaign)
+        offered = {config: settings_text(config) for config in known} | self.wanted
+        return {text: earlier_name(approach, config, self.shown, self._of) for config, text in offered.items()}
+
+    def predictions(self, approach: str) -> tuple[EarlierPrediction, ...]:
+        """An approach's predictions that were chosen and are there."""
+        found = ((config, self._estimate(config, approach)) for config in self.wanted)
+        return tuple(EarlierPrediction(own, config, self.shown, self._of) for config, own in found if own is not None)
+
+    def offer(self, approach: str) -> None:
+        """Offer to predict with settings that were chosen, by a link perhaps, or show how far that is."""
+        for config in self.wanted:
+            if self._estimate(config, approach) is None:
+                words = otherwise(config, self.shown) or "the usual settings"
+                of = plain(self.test) if self.test else "this condition"
+                then = patience(config, "This takes a minute or two; then it stands beside the others.")
+                lacking = f"The prediction of {of} with {words} is not there yet, or is no longer kept."
+                button = " ".join(["Predict", *([of] if self.test else []), "with", words])
+                result_or_none(self._request(config), invitation=f"{lacking} {then}", button=button)
+
+    @property
+    def _of(self) -> str:
+        return self.test if self.among_tests else ""
+
+    def _request(self, config: StudyConfig) -> Request[Any]:
+        campaign = self.view.campaign
+        return StudyRequest(campaign, (self.test,), config) if self.test else FitRequest(campaign, config)
+
+    def _estimate(self, config: StudyConfig, approach: str) -> Estimate | None:
+        campaign, estimates = self.view.campaign, None
+        if not self.test:
+            prediction = predicted(campaign, config, self.condition)
+            estimates = None if prediction is None else prediction.estimates
+        elif (study := StudyRequest(campaign, (self.test,), config).result) is not None:
+            estimates = study.fold(self.test).estimates
+        else:  # a study by fewer approaches may have left this one
+            key = campaign.fingerprint, jobs().ended
+            return _estimate_of_test(key, self.test, approach, config, campaign)
+        return next((estimate for estimate in estimates or () if estimate.approach == approach), None)
+
+
+def predicted(campaign: Campaign, config: StudyConfig, condition: Condition) -> PredictedPulse | None:
+    """What is predicted at a condition from all tests with some settings, if it is ready."""
+    request = FitRequest(campaign, config)
+    if (fitted := request.result) is None:
+        return None
+    return PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config)
+
+
 def choose_curves(
-    view: View,
+    subject: Subject,
     predictions: Mapping[str, Prediction],
     recommended: str | None,
-    condition: Condition,
-    held_out: str = "",
     offered: Sequence[str] | None = None,
 ) -> Shown:
-    """Let the user choose what a figure shows of the predictions at a condition, of a ``held_out`` test perhaps.
-
-    A figure with curves that it always shows says which others are ``offered``.
-    """
+    """Let the user choose what a figure shows of the predictions; one with fixed curves says which are ``offered``."""
+    held_out = subject.test
     own_curves = [*([TEST] if held_out else []), *predictions] if offered is None else offered
     chosen: list[str] = []
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
@@ -101,12 +179,9 @@ def choose_curves(
                 help="The choice stays, whatever else you change, and is in the link.",
             )  # fmt: skip
         band = _choose_band(predictions, recommended) if offered is None else leading(predictions, recommended)
-        if held_out:
-            also, missing = _add(view, band, predictions_of_test(view.campaign, held_out, band), held_out)
-        else:
-            also, missing = _add(view, band, _settings_here(view.campaign, condition, band), at=condition)
+        also, missing = _add(subject, band, [held_out])
     st.button(
-        "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
+        "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(subject,),
         help=f"Also show {_NEAREST} tests: the nearest by speed and weights, as shares of the speed and the mass.",
     )  # fmt: skip
     if held_out and any(isinstance(curve, PredictedPulse) for curve in also):
@@ -127,14 +202,14 @@ def choose_tests(view: View, row: DeltaGenerator) -> tuple[tuple[str, ...], tupl
     names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
     with row, st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
         only = _choose_several("only", names, "Tests", "all")
-        also, missing = _add_to_tests(view, *names)
+        also, missing = _add_to_tests(view, names)
     _show_missing([*_unknown("only", names), *missing])
     return tuple(test for test in view.campaign.test_ids if not only or test in only), also
 
 
 def add_to_runs(view: View) -> tuple[Further, ...]:
     """Let the user add tests, CAE runs and predictions to those of the CAE model."""
-    also, missing = _add_to_tests(view)
+    also, missing = _add_to_tests(view, ())
     _show_missing(missing)
     return also
 
@@ -167,6 +242,11 @@ def without_clicks(figure: go.Figure) -> go.Figure:
     return figure.update_layout(legend={"itemclick": False, "itemdoubleclick": False})
 
 
+def settings_text(config: StudyConfig) -> str:
+    """What stands for settings in the address."""
+    return f"{_SETTINGS}{config.preset} {config.seed} {config.leave_out}"
+
+
 def _label(curve: str) -> str:
     return LABELS.get(curve, "Test")
 
@@ -183,7 +263,7 @@ def _choose_band(predictions: Mapping[str, Prediction], recommended: str | None)
             st.session_state["band"] = _RECOMMENDED
         st.selectbox(
             "Filled band", list(labels), format_func=labels.__getitem__, key="band", persist_state="session",
-            help="Of other bands the edges are drawn. Predictions put beside are by this approach.",
+            help="Of other bands the edges are drawn. Added predictions are by this approach.",
         )  # fmt: skip
     return leading(predictions, recommended)
 
@@ -197,40 +277,39 @@ def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder
     )  # fmt: skip
 
 
-def _add_to_tests(view: View, *tests: str) -> tuple[tuple[Further, ...], list[str]]:
-    approach = usual_approach()
-    with st.popover("Beside them", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
-        with_other = predictions_of_test(view.campaign, view.held_out.id, approach, among_tests=True)
-        return _add(view, approach, with_other, *tests)
+def _add_to_tests(view: View, tests: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
+    with st.popover("Add curves", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
+        return _add(Subject.held_out(view, among_tests=True), usual_approach(), tests)
 
 
-def _add(
-    view: View, approach: str, with_other: "OtherSettings", *shown: str, at: Condition | None = None
-) -> tuple[tuple[Further, ...], list[str]]:
-    """Let the user add curves, of tests those that are not ``shown`` anyway; second are sentences on what is not there.
+def _add(subject: Subject, approach: str, shown: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
+    """Let the user add curves but for tests that are ``shown`` anyway; second are sentences on what is not there.
 
-    On Predict, ``at`` a condition, the pinned predictions are shown without being asked for.
+    On Predict the pinned predictions are shown without being asked for.
     """
-    campaign, pins = view.campaign, pinned()
+    view, pins, settings = subject.view, pinned(), subject.names(approach)
+    campaign = view.campaign
     pin_names = {f"{_PIN}{text}": prediction_name(approach, pin, view.display) for text, pin in pins.items()}
-    tests = [test for test in campaign.tests if test.id not in shown]
     offered = {
-        **{test.id: pulse_name(test.id, test.condition, view.display) for test in tests},
-        **with_other.names,
-        **(pin_names if at is None else {}),
+        **{t.id: pulse_name(t.id, t.condition, view.display) for t in campaign.tests if t.id not in shown},
+        **settings,
+        **(pin_names if subject.test else {}),
         **_offered_runs(campaign.fingerprint, view.display, campaign),
     }
-    kinds = [*(["tests"] if tests else []), *(["other settings"] if with_other.names else []), "CAE runs"]
-    also = _choose_several("also", offered, "Also show", ", ".join(kinds))
-    if at is not None:
-        also += [name for name in pin_names if name != f"{_PIN}{at.text}"]
+    also = _choose_several("also", offered, "Also show", "tests, CAE runs, other settings")
+    if not subject.test:
+        also += [name for name in pin_names if name != f"{_PIN}{subject.condition.text}"]
     wanted = [pins[name.removeprefix(_PIN)] for name in also if name in pin_names]
-    at_pins = by_one(approach, _predicted(campaign, ((chosen_config(), condition) for condition in wanted)))
-    missing = [*_unknown("also", {*campaign.test_ids, *offered}), *with_other.missing]
+    found = (predicted(campaign, chosen_config(), condition) for condition in wanted)
+    at_pins = by_one(approach, [prediction for prediction in found if prediction is not None])
+    missing = _unknown("also", {*campaign.test_ids, *offered})
     if wanted and not at_pins:
         missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
-    pulses = [name for name in also if name not in pin_names and name not in with_other.names]
-    return (*pulses, *with_other.predictions, *at_pins), missing
+    if wrong := [text for text in _asked() if _settings_of(text, subject.shown) is None]:
+        texts = " or ".join(text.removeprefix(_SETTINGS)[:80] for text in wrong)
+        missing.append(f"Not shown: {plain(texts)}. There are no such settings.")
+    pulses = [name for name in also if name not in pin_names and name not in settings]
+    return (*pulses, *subject.predictions(approach), *at_pins), missing
 
 
 def _unknown(key: str, known: Collection[str]) -> list[str]:
@@ -245,41 +324,10 @@ def _show_missing(sentences: Sequence[str]) -> None:
         st.caption(sentence, width="content")
 
 
-@st.cache_resource(max_entries=8, show_spinner=False)
-def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[str, str]:  # noqa: ARG001
-    """Labels of a campaign's thousands of CAE runs, made once for all sessions."""
-    runs = zip(_campaign.cae.ids, _campaign.cae.conditions, strict=True)
-    return {(name := f"{RUN}{run}"): pulse_name(name, at, display) for run, at in runs}
-
-
-def _add_nearest(campaign: Campaign, condition: Condition, held_out: str) -> None:
-    near = nearest_tests(campaign.without([held_out] if held_out else []), condition, _NEAREST)
-    also = st.session_state["also"]
-    st.session_state["also"] = list(dict.fromkeys([*also, *(test.id for test in near)]))[:_MOST]
-
-
-def _predicted(campaign: Campaign, at: Iterable[tuple[StudyConfig, Condition]]) -> list[PredictedPulse]:
-    """Predictions with settings at conditions, of those that are ready: with which all tests were learned from."""
-    requests = ((FitRequest(campaign, config), condition) for config, condition in at)
-    return [
-        PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), request.config)
-        for request, condition in requests
-        if (fitted := request.result) is not None
-    ]
-
-
-@dataclass(frozen=True)
-class OtherSettings:
-    """Predictions with other settings that a figure offers, by what stands for these in the address."""
-
-    names: Mapping[str, str]  # in the legend
-    predictions: tuple[EarlierPrediction, ...] = ()  # those that were chosen and are there
-    missing: tuple[str, ...] = ()  # sentences on what was chosen, for another test or by a link, and cannot be shown
-
-
-def settings_text(config: StudyConfig) -> str:
-    """What stands for settings in the address."""
-    return f"{_SETTINGS}{config.preset} {config.seed} {config.leave_out}"
+def _add_nearest(subject: Subject) -> None:
+    others = subject.view.campaign.without([subject.test] if subject.test else [])
+    near = [test.id for test in nearest_tests(others, subject.condition, _NEAREST)]
+    st.session_state["also"] = list(dict.fromkeys([*st.session_state["also"], *near]))[:_MOST]
 
 
 def _asked() -> list[str]:
@@ -295,150 +343,37 @@ def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
     return None
 
 
-def _in_words(text: str, shown: StudyConfig) -> str:
-    config = _settings_of(text, shown)
-    return text.removeprefix(_SETTINGS)[:80] if config is None else otherwise(config, shown) or "the usual settings"
-
-
-def predictions_of_test(campaign: Campaign, test_id: str, approach: str, *, among_tests: bool = False) -> OtherSettings:
-    """An approach's predictions of a held-out test that were computed before.
-
-    They are put beside that with the chosen settings; in a figure ``among_tests``, which shows none, one with the usual
-    settings is offered, too, and each is named after its test. There they are not looked up before they are chosen.
-    """
-    shown, of = _shown_of_test(among_tests=among_tests), test_id if among_tests else ""
-    key, requests = (campaign.fingerprint, jobs().ended), _requests(campaign, test_id, shown)
-    offered = dict(_offered(key, test_id, approach, shown, among_tests, campaign))
-    if among_tests:
-        offered |= {name: request.config for name, request in requests.items()}
-    chosen = {
-        name: EarlierPrediction(estimate, offered[name], shown, of)
-        for name in _asked()
-        if name in offered and (estimate := _estimate(key, test_id, approach, offered[name], campaign)) is not None
-    }
-    to_predict = {name for name, request in requests.items() if request.result is None}
-    explained = {*chosen, *to_predict, *([] if among_tests else [settings_text(shown)])}
-    missing = plain(" or with ".join(_in_words(name, shown) for name in _asked() if name not in explained))
-    alone = "there is no other test to learn from." if len(campaign.tests) == 1 else ""
-    why = f"is not shown: {alone or 'it comes out the same, or there are no such settings.'}"
-    return OtherSettings(
-        {name: earlier_name(approach, config, shown, of) for name, config in offered.items()},
-        tuple(chosen.values()),
-        (f"{plain(test_id)} with {missing} {why}",) if missing else (),
-    )
-
-
-def offer_predictions_of_test(campaign: Campaign, test_id: str, approach: str, *, among_tests: bool = False) -> None:
-    """Offer to predict a test with settings that were chosen, by a link perhaps."""
-    shown = _shown_of_test(among_tests=among_tests)
-    there = predictions_of_test(campaign, test_id, approach, among_tests=among_tests).predictions
-    unneeded = {prediction.config for prediction in there} | (set() if among_tests else {shown})
-    for name, request in _requests(campaign, test_id, shown).items():
-        words = f"{plain(test_id)} with {_in_words(name, shown)}"
-        if request.config not in unneeded:
-            lacking = f"The prediction of {words} is not there yet, or is no longer kept."
-            _offer(request, request.config, lacking, words)
-
-
-def _offer(request: Request[Any], config: StudyConfig, lacking: str, words: str) -> None:
-    then = patience(config, "This takes a minute or two; then it stands beside the others.")
-    result_or_none(request, invitation=f"{lacking} {then}", button=f"Predict {words}")
-
-
-def _shown_of_test(*, among_tests: bool) -> StudyConfig:
-    """The settings that names leave out: the chosen ones; among tests the usual ones."""
-    chosen = chosen_config()
-    return StudyConfig(chosen.approaches, device=chosen.device) if among_tests else chosen
-
-
-def _requests(campaign: Campaign, test_id: str, shown: StudyConfig) -> Mapping[str, StudyRequest]:
-    asked = {name: _settings_of(name, shown) for name in _asked() if len(campaign.tests) > 1}
-    return {name: StudyRequest(campaign, (test_id,), config) for name, config in asked.items() if config is not None}
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[str, str]:  # noqa: ARG001
+    """Labels of a campaign's thousands of CAE runs, made once for all sessions."""
+    runs = zip(_campaign.cae.ids, _campaign.cae.conditions, strict=True)
+    return {(name := f"{RUN}{run}"): pulse_name(name, at, display) for run, at in runs}
 
 
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
-def _offered(
-    key: Hashable,  # noqa: ARG001
-    test_id: str,
-    approach: str,
-    shown: StudyConfig,
-    among_tests: bool,
-    _campaign: Campaign,
-) -> Mapping[str, StudyConfig]:
+def _known_of_test(
+    key: Hashable, test_id: str, approach: str, shown: StudyConfig, among_tests: bool, _campaign: Campaign  # noqa: ARG001
+) -> Sequence[StudyConfig]:  # fmt: skip
     """Settings of past results with a prediction of a test; the key is of the data and of what was computed here."""
-    if among_tests:
-        past = past_settings(past_results(), _campaign, test_id, approach, shown)
-        past.sort(key=lambda config: (config.preset, config.seed, config.leave_out != "test"))  # the usual one first
-    else:
-        past = earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
-    return {settings_text(config): config for config in past}
+    if not among_tests:
+        return earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
+    past = past_settings(past_results(), _campaign, test_id, approach, shown)
+    return sorted(past, key=lambda config: (config.preset, config.seed, config.leave_out != "test"))  # usual one first
+
+
+@st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
+def _known_at_conditions(key: Hashable, shown: StudyConfig, _campaign: Campaign) -> Sequence[StudyConfig]:  # noqa: ARG001
+    """Other seeds and presets of past results, the usual seed, and the next one."""
+    configs = [result.config for result in past_results() if result.fingerprint == _campaign.fingerprint]
+    pairs = {(shown.preset, 0), *((config.preset, config.seed) for config in configs)}
+    pairs.add((shown.preset, shown.seed + 1 if shown.seed < 2**32 - 1 else 0))
+    others = sorted(pairs - {(shown.preset, shown.seed)})
+    return [replace(shown, preset=preset, seed=seed) for preset, seed in others]
 
 
 @st.cache_resource(max_entries=12, show_spinner=False)
-def _estimate(
-    key: Hashable,  # noqa: ARG001
-    test_id: str,
-    approach: str,
-    config: StudyConfig,
-    _campaign: Campaign,
-) -> Estimate | None:
+def _estimate_of_test(
+    key: Hashable, test_id: str, approach: str, config: StudyConfig, _campaign: Campaign  # noqa: ARG001
+) -> Estimate | None:  # fmt: skip
     training, condition = config.training_campaign(_campaign, test_id), _campaign.test(test_id).condition
     return find_estimate(training, condition, approach, config, Cache())
-
-
-def predictions_here(campaign: Campaign, condition: Condition) -> list[PredictedPulse]:
-    """What every approach predicts at a condition by the chosen seeds and presets that are ready."""
-    return _predicted(campaign, ((config, condition) for config in _wanted()))
-
-
-def offer_predictions_here(campaign: Campaign) -> None:
-    """Offer to predict by those that are not ready, or show how far they are."""
-    for config in _wanted():
-        words = f"with {otherwise(config, _shown_here())}"
-        _offer(FitRequest(campaign, config), config, f"Nothing was predicted {words} yet.", words)
-
-
-def _settings_here(campaign: Campaign, condition: Condition, approach: str) -> OtherSettings:
-    """An approach's predictions at a condition by other seeds and presets; the next seed is always offered."""
-    shown = _shown_here()
-    fitted = _fitted_settings((campaign.fingerprint, jobs().ended), shown, campaign)
-    offered = {config: settings_text(config) for config in fitted} | _wanted()
-    return OtherSettings(
-        {name: earlier_name(approach, config, shown) for config, name in offered.items()},
-        tuple(
-            EarlierPrediction(estimate, prediction.config, shown)
-            for prediction in by_one(approach, predictions_here(campaign, condition))
-            for estimate in prediction.estimates
-        ),
-    )
-
-
-def _shown_here() -> StudyConfig:
-    return replace(chosen_config(), leave_out="test")
-
-
-def _wanted() -> dict[StudyConfig, str]:
-    """Settings that were chosen on Predict, by what stands for them in the address."""
-    shown = _shown_here()
-    wanted: dict[StudyConfig, str] = {}
-    for text in _asked():
-        if (config := _settings_of(text, shown)) is not None and (here := replace(config, leave_out="test")) != shown:
-            wanted.setdefault(here, text)
-    return wanted
-
-
-@st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
-def _fitted_settings(key: Hashable, shown: StudyConfig, _campaign: Campaign) -> Sequence[StudyConfig]:  # noqa: ARG001
-    """Other settings with which all approaches were fitted on all tests, and the next seed."""
-    following = replace(shown, seed=shown.seed + 1 if shown.seed < 2**32 - 1 else 0)
-    configs = [result.config for result in past_results() if result.fingerprint == _campaign.fingerprint]
-    past = [(config.preset, config.seed) for config in configs]
-    usual = [(preset, seed) for preset in PRESETS for seed in (0, shown.seed, following.seed)]
-    tried = [replace(shown, preset=preset, seed=seed) for preset, seed in sorted({*past, *usual})]
-    return [config for config in tried if config != shown and (config == following or _is_fitted(_campaign, config))]
-
-
-def _is_fitted(campaign: Campaign, config: StudyConfig) -> bool:
-    with suppress(CrashfuseError):  # no such approach with these settings here
-        return FitRequest(campaign, config).in_cache()
-    return False

@@ -2,15 +2,15 @@
 
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import streamlit as st
 
 from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, say_why, use_again
-from crashfuse.campaign_folder.history import changed_by, changes, is_sample, undo
+from crashfuse.campaign_folder.history import changed_by, changes, undo
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, change_notes, read_notes
 from crashfuse.campaign_folder.settings import LONGEST_REASON
-from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, UsageError
 from crashfuse.ui.kit import campaigns, choices
 from crashfuse.ui.kit.campaigns import View
@@ -25,7 +25,10 @@ _REFUSED = "edit refused"  # session key
 _KEPT_NOTES = "notes"  # session key: notes by folder, where they cannot be kept in the folder
 _NOTE_REFUSED = "note refused"  # session key: why the last one was not added
 _DELETED_NOTE = "note deleted"  # session key: the folder, and the last one that was
-_NOTES_HELP = "A note with a time is a mark on this test's figures over time. Notes and marks go into the report. "
+_LEFT_OUT_HELP = (
+    "A click leaves a test out of use, another one uses it again. It stays in the folder, but nothing learns from it "
+    "and it is not rated: `unused` in campaign.toml."
+)
 
 
 def can_be_edited(folder: Path) -> bool:
@@ -36,33 +39,25 @@ def can_be_edited(folder: Path) -> bool:
 def show_last_change(view: View) -> None:
     """Show in a line what was changed last, with a button that undoes it."""
     last = next(iter(changes(view.folder)), None) if can_be_edited(view.folder) else None
-    if last is None:
-        return
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.markdown(f":material/history: {plain(last.what)}.", width="content")
-        st.button(
-            "Undo",
-            icon=":material/undo:",
-            on_click=_edit,
-            args=(view, lambda: undo(view.folder, last).what, "Undone: "),
-            help=f"{plain(str(last))}. The folder will be what it was before.",
-        )
+    if last is not None:
+        with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+            st.markdown(f":material/history: {plain(last.what)}.", width="content")
+            st.button(
+                "Undo", icon=":material/undo:", on_click=_edit,
+                args=(view, lambda: f"Undone: {undo(view.folder, last).what}"),
+                help=f"{plain(str(last))}. The folder will be what it was before.",
+            )  # fmt: skip
 
 
 def offer_leaving_out(view: View) -> None:
     """Offer to leave out of use the tests whose sensor failed."""
-    doubtful = [test for test in view.campaign.tests if test.faults]
     if len(view.campaign.tests) > 1 and can_be_edited(view.folder):
-        for test in doubtful:
+        for test in [test for test in view.campaign.tests if test.faults]:
+            why = "; ".join(fault.text for fault in test.faults)[:LONGEST_REASON]
             st.button(
                 f"Leave {plain(test.id)} out of use", icon=":material/block:", key=f"leave out {test.id}",
-                on_click=_leave_out_failed, args=(view, test),
+                on_click=_edit, args=(view, partial(leave_out, view.folder, [test.id], why)),
             )  # fmt: skip
-
-
-def _leave_out_failed(view: View, test: CrashTest) -> None:
-    why = "; ".join(fault.text for fault in test.faults)[:LONGEST_REASON]
-    _edit(view, lambda: leave_out(view.folder, [test.id], why), gone=[test.id])
 
 
 def show_tests_in_use(view: View) -> None:
@@ -77,14 +72,13 @@ def show_tests_in_use(view: View) -> None:
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.pills(
             "Tests in use", sorted((*used, *unused)), selection_mode="multi", format_func=plain, key=_USED,
-            on_change=_change_use, args=(view, used), width="content", wrap=True,
-            help="A click leaves a test out of use, another one uses it again. It stays in the folder, but nothing "
-            "learns from it and it is not rated: `unused` in campaign.toml.",
+            on_change=_change_use, args=(view, used), width="content", wrap=True, help=_LEFT_OUT_HELP,
         )  # fmt: skip
         with st.popover("Take out …", icon=":material/delete:", help="Take a test out of the campaign folder."):
             st.selectbox("Test", sorted((*used, *unused)), key=_REMOVED)
             st.caption("Its row and its pulse leave the folder. Undo brings them back.")
-            st.button("Take it out of the folder", on_click=_take_out, args=(view,))
+            take_out = lambda: remove_tests(view.folder, [st.session_state[_REMOVED]])  # noqa: E731
+            st.button("Take it out of the folder", on_click=_edit, args=(view, take_out))
     for test_id in unused:
         key, label = f"why {test_id} of {view.folder} is left out", f"Why is {test_id} left out?"
         choices.put(key, view.campaign.why_unused.get(test_id, ""))
@@ -98,41 +92,30 @@ def show_tests_in_use(view: View) -> None:
 def _change_use(view: View, used: tuple[str, ...]) -> None:
     chosen = set(st.session_state[_USED])
     if out := [test_id for test_id in used if test_id not in chosen]:
-        _edit(view, lambda: leave_out(view.folder, out), gone=out)
+        _edit(view, lambda: leave_out(view.folder, out))
     if again := sorted(chosen - {*used}):
         _edit(view, lambda: use_again(view.folder, again))
 
 
 def _say_why(view: View, test_id: str, key: str) -> None:
-    def keep() -> str:
-        try:
-            return say_why(view.folder, test_id, st.session_state[key])
-        except UsageError:
-            return f"{test_id} is not left out any more: no reason was kept"
-
-    _edit(view, keep)
+    _edit(view, lambda: say_why(view.folder, test_id, st.session_state[key]))
 
 
-def _take_out(view: View) -> None:
-    test_id = st.session_state[_REMOVED]
-    _edit(view, lambda: remove_tests(view.folder, [test_id]), gone=[test_id])
-
-
-def _edit(view: View, change_it: Callable[[], str], before: str = "", gone: list[str] | None = None) -> None:
+def _edit(view: View, change_it: Callable[[], str]) -> None:
     expected, advice = "a change that can be made", "choose otherwise, or check your rights"
     with refused_into(_REFUSED, view.campaign.name, expected, advice):
         with changed_by(visitor().name):
             what = change_it()
-        if st.session_state["test"] in (gone or ()):
+        note_in_log(visitor(), f"{what}, in {view.folder}")
+        st.toast(f"{plain(what)}.", icon=":material/check:")
+        tests = {test.id for test in campaigns.load(view.name).tests}
+        if st.session_state["test"] not in tests:  # another is then held out, without a warning
             st.session_state["test"] = None
-        note_in_log(visitor(), f"{before}{what}, in {view.folder}")
-        st.toast(f"{before}{plain(what)}.", icon=":material/check:")
 
 
 def _offer_copy(view: View) -> None:
-    what = "The sample" if is_sample(view.folder) else "This campaign"
     with st.popover("Save a copy to edit", icon=":material/content_copy:"):
-        st.markdown(f"{what} itself is not edited: leave tests out of use, or add some, in a copy.")
+        st.markdown("This campaign itself is not edited: leave tests out of use, or add some, in a copy.")
         st.text_input(
             "Folder of the copy", key=_COPY, persist_state="session", placeholder=str(Path.home() / "my-campaign"),
             help="On the computer that crashfuse runs on. It must not hold anything yet.",
@@ -163,12 +146,11 @@ def notes_of(view: View) -> tuple[Note, ...]:
 def edit_notes(view: View, notes: Sequence[Note]) -> None:
     """Show the notes on the held-out test, to be deleted, and a form for another."""
     test = view.held_out.id
-    of_test = [note for note in notes if note.test == test]
     folded = st.expander(f"Notes and marks on {plain(test)}", icon=":material/edit_note:", on_change="rerun")
     if not folded.open:  # as most readers leave it
         return
     with folded:
-        for number, note in enumerate(of_test):
+        for number, note in enumerate(note for note in notes if note.test == test):
             with st.container(horizontal=True, vertical_alignment="center", gap="small"):
                 st.button(
                     "Delete", icon=":material/close:", key=f"delete note {number} of {test}", type="tertiary",
@@ -189,7 +171,10 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
             st.form_submit_button("Add", icon=":material/add:", on_click=_add_note, args=(view,))
         if refused := st.session_state.pop(_NOTE_REFUSED, ""):
             st.warning(plain(refused), icon=":material/warning:")
-        st.caption(_NOTES_HELP + _where_kept(view.folder))
+        kept = f"They are kept in {FILE} of the campaign folder, for everyone who opens it."
+        if not can_be_edited(view.folder):
+            kept = "This campaign's folder is not written to: they last until this tab is closed."
+        st.caption(f"A note with a time is a mark on the figures over time. All go into the report. {kept}")
 
 
 def _add_note(view: View) -> None:
@@ -205,19 +190,18 @@ def _add_note(view: View) -> None:
 
 def _delete_note(view: View, note: Note) -> None:
     """Delete a note, which can be put back until another is deleted."""
-    if _change_notes(view, lambda notes: _without_note(notes, note)):
+
+    def without(notes: tuple[Note, ...]) -> list[Note]:
+        place = notes.index(note) if note in notes else len(notes)  # another reader may have deleted it
+        return [*notes[:place], *notes[place + 1 :]]
+
+    if _change_notes(view, without):
         st.session_state[_DELETED_NOTE] = view.folder, note
 
 
 def _put_back_note(view: View, note: Note) -> None:
     if _change_notes(view, lambda notes: [*notes, note]):
         del st.session_state[_DELETED_NOTE]
-
-
-def _without_note(notes: Sequence[Note], note: Note) -> list[Note]:
-    """The notes without the first that is equal; another reader may have deleted it."""
-    place = notes.index(note) if note in notes else len(notes)
-    return [*notes[:place], *notes[place + 1 :]]
 
 
 def _change_notes(view: View, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> bool:
@@ -231,9 +215,3 @@ def _change_notes(view: View, change: Callable[[tuple[Note, ...]], Sequence[Note
     except OSError as error:
         st.session_state[_NOTE_REFUSED] = f"{FILE} was not written: {error.strerror or error}."
     return _NOTE_REFUSED not in st.session_state
-
-
-def _where_kept(folder: Path) -> str:
-    if can_be_edited(folder):
-        return f"They are kept in {FILE} of the campaign folder, for everyone who opens it."
-    return "This campaign's folder is not written to: they last until this tab is closed."

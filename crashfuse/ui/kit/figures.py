@@ -1,15 +1,14 @@
 """Figures on a page: in its theme, with alternative text, drawn once for all sessions, saved by buttons, read by keys.
 
-A picture that is saved is light, whatever the page is, and says above what it shows. A figure that has the focus is
-read with the arrow keys, which move the cursor as a mouse does; Enter clicks, and Escape takes the cursor away.
+A picture that is saved is light and says above what it shows. The arrow keys move the cursor of a figure that has the
+focus; Enter clicks, and Escape takes the cursor away.
 """
 
 import hashlib
 import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeGuard, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import plotly.graph_objects as go
@@ -18,7 +17,7 @@ import streamlit as st
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table, unpacked
 from crashfuse.reporting.figures import Further
-from crashfuse.reporting.plots.canvas import AXIS_TITLE, band_points, darkened, room_above, without_links
+from crashfuse.reporting.plots.canvas import AXIS_TITLE, darkened, room_above, without_links
 from crashfuse.reporting.plots.palette import IN_THE_DARK
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import choices
@@ -26,8 +25,6 @@ from crashfuse.ui.kit.files import Caption, caption
 from crashfuse.ui.kit.window import component
 
 _DIGITS = 5  # of the largest value of a curve, on a screen of thousands of pixels
-_OFF = 1e-4  # share of a curve's range by which it may be off where it is drawn through fewer points
-_STRAIGHT = 1e-6  # share of a grid's length by which its points may be off
 _BUTTONS = """
 <div class=row>
 <button type="button" data-format="svg" title="Save this figure as SVG: sharp at any size">SVG</button>
@@ -43,22 +40,17 @@ T = TypeVar("T")
 
 
 class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
-    """A figure for ``st.plotly_chart``; its curves are rounded, and drawn through fewer points, where no eye sees it.
-
-    Streamlit writes and reads what is sent four times before Plotly has it. And it copies a figure whenever it is
-    shown, which takes longer than all else if there are plain lists: so a copy is made once, here.
-    """
+    """A figure for ``st.plotly_chart`` with numbers of few digits, copied once and not whenever it is shown."""
 
     def __init__(self, figure: go.Figure) -> None:
         super().__init__()
-        digest, parts = hashlib.sha256(), figure.layout.to_plotly_json()
-        traces = [{k: part for k, part in trace.to_plotly_json().items() if k != "meta"} for trace in figure.data]
-        data = [_spaced(_fewer(_plain(trace, digest.update))) for trace in traces]
+        parts = figure.layout.to_plotly_json()
+        data = [{k: _plain(v) for k, v in trace.to_plotly_json().items() if k != "meta"} for trace in figure.data]
         layout = {name: _plain(part) for name, part in parts.items() if name != "template"}
         for name, axis in layout.items():
             if name[1:5] == "axis" and "title" in axis:
                 axis["title"] = {**AXIS_TITLE, **axis["title"]}
-        layout["datarevision"] = digest.hexdigest()[:16]
+        layout["datarevision"] = hashlib.sha256(repr(data).encode()).hexdigest()[:16]
         if "margin" in layout:
             layout["margin"] = {**layout["margin"], "t": max(layout["margin"]["t"], room_above(figure))}
         self._sent = {"data": data, "layout": layout}
@@ -68,33 +60,21 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
         return dict(self._sent)
 
 
-def _plain(part: Any, take: Callable[[bytes], object] = bytes) -> Any:  # noqa: ANN401 - any part of a figure
-    """The same with lists for arrays, packed or not; ``take`` is given all of it, as bytes."""
+def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a figure
+    """The same with lists for arrays, packed or not; None for no number, which JSON cannot hold otherwise."""
     if isinstance(part, Mapping) and "bdata" in part:
         part = unpacked(part)
+    if isinstance(part, np.ndarray) and part.dtype.kind == "f" and part.size:
+        rounded = np.round(part.astype(np.float64), _decimals(part)).astype(object)
+        rounded[~np.isfinite(part)] = None
+        return rounded.tolist()
     if isinstance(part, np.ndarray):
-        if part.dtype.kind not in "biuf":
-            return _plain(part.tolist(), take)
-        take(np.ascontiguousarray(part).tobytes() if part.dtype.kind == "f" else repr(part.tolist()).encode())
-        return _listed(part)
+        part = part.tolist()
     if isinstance(part, Mapping):
-        take(repr(list(part)).encode())
-        return {name: _plain(own, take) for name, own in part.items()}
+        return {name: _plain(own) for name, own in part.items()}
     if isinstance(part, list | tuple):
-        return [_plain(own, take) for own in part]
-    take(repr(part).encode())
+        return [_plain(own) for own in part]
     return without_links(part) if isinstance(part, str) else part
-
-
-def _listed(values: np.ndarray[Any, Any]) -> list[Any]:
-    """Values as numbers of few digits; None for none, which JSON cannot hold otherwise."""
-    if values.dtype.kind != "f" or not values.size:
-        return list(values.tolist())
-    rounded = np.round(values.astype(np.float64), _decimals(values))
-    if not (known := np.isfinite(rounded)).all():
-        rounded = rounded.astype(object)
-        rounded[~known] = None
-    return list(rounded.tolist())
 
 
 def _decimals(values: FloatArray) -> int:
@@ -102,38 +82,12 @@ def _decimals(values: FloatArray) -> int:
     return _DIGITS - int(np.ceil(np.log10(largest))) if 0 < largest < np.inf else _DIGITS
 
 
-def _fewer(trace: dict[str, Any]) -> dict[str, Any]:
-    """A smooth curve, if the cursor does not read it, through as many points as a band."""
-    x, y = trace.get("x"), trace.get("y")
-    if trace.get("hoverinfo") != "none" or not (_is_known(x) and _is_known(y)):
-        return trace
-    (across, up), kept = np.array([x, y]), band_points(len(x))
-    if np.abs(np.interp(across, across[kept], up[kept]) - up).max() > _OFF * np.ptp(up):
-        return trace
-    return {**trace, "x": across[kept].tolist(), "y": up[kept].tolist()}
-
-
-def _spaced(trace: dict[str, Any]) -> dict[str, Any]:
-    """The same curve with first position and step for positions that are evenly spaced: half as much is sent."""
-    x = trace.get("x")
-    if trace["type"] != "scatter" or not _is_known(x):
-        return trace
-    step = (x[-1] - x[0]) / (len(x) - 1)
-    if step <= 0 or np.abs(np.array(x) - x[0] - step * np.arange(len(x))).max() > _STRAIGHT * (x[-1] - x[0]):
-        return trace
-    return {name: own for name, own in trace.items() if name != "x"} | {"x0": x[0], "dx": step}
-
-
-def _is_known(values: object) -> TypeGuard[list[float]]:
-    return isinstance(values, list) and len(values) >= 3 and {*map(type, values)} == {float}
-
-
 @st.fragment
 def offer_files(figure: go.Figure, caption: Caption, key: str) -> None:
     """Show the buttons of the figure just above."""
     key = f"files {key}"
     asked = st.session_state.get(key, {}).get("csv")
-    data: dict[str, object] = asdict(caption)
+    data: dict[str, object] = caption._asdict()
     if asked:
         table = figure_table(figure, [int(place) for place in asked["hidden"]])
         data |= {"at": asked["at"], "csv": csv_bytes(table).decode()}
@@ -162,7 +116,7 @@ def show_figure(figure: go.Figure, alt: str, key: str | None = None, name: str =
     """Show a figure; its files are named by what it shows, by ``name`` where the alternative text is too long."""
     sent = SentFigure(darkened(figure) if _is_dark() else figure)
     st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_TOOLS)
-    offer_files(figure, caption(figure, alt, name), key or alt)
+    offer_files(figure, caption(alt, name), key or alt)
 
 
 def show_cached_figure(
@@ -171,7 +125,7 @@ def show_cached_figure(
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
     figure, sent = _cached(key, _is_dark(), draw)
     st.plotly_chart(sent, alt=alt, theme=None, config=_TOOLS)
-    offer_files(figure, caption(figure, alt, name, beside), alt)
+    offer_files(figure, caption(alt, name, beside), alt)
 
 
 def show_clickable(
@@ -195,7 +149,7 @@ def show_clickable(
     event = st.plotly_chart(
         sent, alt=alt, key=widget, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
     )
-    offer_files(figure, caption(figure, alt, name), widget)
+    offer_files(figure, caption(alt, name), widget)
     return bool(_points(event))
 
 

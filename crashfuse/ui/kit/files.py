@@ -2,12 +2,10 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import pandas as pd
-import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
@@ -30,25 +28,25 @@ from crashfuse.ui.kit.choices import choose_one, chosen_config, kept_choice
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import MS
-from crashfuse.wording import IN_SI, SYSTEMS
+from crashfuse.wording import SYSTEMS
 
 _LONGEST_NAME, _DIGEST = 130, 6
 _QUESTION = ("criteria", "matrix", "uploaded", "confidence", "earlier", "speeds", "front_weights", "rear_weights")
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
-    "certification.csv": "Every verdict, one row a condition and criterion, with its limits, probability and reason.",
+    "certification.csv": "Every verdict, one row a condition and criterion.",
     "track_record.csv": "Every verdict on a left-out test beside what it measured.",
-    "changes.csv": "Every verdict beside that of the earlier certification, and what tests run since measured.",
+    "changes.csv": "Every verdict beside the earlier one, and what tests run since measured.",
     "criteria.toml": "The criteria as judged: put it into the campaign folder to judge by them again.",
     "matrix.csv": "The conditions as judged: put it into the campaign folder to judge them again.",
-    "certification.json": "The whole certification for programs, and to hold a later one against it.",
+    "certification.json": "The whole certification, to hold a later one against it.",
     "comparison.csv": "The ratings of both studies, and by how much they differ.",
     "learning_curve.csv": "The mean ratings by number of tests, with their errors.",
     "metrics.csv": "The pulse metrics with their 95 % intervals.",
     "models.zip": "The fitted approaches: unpack it for crashfuse predict --models.",
     "next_tests.csv": "Every test that could be run next, with what it would gain.",
-    "pulses.csv": "The predicted pulses over time, with the ends of their 95 % bands.",
-    "pulses.parquet": "The same as pulses.csv, for programs that read Parquet.",
+    "pulses.csv": "The predicted pulses over time, with their 95 % bands.",
+    "pulses.parquet": "As pulses.csv, for programs that read Parquet.",
     "scores.csv": "The ratings, and the four scores of each, by test, approach and window.",
     "side_by_side.csv": "The metrics of this prediction and of those beside it, with their differences.",
     "speed_groups.csv": "As scores.csv, of tests left out with all at about their speed.",
@@ -67,8 +65,7 @@ _DRAWS_HELP = (
 _PULSE_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
 
 
-@dataclass(frozen=True)
-class Caption:
+class Caption(NamedTuple):
     """Name of a figure's files, without its ending, and the lines above its picture."""
 
     name: str
@@ -76,38 +73,45 @@ class Caption:
     details: str
 
 
-def caption(figure: go.Figure, alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Caption:
+def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Caption:
     """The caption of a figure on the open page.
 
-    Its alternative text is the title, as far as the first semicolon, and the name, unless few words say what is
-    ``drawn``; added curves stand in the name.
+    The alternative text up to its semicolon is the title, and the name unless it is given what is ``drawn``.
     """
-    page, title = choices.here().page, alt.partition(";")[0]
-    campaign = _campaign(page)
-    if campaign is None:
-        return Caption(file_name(drawn or title), title, "")
-    state, unused = st.session_state, [test for test, _ in campaign.unused]
+    page, title, state = choices.here().page, alt.partition(";")[0], st.session_state
+    names, details = [drawn or title], list[str]()
+    elsewhere = page == "history" or (page == "data" and state.get("import"))  # of any campaign, or of none
+    if elsewhere or not state.get("campaign"):
+        return Caption(file_name(*names), title, "")
+    campaign = campaigns.load(state["campaign"])
     display = Display(float(state["window"]), state["unit"], system=SYSTEMS[state["system"]])
-    names, details = [campaign.name, drawn or title], [campaign.name]
+    unused, config = [test for test, _ in campaign.unused], chosen_config()
     if page == "compare":
         test = campaign.test(state["test"])
-        names.insert(1, test.id)
-        details.insert(0, f"Test {test.id} at {display.condition(test.condition)}")
+        names.insert(0, test.id)
+        details.append(f"Test {test.id} at {display.condition(test.condition)}")
+    details.append(campaign.name)
     if choices.acts("window", page):
         names.append(display.in_names[0])
         details.append(f"Rated time window 0–{display.window_ms:g} ms")
-    names += [*_units(figure, display, campaign), *unusual_settings(), *(f"without {test}" for test in unused)]
+    if choices.acts("unit", page):
+        names.append(display.in_names[1])
+    if choices.acts("sign", page) and state["sign"] != choices.CHOICES["sign"].default:
+        names.append(state["sign"])
+    if display.system != campaign.units:
+        names.append(state["system"])
+    names += [*unusual_settings(), *(f"without {test}" for test in unused)]
     if beside:
-        names.append(f"with {' '.join(map(_briefly, beside))}")
+        texts = (curve.removeprefix(RUN) if isinstance(curve, str) else curve.text for curve in beside)
+        names.append(f"with {' '.join(texts)}")
     if page == "certify":
         details += [f"{LABELS[state['approach']]} judged", f"Confidence {state['confidence']:.6g}"]
     if page in _WITH_SETTINGS:
-        config = chosen_config()
         details += [f"{config.preset.capitalize()} settings, seed {config.seed}", *map(str.capitalize, _left_out(page))]
     details += [f"{test} left out of use" for test in unused]
     if campaign.notice:
         details.append(campaign.notice.partition(":")[0])
-    return Caption(file_name(*names), title, " · ".join(details))
+    return Caption(file_name(campaign.name, *names), title, " · ".join(details))
 
 
 def unusual_settings() -> list[str]:
@@ -115,57 +119,31 @@ def unusual_settings() -> list[str]:
     page, config, usual = choices.here().page, chosen_config(), StudyConfig()
     if page not in _WITH_SETTINGS:
         return []
-    preset = [f"{config.preset} settings"] if config.preset != usual.preset else []
-    question = _question() if page == "certify" else []
-    return [*_left_out(page), *question, *preset, *([f"seed {config.seed}"] if config.seed != usual.seed else [])]
+    said = _left_out(page)
+    if page == "certify":
+        chosen = choices.parameters("certify")
+        said += [LABELS[approach] for approach in chosen.get("approach", [])]
+        asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION or key.startswith("grid_")}
+        said += [_digest(repr(asked))] if asked else []
+    said += [f"{config.preset} settings"] if config.preset != usual.preset else []
+    return [*said, *([f"seed {config.seed}"] if config.seed != usual.seed else [])]
 
 
 def file_name(*parts: str) -> str:
     """Name of files, safe on any disk; a long one is cut, and still unique."""
     safe = (re.sub(r"[^\w.-]+", "-", part, flags=re.ASCII).strip("-._") for part in parts)
     whole = "_".join(filter(None, safe))
-    if len(whole) <= _LONGEST_NAME:
-        return whole
-    digest = sha256(whole.encode()).hexdigest()[:_DIGEST]
-    return f"{whole[: _LONGEST_NAME - _DIGEST - 1]}-{digest}"
+    return whole if len(whole) <= _LONGEST_NAME else f"{whole[: _LONGEST_NAME - _DIGEST - 1]}-{_digest(whole)}"
 
 
-def _campaign(page: str) -> Campaign | None:
-    """The open campaign; none of History, whose studies may be of any, nor of an import, whose files are of none."""
-    state = st.session_state
-    elsewhere = page == "history" or (page == "data" and state.get("import"))
-    name = state.get("campaign")
-    return campaigns.load(name) if name and not elsewhere else None
-
-
-def _question() -> list[str]:
-    chosen = choices.parameters("certify")
-    asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION or key.startswith("grid_")}
-    digest = sha256(repr(asked).encode()).hexdigest()[:_DIGEST]
-    return [*(LABELS[approach] for approach in chosen.get("approach", [])), *([digest] if asked else [])]
+def _digest(text: str) -> str:
+    return sha256(text.encode()).hexdigest()[:_DIGEST]
 
 
 def _left_out(page: str) -> list[str]:
     """Elsewhere than on Compare the figures themselves say what was left out, or all tests were learned from."""
     left_out = chosen_config().leave_out
     return [LEFT_OUT[left_out]] if page == "compare" and left_out == "speed group" else []
-
-
-def _units(figure: go.Figure, display: Display, campaign: Campaign) -> list[str]:
-    """Units of its axes, of speeds and weights unless they are the campaign's."""
-    state, usual = st.session_state, choices.CHOICES["sign"].default
-    titles = " ".join(axis.title.text or "" for axis in (*figure.select_xaxes(), *figure.select_yaxes()))
-    shown = {unit for unit in IN_SI if re.search(rf"(^|[ (]){re.escape(unit)}($|[ )/])", titles)}
-    said = []
-    if display.unit in shown:
-        said += [display.in_names[1], *([state["sign"]] if state["sign"] != usual else [])]
-    if display.system != campaign.units and shown & {display.system.speed, display.system.weight}:
-        said.append(state["system"])
-    return said
-
-
-def _briefly(beside: Further) -> str:
-    return beside.removeprefix(RUN) if isinstance(beside, str) else beside.text
 
 
 def download_table(name: str, table: Callable[[], pd.DataFrame], of: str = "") -> None:
@@ -236,18 +214,15 @@ def offer_pulses(
             format_func=LABELS.__getitem__, key="export approach",
         )  # fmt: skip
         estimate = estimates[names.index(approach)]
-        drawn = estimate.prediction.draws_mps2
         draws = 0
-        if drawn is not None:
+        if (drawn := estimate.prediction.draws_mps2) is not None:
             draws = right.number_input(
                 "Draws", 0, len(drawn), 0, key=f"export draws of {len(drawn)}", persist_state="session",
                 help=_DRAWS_HELP,
             )  # fmt: skip
         try:
-            if form == "isomme":
-                export = PulseExport((form,), draws, seed, location=_location())
-            else:
-                export = PulseExport((form,), draws, seed, curve=_curve())
+            location, curve = (_location(), None) if form == "isomme" else (LOCATION, _curve())
+            export = PulseExport((form,), draws, seed, location, curve)
         except UsageError as error:
             st.warning(plain(error), icon=":material/warning:")
             return
@@ -267,7 +242,7 @@ def _curve() -> SolverCurve:
     left, middle, right = st.columns(3)
     system = left.selectbox(
         "Unit system", list(UNIT_SYSTEMS), key="export units", persist_state="session",
-        help="Of the occupant model: length, time, mass. The time and acceleration of the curve are in these units.",
+        help="Of the occupant model and of the curve: length, time, mass.",
     )  # fmt: skip
     sign: Literal["negative", "positive"] = middle.segmented_control(
         "Braking is", ["negative", "positive"], default="negative", required=True, key="export sign",
@@ -279,9 +254,8 @@ def _curve() -> SolverCurve:
     )  # fmt: skip
     left, middle, _ = st.columns(3)
     start_ms = left.number_input(
-        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.6g",
-        key="export start", persist_state="session",
-        help="In the time of the occupant model; before it the curve is zero.",
+        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.6g", key="export start",
+        persist_state="session", help="In the time of the occupant model; before it the curve is zero.",
     )  # fmt: skip
     scale = middle.number_input(
         "Scale", 0.001, 1000.0, 1.0, step=0.05, format="%.6g", key="export scale", persist_state="session",

@@ -1,7 +1,7 @@
 """Frame of every page: set-up, the sidebar's choices, the settings, and the notice that a campaign is synthetic."""
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import replace
@@ -15,7 +15,7 @@ from streamlit.runtime.scriptrunner import StopException
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.campaign import Campaign
-from crashfuse.crash_test import SPEED_STEP_MPS
+from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import default_folder
 from crashfuse.reporting import glossary
@@ -42,8 +42,7 @@ from crashfuse.ui.kit.window import (
 from crashfuse.wording import SYSTEMS, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
-_HELD_OUT = "held-out chooser"  # session keys: whether the page had it, and the test that it showed
-_SHOWN_TEST = "test shown"
+_HELD_OUT = "held-out chooser"  # session key: whether the page had it
 _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 _facts: ContextVar[tuple[View, bool, DeltaGenerator] | None] = ContextVar("facts", default=None)
 _IN_HEAD = {"test.stands_apart", "cae.runs_fail", "tests.left_out_of_use"}
@@ -75,10 +74,8 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
             "Networks are trained on",
             DEVICES if cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu"),
             format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
-            key="device",
-            persist_state="session",
-            help="GPU means CUDA. Results of different devices differ in their last digits.",
-        )
+            key="device", persist_state="session", help="Results of different devices differ in their last digits.",
+        )  # fmt: skip
     config = chosen_config()
     if config.preset == "paper":
         st.warning(
@@ -94,10 +91,7 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
 
 
 def choose_left_out(page: str) -> None:
-    """Ask what is left out with a test, on a page that has this in a place of its own.
-
-    A widget of the same key in another place, first drawn, would have no value and not that of the session.
-    """
+    """Ask what is left out with a test; by a widget of each page, for one of the same key elsewhere has no value."""
     state, shown = st.session_state, f"leave_out on {page}"
     choices.put(shown, state["leave_out"])
     st.segmented_control(
@@ -145,38 +139,21 @@ def sidebar(page: str) -> View | Sequence[Problem]:
 
 
 def _choose_view(page: str, name: str, campaign: Campaign) -> View:
-    state = st.session_state
-    was_drawn, state[_HELD_OUT] = state.get(_HELD_OUT), False
+    state, tests = st.session_state, {test.id: test for test in campaign.tests}
     choices.default("system", next(name for name, system in SYSTEMS.items() if system == campaign.units))
-    units = chosen_units()
-    tests = {test.id: test for test in campaign.tests}
     unused = dict(campaign.unused)
     if state["test"] not in (None, *tests):
-        why = "left out of use" if state["test"] in unused else "not among the tests"
-        asked = "This link holds out {}, but that test is" if state["test"] != state.get(_SHOWN_TEST) else "{} is now"
-        _note(f"{asked} {why}; another is held out instead.", state["test"])
+        why = "is left out of use" if state["test"] in unused else "is not among the tests"
+        _note(f"{{}} {why}; another is held out instead.", state["test"])
         state["test"] = None
     if state["test"] is None:
         state["test"] = telling_test(campaign).id
-    state[_SHOWN_TEST] = state["test"]
     if unused:
-        names = ", ".join(map(plain, unused))
-        st.caption(f":material/block: Left out of use: {names}")
+        st.caption(f":material/block: Left out of use: {', '.join(map(plain, unused))}")
     importing = page == "data" and bool(state["import"])
+    was_drawn, state[_HELD_OUT] = state.get(_HELD_OUT), False
     if choices.acts("test", page) and page != "train" and not importing:  # there it is chosen among the settings
-        shown = f"test in {state['system']}"  # a browser keeps what is chosen by its label, which has a unit
-        if not was_drawn:  # the browser has forgotten it, which Streamlit does not know of a page that ended early
-            state.pop(shown, None)
-        choices.put(shown, state["test"])
-        state[_HELD_OUT] = True
-        st.selectbox(
-            "Held-out test",
-            list(tests),
-            format_func=lambda test_id: f"{test_id} · {said(speed(tests[test_id].condition.speed_mps), units)}",
-            key=shown,
-            on_change=lambda: choose_held_out(tests[state[shown]]),
-            help="The test to be predicted. Nothing that predicts it sees its pulse.",
-        )
+        _choose_held_out(tests, was_drawn=bool(was_drawn))
         for note in campaign.cae.extrapolation(tests[state["test"]].condition):
             st.caption(f":material/warning: {plain(note)}")
     if page == "compare":  # the page Train has it among its settings
@@ -193,6 +170,20 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         choices.choose_one("sign", "Show as", help=meaning)
     display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
     return View(campaign, name, tests[state["test"]], display)
+
+
+def _choose_held_out(tests: Mapping[str, CrashTest], *, was_drawn: bool) -> None:
+    state, units = st.session_state, chosen_units()
+    shown = f"test in {state['system']}"  # a browser keeps what is chosen by its label, which has a unit
+    if not was_drawn:  # the browser has forgotten it, which Streamlit does not know of a page that ended early
+        state.pop(shown, None)
+    choices.put(shown, state["test"])
+    state[_HELD_OUT] = True
+    st.selectbox(
+        "Held-out test", list(tests), key=shown, on_change=lambda: choose_held_out(tests[state[shown]]),
+        format_func=lambda test_id: f"{test_id} · {said(speed(tests[test_id].condition.speed_mps), units)}",
+        help="The test to be predicted. Nothing that predicts it sees its pulse.",
+    )  # fmt: skip
 
 
 def _note(sentence: str, asked: str) -> None:
@@ -234,10 +225,7 @@ def route(page: Page) -> None:
 
 @st.fragment
 def by_itself(show: Callable[[], None]) -> None:
-    """Show the rest of a page, so that a choice made in it is answered without all that stands around it.
-
-    The address follows at once, the rest of the page, with its links to others, when the user is at rest.
-    """
+    """Show the rest of a page, so that a choice made in it is answered without all that stands around it."""
     choices.publish()
     with st.container(key="alone"):
         show()
@@ -268,41 +256,30 @@ def enter_with_campaign(
     says if tests are left out ``by_group``, as is chosen in the sidebar if the page does not say.
     """
     view = enter()
-    if view is not None:
-        config = chosen_config() if detail else None
-        grouped = (by_group or _chosen_by_group)(view)
-        show_head(view, title, "" if detail is None else detail(view), config, by_group=grouped)
-        if detail is not None:
-            _require_a_seed()
-    else:
+    if view is None:
         st.title(title)
         st.markdown("No campaign is open yet. Open one on the page **Data**, or look around with the sample.")
         offer_sample()
         show_link("data", "Open a campaign of your own", ":material/folder_open:")
         end_page()
-    return view
-
-
-def _chosen_by_group(_: View) -> bool:
-    return st.session_state["leave_out"] == "speed group" and choices.acts("leave_out", choices.here().page)
-
-
-def _require_a_seed() -> None:
-    """Say where it is chosen if there is no such seed, instead of starting what can only fail."""
+    if detail is None:
+        show_head(view, title)
+        return view
+    chosen = choices.acts("leave_out", choices.here().page) and st.session_state["leave_out"] == "speed group"
+    grouped = chosen if by_group is None else by_group(view)
+    show_head(view, title, detail(view), chosen_config(), by_group=grouped)
     seed, seeds = st.session_state.get("seed", 0), choices.CHOICES["seed"].options
     if seed not in seeds:
         st.error(f"There is no seed {seed}: it is from {seeds[0]} to {seeds[-1]}.", icon=":material/error:")
         show_link("train", "Choose another seed", ":material/tune:")
         end_page()
+    return view
 
 
 def show_head(
     view: View, title: str, detail: str = "", config: StudyConfig | None = None, *, by_group: bool = False
 ) -> None:
-    """Show in a line the title of a page, what it shows, the settings behind it, and the campaign's notice.
-
-    Of the notice, where there are settings, only the words before its colon: the rest unfolds from them.
-    """
+    """Show in a line the title of a page, what it shows, the settings behind it, and the campaign's notice."""
     if lost := _not_kept():
         st.warning(plain(lost), icon=":material/save:")
     with st.container(horizontal=True, vertical_alignment="center", key="head"):
@@ -349,8 +326,8 @@ def _not_kept() -> str:
             return ""
     except OSError as error:
         return (
-            f"Results are not kept: {folder} cannot be written ({error.strerror or error}). They are lost when the "
-            "server ends. Make the folder writable, or name another by CRASHFUSE_CACHE."
+            f"Results are lost when the server ends: {folder} cannot be written ({error.strerror or error}). Make the "
+            "folder writable, or name another by CRASHFUSE_CACHE."
         )
 
 

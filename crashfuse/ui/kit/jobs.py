@@ -166,13 +166,7 @@ class Jobs:
             return [job for job in self._jobs.values() if job.active]
 
     def start(
-        self,
-        key: Hashable,
-        title: str,
-        work: Callable[[Watch], T],
-        visitor: Visitor,
-        *,
-        at_once: bool = False,
+        self, key: Hashable, title: str, work: Callable[[Watch], T], visitor: Visitor, *, at_once: bool = False
     ) -> Job[T]:
         """Queue work for someone, or join the job that does it; short work may start at once."""
         with self._lock:

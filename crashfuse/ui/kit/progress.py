@@ -2,14 +2,13 @@
 
 import math
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Any, TypeVar
 
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.watched import Step
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.kit.computation import Request, jobs
 from crashfuse.ui.kit.figures import show_figure
@@ -43,13 +42,11 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
     if job is not None and job.active:
         part = job.part
         show_job(job, part, time.monotonic(), in_full=part is None)
-        if part is not None:
-            return part
-    else:
-        if job is not None:
-            show_end(job)
-        st.markdown(invitation)
-        st.button(button, type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
+        return part
+    if job is not None:
+        show_end(job)
+    st.markdown(invitation)
+    st.button(button, type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
     return None
 
 
@@ -59,7 +56,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
         return
     st.info(
         f"{plain(campaign.test_ids[0])} is the only test of this campaign: left out, it would leave nothing to learn "
-        "from. The page Predict works; how well it predicts cannot be checked before there is a second test.",
+        "from. How well the page Predict predicts cannot be checked before there is a second test.",
         icon=":material/looks_one:",
     )
     show_link("predict", "Predict another condition")
@@ -71,9 +68,7 @@ def show_end(job: Job[Any]) -> None:
     if job.state == "failed":
         st.error(plain(job.message), icon=":material/error:")
     elif job.state == "cancelled":
-        st.warning(
-            "Cancelled. Whatever was finished is kept; starting again continues from there.", icon=":material/cancel:"
-        )
+        st.warning("Cancelled. What was finished is kept; starting again continues there.", icon=":material/cancel:")
 
 
 def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in_full: bool = True) -> None:
@@ -90,28 +85,43 @@ def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> N
     more = job.part is not shown and (shown is None or time.monotonic() - since > _PART_S)
     if not job.active or (more and since < math.inf):
         st.rerun()
+    me, others, steps = visitor(), plain(names(job.wanted_by - {visitor()})), list(job.steps.items())
+    wanted = me in job.wanted_by
     with st.container(border=True):
         with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
             st.markdown(f"**{plain(job.title)}**", width="content")
-            _show_wanting(job)
+            if wanted or job.cancelling:
+                st.button(
+                    "Cancel", icon=":material/stop:", on_click=job.cancel, args=(me,), disabled=job.cancelling,
+                    key=f"cancel {id(job)}",
+                )  # fmt: skip
+            else:
+                st.button(
+                    "I want it, too", icon=":material/add:", on_click=job.join, args=(me,), key=f"join {id(job)}",
+                    help="It then goes on for you if the other cancels it.",
+                )  # fmt: skip
         if job.cancelling:
             st.caption("Stopping at the next opportunity …")
-        elif others := plain(names(job.wanted_by - {visitor()})):
-            mine = visitor() in job.wanted_by
-            st.caption(f"Also wanted by {others}: Cancel ends it only for you." if mine else f"Started by {others}.")
+        elif others:
+            st.caption(f"Also wanted by {others}: Cancel ends it only for you." if wanted else f"Started by {others}.")
         elif job.state == "waiting":
             ahead = next((other for other in jobs().active if other is not job), None)
             st.caption("Waiting for its turn" + (f" behind: {title_of(ahead)}" if ahead else "") + ".")
-        steps = list(job.steps.items())
-        _show_bar(job, steps)
-        if steps:
-            with st.expander("Steps", icon=":material/checklist:"):
-                for name, step in steps:
-                    _show_step(name, step)
+        if not steps:
+            return
+        doing, step = next((pair for pair in reversed(steps) if not pair[1].finished), steps[-1])
+        st.progress(step.progress.fraction, text=f"{plain(doing)} · {duration(job.elapsed_s)} so far")
+        with st.expander("Steps", icon=":material/checklist:"):
+            for name, step in steps:
+                done, total = step.progress.done, step.progress.total
+                took, icon = f": {done:,} of {total:,}", "hourglass_top"
+                if step.finished:
+                    took, icon = f", {duration(step.updated - step.started)}", "check"
+                st.caption(f":material/{icon}: {plain(name)}{took}")
         learning = [(name, step) for name, step in steps if in_full and step.learns]
         for column, (name, step) in zip(st.columns(max(len(learning), 1)), learning, strict=False):
-            column.caption(plain(name))
             with column:
+                st.caption(plain(name))
                 show_figure(step.plot(), alt=f"{name}, so far", key=f"{name} {id(job)}")
 
 
@@ -120,37 +130,6 @@ def title_of(job: Job[Any]) -> str:
     if visitor() in job.wanted_by:
         return plain(job.title)
     return f"A computation of {plain(names(job.wanted_by) or 'nobody now')}"
-
-
-def _show_wanting(job: Job[Any]) -> None:
-    """Let the visitor cancel a job for themselves, or ask for one of another."""
-    me = visitor()
-    if me in job.wanted_by or job.cancelling:
-        st.button(
-            "Cancel", icon=":material/stop:", on_click=job.cancel, args=(me,), disabled=job.cancelling,
-            key=f"cancel {id(job)}",
-        )  # fmt: skip
-    else:
-        st.button(
-            "I want it, too", icon=":material/add:", on_click=job.join, args=(me,), key=f"join {id(job)}",
-            help="It then goes on for you if the other cancels it.",
-        )  # fmt: skip
-
-
-def _show_bar(job: Job[Any], steps: Sequence[tuple[str, Step]]) -> None:
-    """A bar for what the job is doing; how long it will take nobody can know."""
-    if not steps:
-        return
-    doing, step = next((pair for pair in reversed(steps) if not pair[1].finished), steps[-1])
-    st.progress(step.progress.fraction, text=f"{plain(doing)} · {duration(job.elapsed_s)} so far")
-
-
-def _show_step(name: str, step: Step) -> None:
-    progress = step.progress
-    if step.finished:
-        st.caption(f":material/check: {plain(name)}, {duration(step.updated - step.started)}")
-    else:
-        st.caption(f":material/hourglass_top: {plain(name)}: {progress.done:,} of {progress.total:,}")
 
 
 def patience(config: StudyConfig, usually: str) -> str:
@@ -168,9 +147,7 @@ def duration(seconds: float) -> str:
     """A duration in everyday words."""
     if seconds < 120:  # 90 s are not yet 2 min
         return f"{seconds:.0f} s"
-    if seconds < 5400:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def show_running() -> None:
@@ -187,11 +164,11 @@ def show_running() -> None:
     for job in ended:
         _link(job, _outcome(job), ":material/check_circle:" if job.state == "done" else ":material/error:")
     for job in active:
-        title = title_of(job) + (" (waiting)" if job.state == "waiting" else "")
-        if job not in state[_WAITED_FOR]:
-            st.caption(f":material/hourglass_top: {title}")
+        title, icon = title_of(job) + (" (waiting)" if job.state == "waiting" else ""), ":material/hourglass_top:"
+        if job in state[_WAITED_FOR]:
+            _link(job, title, icon)
         else:
-            _link(job, title, ":material/hourglass_top:")
+            st.caption(f"{icon} {title}")
 
 
 def _outcome(job: Job[Any]) -> str:
@@ -199,8 +176,6 @@ def _outcome(job: Job[Any]) -> str:
 
 
 def _link(job: Job[Any], label: str, icon: str) -> None:
-    place = job.places[visitor()]
-    if st.button(
-        label, icon=icon, type="tertiary", on_click=place.take, key=f"open {id(job)}", help="Open the page that asked"
-    ):
+    place, meaning = job.places[visitor()], "Open the page that asked"
+    if st.button(label, icon=icon, type="tertiary", on_click=place.take, key=f"open {id(job)}", help=meaning):
         open_page(place.page)

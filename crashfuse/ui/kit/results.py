@@ -1,12 +1,9 @@
 """What pages show of results: tables, problems in data, recommendation, notes; the numbers come from the library."""
 
 import re
-import string
-from collections import Counter
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from itertools import groupby
 
 import pandas as pd
@@ -37,14 +34,6 @@ from crashfuse.ui.kit.text import advice_on_page, as_read, chosen_units, plain
 from crashfuse.ui.kit.window import component
 from crashfuse.wording import UnitSystem
 
-_RIGHT = "text-align: right !important"
-_DIGIT_WIDE, _POINT_WIDE, _BRACKET_WIDE = "\u2007", "\u2008", "\u2004"
-_BLANKS = {
-    **{ord(char): _DIGIT_WIDE for char in string.printable + "≤≥"},
-    **{ord(char): _POINT_WIDE for char in ".,"},
-    **{ord(char): _BRACKET_WIDE for char in "[]()"},
-    ord(" "): "\N{NO-BREAK SPACE}",
-}
 _COPY = '<button type="button" title="Copy this table for a spreadsheet">Copy</button>'
 _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| %| of \d+)?|–|)( \[.*\]| \(.*\))?")
 """A cell with a number, perhaps with its interval or a remark, or without one."""
@@ -68,19 +57,16 @@ def literal(table: pd.DataFrame) -> Styler:
 
 
 def aligned(styler: Styler) -> Styler:
-    """A :func:`literal` table with numbers at the right, their digits under each other and their intervals lighter."""
-    forms: dict[Hashable, Callable[[object], object]] = dict.fromkeys(styler.columns, _literally)
-    right = []
-    for place, name in enumerate(styler.columns):
+    """A :func:`literal` table with numbers at the right, and their intervals lighter."""
+    right: list[int] = []
+    for place in range(len(styler.columns)):
         matches = [_NUMBER.fullmatch(str(cell)) for cell in styler.data.iloc[:, place]]
-        numbers = [match for match in matches if match is not None]
-        if len(numbers) == len(matches) and any(match[1] for match in numbers):
-            longest = max((match[2] or "" for match in numbers), key=len)
-            forms[name] = partial(_with_light_interval, longest=longest)
+        if all(matches) and any(match and match[1] for match in matches):
             right.append(place)
-    styler.format(forms)
+    numbers = {styler.columns[place] for place in right}
+    styler.format({name: _with_light_interval if name in numbers else _literally for name in styler.columns})
     styler.set_properties(subset=styler.columns[right], **{"text-align": "right !important"})
-    heads = [{"selector": f"th.col{place}", "props": _RIGHT} for place in right]
+    heads = [{"selector": f"th.col{place}", "props": "text-align: right !important"} for place in right]
     return styler.set_table_styles(heads, overwrite=False)
 
 
@@ -92,17 +78,10 @@ def fill(colour: str) -> str:
     return f"background-color: {ground}; color: {ink}"
 
 
-def _with_light_interval(cell: object, longest: str) -> str:
-    """A number as Markdown, its interval lighter, and filled up so that the numbers of a column end at one place.
-
-    ``longest`` is the column's longest interval; where there is none, spaces as wide as its characters stand for it.
-    """
+def _with_light_interval(cell: object) -> str:
     number, interval = (str(part) for part in _NUMBER.findall(str(cell))[0])
     escaped = interval.strip().replace(" ", "\N{NO-BREAK SPACE}").replace("[", "\\[").replace("]", "\\]")
-    if not escaped:
-        return number + longest.translate(_BLANKS)
-    missing = Counter(longest.translate(_BLANKS)) - Counter(interval.translate(_BLANKS))
-    return f"{number}\N{NO-BREAK SPACE}:gray[{escaped}]" + "".join(missing.elements())
+    return f"{number}\N{NO-BREAK SPACE}:gray[{escaped}]" if escaped else number
 
 
 def _literally(cell: object) -> object:
@@ -112,36 +91,26 @@ def _literally(cell: object) -> object:
     return plain(cell).replace(" ", "\N{NO-BREAK SPACE}") if _GRADED.fullmatch(cell) else plain(cell)
 
 
-def problem_table(problems: Sequence[Problem]) -> pd.DataFrame:
-    """One row of text per problem: location, what was expected, what was found, what to do."""
-    return pd.DataFrame([_cells(problem, "" if problem.row is None else str(problem.row)) for problem in problems])
-
-
-def short_table(problems: Sequence[Problem]) -> pd.DataFrame:
-    """The same table, with neighbouring problems that differ only in the row merged, as in rows 2–21."""
-    return pd.DataFrame(
-        [
-            _cells(problem, _rows([same.row for same in alike if same.row is not None]))
-            for problem, alike in groupby(problems, key=lambda problem: replace(problem, row=None))
-        ]
-    )
-
-
-def _cells(problem: Problem, rows: str) -> dict[str, str]:
-    return {
-        "File": problem.where,
-        "Row": rows,
-        "Column": problem.column or "",
-        "Expected": problem.expected,
-        "Found": problem.found,
-        "What to do": advice_on_page(problem),
-    }
-
-
-def _rows(numbers: Sequence[int]) -> str:
-    if len(numbers) > 1 and list(numbers) == list(range(numbers[0], numbers[-1] + 1)):
-        return f"{numbers[0]}–{numbers[-1]}"
-    return ", ".join(map(str, numbers))
+def problem_table(problems: Sequence[Problem], *, merged: bool = False) -> pd.DataFrame:
+    """One row of text per problem, or per run of neighbours that differ only in their row, as in rows 2–21."""
+    runs = groupby(problems, key=lambda problem: replace(problem, row=None) if merged else id(problem))
+    table = []
+    for first, *others in (tuple(run) for _, run in runs):
+        numbers = [problem.row for problem in (first, *others) if problem.row is not None]
+        rows = ", ".join(map(str, numbers))
+        if len(numbers) > 1 and numbers == list(range(numbers[0], numbers[-1] + 1)):
+            rows = f"{numbers[0]}–{numbers[-1]}"
+        table.append(
+            {
+                "File": first.where,
+                "Row": rows,
+                "Column": first.column or "",
+                "Expected": first.expected,
+                "Found": first.found,
+                "What to do": advice_on_page(first),
+            }
+        )
+    return pd.DataFrame(table)
 
 
 def show_problems(
@@ -155,7 +124,7 @@ def show_problems(
     count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
     st.error(f"**{what}: {count}.** {result}", icon=":material/error:")
     key = f"problems {place} {hash((what, *problems))}"
-    table = short_table(problems)
+    table = problem_table(problems, merged=True)
     with st.container(border=True, height=420 if len(table) > 8 else "content"):
         show_table(table.head(_MOST_ROWS), f"table of {key}")
     if len(table) > _MOST_ROWS:
@@ -192,25 +161,24 @@ def conditions_table(campaign: Campaign, display: Display) -> Styler:
 
 @st.cache_data(show_spinner=False, max_entries=4)
 def _conditions(fingerprint: str, system: UnitSystem, _campaign: Campaign) -> pd.DataFrame:  # noqa: ARG001 - the key
-    campaign, display = _campaign, Display(system=system)
-    rows = []
-    for test in campaign.tests:
-        condition, run = test.condition, campaign.cae.paired_run(test.condition)
-        (of_speed, speed), *weights = display.columns(condition).items()
-        row: dict[str, str] = {"Test": test.id, of_speed: speed}
-        # the most important first: the rest may be cut off on a narrow page
-        by_window: dict[float, Rating] = {}
+    cae, rows = _campaign.cae, []
+    for test in _campaign.tests:
+        condition, run = test.condition, _campaign.cae.paired_run(test.condition)
+        (of_speed, speed), *weights = Display(system=system).columns(condition).items()
+        rated: dict[float, Rating] = {}
         if run is not None:
-            pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run])
-            by_window = rate_windows(test.pulse, pulse, WINDOWS_MS)
-        row |= {window_label(w): graded(by_window[w].overall) if w in by_window else "–" for w in WINDOWS_MS}
-        row["In CAE range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
-        row |= {
-            **dict(weights),
-            **{name.capitalize(): value for name, value in condition.factors},
-            "Paired run": "none" if run is None else campaign.cae.ids[run],
-        }
-        rows.append(row)
+            rated = rate_windows(test.pulse, Pulse(GRID_S, cae.accel_mps2[run]), WINDOWS_MS)
+        rows.append(  # the most important first: the rest may be cut off on a narrow page
+            {
+                "Test": test.id,
+                of_speed: speed,
+                **{window_label(w): graded(rated[w].overall) if w in rated else "–" for w in WINDOWS_MS},
+                "In CAE range": "no" if cae.extrapolation(condition) else "yes",
+                **dict(weights),
+                **{name.capitalize(): value for name, value in condition.factors},
+                "Paired run": "none" if run is None else cae.ids[run],
+            }
+        )
     return pd.DataFrame(rows).fillna("–")
 
 
@@ -259,18 +227,16 @@ def metrics_tables(
 ) -> tuple[Styler, Styler]:
     """Pulse metrics, the main ones and the others; coloured where an interval does not hold what the test measured."""
     headings = campaign.metric_headings
-    shown = {heading: {metric.name: display.metric(metric) for metric in own} for heading, own in columns}
-    rows = [
-        {"Pulse metric": display.heading(label), **{heading: own[name].text for heading, own in shown.items()}}
-        for name, label in headings.items()
-    ]
-    main = [name in MAIN_METRICS for name in headings]
-    table, missed = pd.DataFrame(rows), fill(GRADE_COLOURS["Fair"])
-    css = pd.DataFrame("", table.index, table.columns)
-    for heading, names in missed_by(columns).items():
-        css.loc[[name in names for name in headings], heading] = missed
-    parts = (main, [not each for each in main])
-    first, second = (literal(table[part]).apply(lambda _, part=part: css[part].to_numpy(), axis=None) for part in parts)
+    table = pd.DataFrame({"Pulse metric": {name: display.heading(label) for name, label in headings.items()}})
+    css = pd.DataFrame("", list(headings), ["Pulse metric", *dict(columns)])
+    for heading, metrics in columns:
+        table[heading] = pd.Series({metric.name: display.metric(metric).text for metric in metrics})
+        css.loc[list(missed_by(columns).get(heading, ())), heading] = fill(GRADE_COLOURS["Fair"])
+    main = table.index.isin(MAIN_METRICS)
+    table, css = table.reset_index(drop=True), css.reset_index(drop=True)
+    first, second = (
+        literal(table[part]).apply(lambda _, part=part: css[part].to_numpy(), axis=None) for part in (main, ~main)
+    )
     return first, second
 
 
@@ -284,18 +250,11 @@ def missed_by(columns: Sequence[tuple[str, Sequence[Metric]]]) -> dict[str, set[
 def next_tests_styled(ranked: Sequence[NextTest], display: Display) -> Styler:
     """Ranked tests, with the ranking criterion first."""
     table = next_tests_table(ranked, display.units)
-    speed = display.title("speed", "mph")
-    first = ["rank", speed, "gain (%)", "extrapolation"]
+    first = ["rank", display.title("speed", "mph"), "gain (%)", "extrapolation"]
     table = table[[*first, *table.columns.drop(first)]].rename(columns=str.capitalize)
     digits = {"Gain": 1, "Speed": 1, "Band": 2}
-    texts = table.assign(
-        **{
-            name: table[name].map(f"{{:.{digits[name.split()[0]]}f}}".format)
-            for name in table.columns
-            if name.split()[0] in digits
-        }
-    )
-    return literal(texts.astype(str))
+    forms = {name: f"{{:.{digits[name.split()[0]]}f}}" for name in table.columns if name.split()[0] in digits}
+    return literal(table.assign(**{name: table[name].map(form.format) for name, form in forms.items()}).astype(str))
 
 
 def _coloured(table: pd.DataFrame) -> Styler:

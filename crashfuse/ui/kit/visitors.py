@@ -99,17 +99,14 @@ class Refusals:
 
     def note(self, origin: str, host: str | None) -> None:
         """Add a line, once a minute for each origin; ``host`` is the name that was asked for."""
-        now, who = time.monotonic(), printable(repr(origin), _LONGEST_ADDRESS)
+        now, who, here = time.monotonic(), *(printable(repr(text), _LONGEST_ADDRESS) for text in (origin, host))
         self._noted = {each: at for each, at in self._noted.items() if now - at < _PAUSE_S}
-        if who in self._noted or len(self._noted) == _MOST_ORIGINS:
-            return
-        self._noted[who] = now
-        here = printable(repr(host), _LONGEST_ADDRESS)
-        _add_line(
-            f"page of {who}: was refused and stays empty, for the server was asked for as {here}. If the first is this "
-            "server's address in the browser, let the proxy pass on that name with its port (Host), or add the address "
-            "to server.corsAllowedOrigins."
-        )
+        if who not in self._noted and len(self._noted) < _MOST_ORIGINS:
+            self._noted[who] = now
+            _add_line(
+                f"page of {who}: was refused and stays empty, for the server was asked for as {here}. Let the proxy "
+                "pass on that name with its port (Host), or add the address to server.corsAllowedOrigins."
+            )
 
 
 def _add_line(line: str) -> None:
