@@ -26,7 +26,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
-from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_windows
 from crashfuse.units import MPH

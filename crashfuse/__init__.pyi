@@ -1,5 +1,5 @@
 from .approaches.base import Prediction as Prediction
-from .approaches.nearness import Neighbour as Neighbour
+from .approaches.neighbours import Neighbour as Neighbour
 from .cae_library import QualityLimits as QualityLimits
 from .campaign import Campaign as Campaign
 from .campaign_folder.history import sample_folder as sample_folder
@@ -46,10 +46,10 @@ from .reporting.report import ReportOptions as ReportOptions
 from .reporting.report import prediction_report as prediction_report
 from .reporting.report import study_report as study_report
 from .reporting.solver_curves import SolverCurve as SolverCurve
+from .reporting.training_progress import watching as watching
 from .reporting.verdicts import Verdicts as Verdicts
 from .reporting.verdicts import certify as certify
-from .reporting.watched import watching as watching
-from .signals.loading import energy_crush as energy_crush
+from .signals.loading_phase import energy_crush as energy_crush
 from .signals.metrics import Metric as Metric
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.occupant import OccupantModel as OccupantModel
@@ -60,13 +60,13 @@ from .signals.rating import rate_iso18571 as rate_iso18571
 from .signals.rating_explanation import RatingExplanation as RatingExplanation
 from .signals.rating_explanation import explain_rating as explain_rating
 from .signals.rating_sentences import rating_sentences as rating_sentences
-from .study.account import worst_test as worst_test
 from .study.config import StudyConfig as StudyConfig
 from .study.estimate import Estimate as Estimate
 from .study.estimate import Fit as Fit
 from .study.expected_rating import ExpectedRating as ExpectedRating
 from .study.learning_curve import LearningCurve as LearningCurve
 from .study.learning_curve import learning_curve as learning_curve
+from .study.left_out_account import worst_test as worst_test
 from .study.recommendation import Recommendation as Recommendation
 from .study.recommendation import recommend as recommend
 from .study.running import run_study as run_study

@@ -10,12 +10,12 @@ from crashfuse.ui.certify import earlier, results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
 from crashfuse.ui.certify.results import CertificationRequest, Judgement
-from crashfuse.ui.kit import choices, frame
-from crashfuse.ui.kit.choices import chosen_config
+from crashfuse.ui.kit import address, frame
+from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.figures import show_tabs
+from crashfuse.ui.kit.navigation import end_page
 from crashfuse.ui.kit.progress import patience, result_or_none
-from crashfuse.ui.kit.window import end_page
 
 TABS = {
     "Verdicts": results.show,
@@ -37,7 +37,7 @@ with st.expander("Criteria and conditions", icon=":material/tune:", expanded=not
     left, middle, right = st.columns([1, 1, 2], vertical_alignment="bottom")
     with table:
         criteria = choose_criteria(view, left, right)
-    choices.default("approach", APPROACH, APPROACHES)
+    address.default("approach", APPROACH, APPROACHES)
     approach = middle.selectbox(
         "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach", persist_state="session"
     )

@@ -3,7 +3,7 @@
 from crashfuse.ui import compare, compare_figures
 from crashfuse.ui.compare import Comparison
 from crashfuse.ui.kit import frame
-from crashfuse.ui.kit.choices import chosen_config
+from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.computation import StudyRequest
 from crashfuse.ui.kit.curves import Subject
 from crashfuse.ui.kit.figures import show_tabs

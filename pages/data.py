@@ -6,9 +6,9 @@ from crashfuse.ui import import_step
 from crashfuse.ui.data import show_conditions, show_library, show_open_forms, show_summary, show_tests
 from crashfuse.ui.kit import frame
 from crashfuse.ui.kit.figures import show_tabs
+from crashfuse.ui.kit.navigation import end_page
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import running_import
-from crashfuse.ui.kit.window import end_page
 
 TABS = {
     "Tests": show_tests,

@@ -5,7 +5,7 @@ import streamlit as st
 from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.ui import history
 from crashfuse.ui.kit import frame
-from crashfuse.ui.kit.window import end_page
+from crashfuse.ui.kit.navigation import end_page
 
 view = frame.enter()
 st.title("History")

@@ -4,7 +4,7 @@ import streamlit as st
 
 from crashfuse.ui import predict
 from crashfuse.ui.kit import frame, results
-from crashfuse.ui.kit.choices import chosen_config
+from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.computation import FitRequest
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.progress import patience, result_of, show_training

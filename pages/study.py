@@ -4,12 +4,12 @@ from dataclasses import replace
 
 from crashfuse.study.recommendation import recommend
 from crashfuse.ui.kit import frame, results
+from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import chosen_config
 from crashfuse.ui.kit.computation import StudyRequest
 from crashfuse.ui.kit.figures import choose
+from crashfuse.ui.kit.navigation import end_page
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
-from crashfuse.ui.kit.window import end_page
 from crashfuse.ui.study import (
     Outcome,
     by_group,

@@ -11,16 +11,16 @@ import streamlit as st
 from crashfuse.approaches.registry import LABELS
 from crashfuse.crash_test import CrashTest
 from crashfuse.study.study import Study
-from crashfuse.ui.kit import choices, frame, results
-from crashfuse.ui.kit.choices import choose_held_out
+from crashfuse.ui.kit import address, frame, results
+from crashfuse.ui.kit.address import choose_held_out
 from crashfuse.ui.kit.computation import FitRequest, Fitted, Request, StudyRequest, jobs
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.files import download_bytes
 from crashfuse.ui.kit.frame import choose_settings
+from crashfuse.ui.kit.navigation import open_next, show_link
 from crashfuse.ui.kit.progress import show_end, show_job, show_training, stop_with_a_single_test, title_of
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.visitors import visitor
-from crashfuse.ui.kit.window import open_next, show_link
 
 T = TypeVar("T")
 FIT, LEAVE_OUT = "Fit on all tests", "Leave tests out"
@@ -31,7 +31,7 @@ campaign = view.campaign
 
 def choose_tests() -> tuple[str, ...]:
     """Ask which tests to leave out, at first the one chosen for all pages."""
-    choices.default("held_out", [view.held_out.id])
+    address.default("held_out", [view.held_out.id])
     asked = st.session_state["held_out"]
     if missing := [test for test in asked if test not in campaign.test_ids]:
         st.caption(f":material/link_off: No test here is named {plain(', '.join(missing))[:80]}.")

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.nearness import nearness
+from crashfuse.approaches.neighbours import nearness
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.progress import Watch

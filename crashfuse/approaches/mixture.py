@@ -17,7 +17,7 @@ from scipy.special import softmax
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.calibration import STRIDE, LeftOut
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.nearness import nearness
+from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.time_domain.config import AboutTimeDomain
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign

@@ -16,7 +16,7 @@ from crashfuse.execution.cache import Cache, Entry, finite
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.loading import LoadingPhase, loading_phase
+from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 
 _NOISE = np.geomspace(1e-6, 2.0, 30)  # candidate ratios of a mode's noise variance to its signal variance

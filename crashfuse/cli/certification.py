@@ -27,7 +27,7 @@ def certify(arguments: argparse.Namespace) -> None:
     from crashfuse.reporting import verdicts
     from crashfuse.reporting.certification_facts import sentences
     from crashfuse.reporting.certification_tables import counts_table
-    from crashfuse.reporting.watched import watching
+    from crashfuse.reporting.training_progress import watching
 
     require_output(arguments.out, arguments.campaign, "certification")
     arguments.approach = [arguments.approach or APPROACH]

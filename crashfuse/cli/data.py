@@ -34,7 +34,7 @@ def sample(arguments: argparse.Namespace) -> None:
 
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
-    from crashfuse.approaches.nearness import nearest_run
+    from crashfuse.approaches.neighbours import nearest_run
     from crashfuse.campaign_folder.load import load_campaign, unread_files
     from crashfuse.study.facts import campaign_facts
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def train(arguments: argparse.Namespace) -> None:
     """Fit to all tests and save the models."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.reporting.watched import watching
+    from crashfuse.reporting.training_progress import watching
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import model_file, save_model
 
@@ -57,7 +57,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
     from crashfuse.reporting.planning import SpeedSweep
     from crashfuse.reporting.results import write_pulses
-    from crashfuse.reporting.watched import watching
+    from crashfuse.reporting.training_progress import watching
     from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
     from crashfuse.wording import speed
 
@@ -91,7 +91,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     from crashfuse.reporting.planning import next_test
     from crashfuse.reporting.plots.sweep import BEST
     from crashfuse.reporting.result_tables import next_tests_table
-    from crashfuse.reporting.watched import watching
+    from crashfuse.reporting.training_progress import watching
     from crashfuse.study.next_test import ConditionRange
 
     campaign, display = opened(arguments, "ranking of next tests")
@@ -119,7 +119,7 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     """Fits of the requested approaches, loaded from a folder of saved models if given, else trained."""
     from crashfuse.approaches.registry import APPROACHES
     from crashfuse.execution.cache import Cache
-    from crashfuse.reporting.watched import watching
+    from crashfuse.reporting.training_progress import watching
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import load_model, model_file
 

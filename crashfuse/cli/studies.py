@@ -116,9 +116,9 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     from crashfuse.reporting.result_tables import studies_table
     from crashfuse.reporting.results import begin_study
-    from crashfuse.reporting.watched import watching
-    from crashfuse.study.account import worst_test
+    from crashfuse.reporting.training_progress import watching
     from crashfuse.study.history import PastResult, keep
+    from crashfuse.study.left_out_account import worst_test
     from crashfuse.study.recommendation import recommend
     from crashfuse.study.running import run_study
 
@@ -185,7 +185,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
     from crashfuse.certification.criteria import read_criteria
     from crashfuse.reporting.result_tables import gains_table
-    from crashfuse.reporting.watched import watching
+    from crashfuse.reporting.training_progress import watching
     from crashfuse.study import learning_curve as curves
     from crashfuse.study.one_more_test import Cost, sentences
 

@@ -7,7 +7,7 @@
 
 from crashfuse.importing.campaign_import import add_settled, import_source, settle_each
 from crashfuse.importing.detection import Choices
-from crashfuse.importing.settle import Settled, settle
+from crashfuse.importing.pulse_conversion import Settled, settle
 from crashfuse.importing.sources import Reading, format_of, read_each, read_records
 from crashfuse.importing.tables import ColumnChoice
 

@@ -14,7 +14,7 @@ from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem, UsageError, one_of, require_a
 from crashfuse.files.archive import refuse
 from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
-from crashfuse.importing.settle import Lacking, Settled, joint_problems, missing_values, settle
+from crashfuse.importing.pulse_conversion import Lacking, Settled, joint_problems, missing_values, settle
 from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.readers.format import Travel

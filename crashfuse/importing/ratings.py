@@ -22,7 +22,7 @@ from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.importing.channels import missing_choices, resample_evenly
 from crashfuse.importing.detection import Choices, delta_v
-from crashfuse.importing.settle import settled_at
+from crashfuse.importing.pulse_conversion import settled_at
 from crashfuse.importing.sources import Reading, format_of, read_records
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.isomme import Channel, read_isomme

@@ -10,7 +10,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse import views
-from crashfuse.approaches.nearness import Neighbour, nearest_sentences, nearest_tests
+from crashfuse.approaches.neighbours import Neighbour, nearest_sentences, nearest_tests
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition

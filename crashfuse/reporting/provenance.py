@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib import metadata
 
-from crashfuse.approaches.nearness import nearest_sentences
+from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating_sentences import rating_sentences
-from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import campaign_facts, condition_facts
 from crashfuse.study.learning_curve import LearningCurve
+from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_for, recommend_without
 from crashfuse.study.study import Study

@@ -13,7 +13,7 @@ import numpy as np
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fit_cache import fitted, settings
 from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, metric_errors
-from crashfuse.approaches.nearness import doubtful_tests
+from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition

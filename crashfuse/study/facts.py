@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 from weakref import WeakKeyDictionary
 
-from crashfuse.approaches.nearness import doubtful_tests
+from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.fact import Fact, by_importance
-from crashfuse.study.departure import Departure, departures
+from crashfuse.study.outliers import Departure, departures
 from crashfuse.units import G
 from crashfuse.wording import joined
 

@@ -24,8 +24,8 @@ from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest, advised
 from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, leading, without_clicks
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, offer_pulses
+from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.results import show_table
-from crashfuse.ui.kit.window import component
 from crashfuse.wording import difference, joined
 
 _NO_CHANGE = 0.005  # in rating

@@ -15,7 +15,7 @@ from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.rating_tables import excursions_table, humps_table
 from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_sentences import rating_sentences
-from crashfuse.study.account import Account, account
+from crashfuse.study.left_out_account import Account, account
 from crashfuse.ui.compare import Comparison
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.curves import Shown

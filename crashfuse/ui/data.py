@@ -15,16 +15,16 @@ from crashfuse.readers.formats import all_formats
 from crashfuse.reporting.result_tables import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import import_step
-from crashfuse.ui.kit import campaigns, choices, editing, results
+from crashfuse.ui.kit import address, campaigns, editing, results
+from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.computation import StudyRequest
 from crashfuse.ui.kit.curves import Subject, add_to_runs, choose_tests, key_of, usual_approach, without_clicks
 from crashfuse.ui.kit.figures import show_cached_figure
+from crashfuse.ui.kit.navigation import open_page, show_link
 from crashfuse.ui.kit.results import show_problems, show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import Source, begin_import, leave_import, open_uploads, source_at
-from crashfuse.ui.kit.window import open_page, show_link
 from crashfuse.wording import speed
 
 _ROUND = "uploads so far"
@@ -92,7 +92,7 @@ def show_tests(view: View) -> None:
     editing.show_tests_in_use(view)
     Subject.held_out(view, among_tests=True).offer(usual_approach())
     options = [_AS_READ, *(f"CFC {cfc}" for cfc in _CLASSES)]
-    choices.default("filter", _AS_READ, options)
+    address.default("filter", _AS_READ, options)
     row = st.container(horizontal=True, vertical_alignment="bottom")
     choice = row.segmented_control(
         "Channel filter class (SAE J211-1)", options, default=_AS_READ, required=True, key="filter",

@@ -18,16 +18,16 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import comparison_report
 from crashfuse.study.comparison import StudyComparison, telling_pair
 from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, forget, past_results
-from crashfuse.ui.kit import campaigns, choices
-from crashfuse.ui.kit.choices import choose_campaign, note_for_next_page, pin_all
+from crashfuse.ui.kit import address, campaigns
+from crashfuse.ui.kit.address import choose_campaign, note_for_next_page, pin_all
 from crashfuse.ui.kit.curves import settings_text
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import download_report, download_table
+from crashfuse.ui.kit.navigation import open_next
 from crashfuse.ui.kit.results import show_table, window_label
 from crashfuse.ui.kit.text import plain, show_label
 from crashfuse.ui.kit.uploads import uploaded_data
 from crashfuse.ui.kit.visitors import note_in_log, visitor
-from crashfuse.ui.kit.window import open_next
 from crashfuse.ui.predict import fill_in
 
 _ROW_PX, _MOST_ROWS = 35, 9
@@ -81,7 +81,7 @@ def show_results(results: list[PastResult], chosen: list[PastResult], display: D
         table = table.drop(columns="Campaign")
     table.insert(0, _OPEN, _OPEN)
     rows = [row for row, result in enumerate(results) if result in chosen]
-    choices.put(_TABLE, {"selection": {"rows": rows, "columns": [], "cells": []}})
+    address.put(_TABLE, {"selection": {"rows": rows, "columns": [], "cells": []}})
 
     def tick() -> None:
         selected = [results[row] for row in st.session_state[_TABLE].selection.rows]

@@ -21,7 +21,7 @@ from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_headers import ColumnRole
 from crashfuse.readers.table_mapping import QUANTITIES
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, UNITS
-from crashfuse.ui.kit import choices
+from crashfuse.ui.kit import address
 from crashfuse.ui.kit.text import chosen_units, plain
 from crashfuse.ui.kit.uploads import Source, forms_of
 from crashfuse.units import MS
@@ -123,7 +123,7 @@ def _unit(
 ) -> str:  # fmt: skip
     key, keys = f"{source.key} {label}", [f"{source.key} {name}" for name in numbers]
     was = st.session_state.get(key, usual)
-    choices.default(key, usual)
+    address.default(key, usual)
     if (unit := st.session_state[key]) != was:  # since then the pages' units were switched
         _convert(key, UNITS[quantity][was], quantity, keys)
     args = key, UNITS[quantity][unit], quantity, keys

@@ -24,8 +24,8 @@ from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui.import_fields import Units, choices_of, reading_of
 from crashfuse.ui.kit import campaigns
+from crashfuse.ui.kit.address import choose_campaign
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import choose_campaign
 from crashfuse.ui.kit.editing import can_be_edited
 from crashfuse.ui.kit.figures import show_figure
 from crashfuse.ui.kit.results import refused_into, show_problems

@@ -19,7 +19,7 @@ from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests
 from crashfuse.study.sweep import missing_over_speed, weights_sentence
-from crashfuse.ui.kit import choices, results
+from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import sweep_over_speed
 from crashfuse.ui.kit.figures import show_figure
@@ -133,10 +133,10 @@ def _range(
     low, high = _down(max(least / in_si, step), step), _up(most / in_si, step)
     if not _lies_in(state[axis.key], least / 2, 2 * most):  # nothing yet, a link that was cut, or another campaign's
         state[axis.key] = None
-    choices.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
+    address.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
     ends = _ends(state[axis.key])
     slider = f"{axis.key}, {low:g} to {high:g} {unit}"  # another range is another widget
-    choices.put(slider, tuple(round(min(max(end / in_si, low), high), DECIMALS) for end in ends))
+    address.put(slider, tuple(round(min(max(end / in_si, low), high), DECIMALS) for end in ends))
 
     def take() -> None:
         first, last = state[slider]

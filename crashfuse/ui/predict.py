@@ -11,7 +11,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.nearness import nearest_sentences
+from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -25,9 +25,9 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.recommendation import Recommendation
-from crashfuse.ui.kit import choices, results
+from crashfuse.ui.kit import address, results
+from crashfuse.ui.kit.address import MOST_PINS, pinned
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import MOST_PINS, pinned
 from crashfuse.ui.kit.computation import FitRequest, Fitted, advised, answers
 from crashfuse.ui.kit.curves import Subject, choose_curves, leading, predicted, without_clicks
 from crashfuse.ui.kit.figures import choose, show_cached_figure
@@ -66,7 +66,7 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
     factors = {}
     for column, (name, values) in zip(columns[3:], campaign.factors.items(), strict=True):
         if st.session_state.get(key := f"factor_{name}") not in values:  # left from another campaign
-            choices.put(key, None)
+            address.put(key, None)
         factors[name] = column.selectbox(
             plain(name.capitalize()), values, index=None, placeholder="not given", key=key, persist_state="session",
             help="Tests may differ by it; if it is not given, the band covers every value.",
@@ -100,7 +100,7 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     state, values = st.session_state, runs * shown
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
     least, most = max(low / 2, step), 2 * high  # a decimal comma typed by mistake gives ten times the intended value
-    choices.default(name, round(float(np.median(runs)) / in_si, digits))
+    address.default(name, round(float(np.median(runs)) / in_si, digits))
     asked = round(state[name] * in_si * shown, DECIMALS)
     value = min(max(asked, least), most)
     if asked != value:  # by a link, left from another campaign, or typed: the field itself would refuse without a word
@@ -114,8 +114,8 @@ def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs
     number = f"field {name} {shown:g} after {widgets['field']!r}"
     slider = f"slider {name} {low:g} to {high:g} after {widgets['slider']!r}"
     state[f"{name} widgets"] = {**widgets, "keys": (number, slider)}
-    choices.put(number, value)
-    choices.put(slider, min(max(value, low), high))
+    address.put(number, value)
+    address.put(slider, min(max(value, low), high))
 
     def take(key: str, other: str) -> None:
         if key in state[f"{name} widgets"]["keys"]:

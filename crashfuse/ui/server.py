@@ -36,9 +36,9 @@ from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
 from crashfuse.execution.process import share_one_heap
 from crashfuse.ui.kit import visitors
+from crashfuse.ui.kit.navigation import navigate
 from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.visitors import BROWSER
-from crashfuse.ui.kit.window import navigate
 
 if TYPE_CHECKING:
     from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager

@@ -14,22 +14,22 @@ from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5
 from crashfuse.reporting.report import learning_curve_report, study_report
 from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
 from crashfuse.reporting.result_tables import curve_table, gains_table
-from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig, has_speed_groups
 from crashfuse.study.learning_curve import CURVE_CONFIG
+from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
 from crashfuse.ui.kit import results
+from crashfuse.ui.kit.address import choose_held_out
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import choose_held_out
 from crashfuse.ui.kit.computation import StudyRequest, jobs, learn_curve
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
 from crashfuse.ui.kit.files import choose_report, download_report, download_table
+from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.progress import result_or_none
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.kit.window import open_page
 
 _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 

@@ -10,7 +10,7 @@ from selenium.webdriver.common.keys import Keys
 
 from tests.browser.conftest import FIGURE, MAIN, PILL, QUICK, SIDEBAR, SOON, TABLE
 from tests.conftest import write_campaign
-from tests.study.test_departure import at_one_speed
+from tests.study.test_outliers import at_one_speed
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
-from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.signals.rating import rate_iso18571
 from crashfuse.units import MPH

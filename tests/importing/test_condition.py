@@ -8,7 +8,7 @@ import pytest
 
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices
-from crashfuse.importing.settle import complete_condition
+from crashfuse.importing.pulse_conversion import complete_condition
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.wording import KPH_KG, MPH_LB, Sentence

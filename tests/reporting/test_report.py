@@ -17,9 +17,9 @@ from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report import ReportOptions, prediction_report, study_report
-from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 

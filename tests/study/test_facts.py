@@ -18,7 +18,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import campaign_facts, condition_facts
 from crashfuse.study.running import run_study
 from crashfuse.units import MPH
-from tests.study.test_departure import at_one_speed
+from tests.study.test_outliers import at_one_speed
 
 
 @pytest.fixture(scope="module")

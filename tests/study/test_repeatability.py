@@ -16,8 +16,8 @@ from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_many
 from crashfuse.study.repeatability import combined, repeatability, repeats_of
-from crashfuse.synthetic.models import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
 from crashfuse.synthetic.sample import TABLE_1
+from crashfuse.synthetic.specimens import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH
 
 WINDOWS = (20.0, 60.0)

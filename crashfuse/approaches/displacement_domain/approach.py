@@ -33,7 +33,7 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 
 _LEAST_POINTS = 8  # bias points of a test, however many tests there are

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from crashfuse.cae.model import LoadingCurve
 from crashfuse.condition import Condition
-from crashfuse.signals.loading import LoadingPhase
+from crashfuse.signals.loading_phase import LoadingPhase
 from crashfuse.signals.pulse import FloatArray
 
 _STEP_M = 0.005

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crashfuse.signals.loading import LoadingPhase
+from crashfuse.signals.loading_phase import LoadingPhase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray, Kinematics, zero_velocity_time
 
 _LOOK_STEPS = 10  # between two looks whether any draw is still moving

@@ -10,7 +10,7 @@ import numpy as np
 from crashfuse.approaches.base import FittedState, draw, student_draws
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
-from crashfuse.signals.loading import LoadingPhase, loading_phase
+from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, kinematics
 from crashfuse.units import G
 

@@ -25,7 +25,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.process import one_thread
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 
 _STEPS = 200  # of the displacement grid on which a difference is drawn

@@ -10,7 +10,7 @@ import numpy as np
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
 from crashfuse.approaches.calibration import BandedApproach, LeftOut, check_band_far, speed_groups
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.nearness import nearness
+from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.time_domain.band import Band, stopping_notes
 from crashfuse.approaches.time_domain.config import AboutTimeDomain
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior

@@ -18,7 +18,7 @@ from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_na
 from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, curve_line, curve_lines, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS
-from crashfuse.signals.loading import LoadingPhase, checked_energy, loading_phase
+from crashfuse.signals.loading_phase import LoadingPhase, checked_energy, loading_phase
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import MS

@@ -9,7 +9,7 @@ from plotly.colors import hex_to_rgb
 from crashfuse.approaches.base import Prediction, central_interval
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
-from crashfuse.importing.settle import Settled
+from crashfuse.importing.pulse_conversion import Settled
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS
 from crashfuse.reporting.plots.canvas import (

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from crashfuse.approaches.nearness import nearest_sentences
+from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import one_of

@@ -26,9 +26,9 @@ from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, best, mean_value
 from crashfuse.reporting.report.page import ReportOptions, render, render_in_frame
 from crashfuse.reporting.report.sections import details, repeats_table
 from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
-from crashfuse.study.account import worst_test
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without
 from crashfuse.study.study import Fold, Study
 from crashfuse.version import __version__

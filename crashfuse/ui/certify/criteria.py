@@ -20,7 +20,7 @@ from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
 from crashfuse.ui.certify.uploaded import show_wrong, under_its_name, uploaded
-from crashfuse.ui.kit import choices
+from crashfuse.ui.kit import address
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.text import plain
 
@@ -93,7 +93,7 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     )
     rows = _converted(edited, lambda unit: 1 / display.units.factor(unit))
     state["criteria"] = editor.said = _texts(rows)
-    choices.publish()
+    address.publish()
     confidence = beside.number_input(
         "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session",
         help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
@@ -131,8 +131,8 @@ def _take_declared(view: View) -> DataError | None:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
         wrong = error
-    choices.default("criteria", _texts(_table(declared)))
-    choices.default("confidence", declared.confidence if declared else CONFIDENCE)
+    address.default("criteria", _texts(_table(declared)))
+    address.default("confidence", declared.confidence if declared else CONFIDENCE)
     return wrong
 
 

@@ -14,7 +14,7 @@ from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.certify.results import Judgement, coloured
 from crashfuse.ui.certify.uploaded import choose_kept, find_kept, show_wrong
-from crashfuse.ui.kit import choices
+from crashfuse.ui.kit import address
 from crashfuse.ui.kit.results import show_table
 
 _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
@@ -68,7 +68,7 @@ def _choose(certification: Certification) -> None:
             except CrashfuseError as error:
                 wrong = wrong or (error if state[_CHOICE] is None else None)  # what was chosen is told above
         st.button("Keep today’s verdicts", icon=":material/bookmark_add:", on_click=_keep, args=(certification,))
-    choices.put(shown, state[_CHOICE] if state[_CHOICE] in kept else None)
+    address.put(shown, state[_CHOICE] if state[_CHOICE] in kept else None)
     place.selectbox(
         "Earlier certification", list(kept), index=None, format_func=lambda name: _described(kept[name]), key=shown,
         placeholder="none chosen" if kept else "none of this vehicle is kept on this machine",

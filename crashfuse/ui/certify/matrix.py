@@ -14,7 +14,7 @@ from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.plots.display import Display
 from crashfuse.ui.certify.uploaded import choose_kept, show_wrong, uploaded
-from crashfuse.ui.kit import campaigns, choices
+from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.text import plain
@@ -92,14 +92,14 @@ def _grid(campaign: Campaign, display: Display) -> Matrix:
     )
     for column, (label, key, usual) in zip(st.columns(3), axes, strict=True):
         unit = units.speed if key == "speeds" else units.weight
-        choices.default(key, f"{usual} {unit}", follow=not st.session_state.get(JUDGED))  # else verdicts would go
+        address.default(key, f"{usual} {unit}", follow=not st.session_state.get(JUDGED))  # else verdicts would go
         typed[f"{label} ({unit})"] = _axis(column, label, key, unit)
     factors = {}
     columns = st.columns(max(len(campaign.factors), 3)) if campaign.factors else []
     for column, (name, known) in zip(columns, campaign.factors.items(), strict=False):
         key = f"grid_{name}"
-        choices.default(key, [])
-        choices.put(key, [value for value in st.session_state[key] if value in known])
+        address.default(key, [])
+        address.put(key, [value for value in st.session_state[key] if value in known])
         chosen = column.multiselect(
             plain(name.capitalize()), known, key=key, placeholder="not given", persist_state="session",
             help="Tests may differ by it; if it is not given, intervals cover every value.",
@@ -125,7 +125,7 @@ def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str,
         state[key] = f"{typed} {unit}"
     factor = IN_SI[given] / IN_SI[unit]
     converted = _NUMBER.sub(lambda found: f"{float(found[0]) * factor:.6g}", typed)
-    choices.put(field, typed if given == unit else converted)
+    address.put(field, typed if given == unit else converted)
     column.text_input(
         f"{label} ({unit})", key=field, help=_HELP, on_change=lambda: state.update({key: f"{state[field]} {unit}"})
     )

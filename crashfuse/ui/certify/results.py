@@ -32,9 +32,9 @@ from crashfuse.ui.kit import results
 from crashfuse.ui.kit.computation import Request, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
+from crashfuse.ui.kit.navigation import open_page
 from crashfuse.ui.kit.results import fill, show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.kit.window import open_page
 from crashfuse.ui.predict import fill_in
 
 _CELL = "cell"

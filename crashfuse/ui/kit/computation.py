@@ -31,7 +31,7 @@ from crashfuse.study.running import fold_key, run_study
 from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Fold, Study
 from crashfuse.study.sweep import sweep_speed, usual_speeds
-from crashfuse.ui.kit import choices
+from crashfuse.ui.kit import address
 from crashfuse.ui.kit.jobs import Job, Jobs
 from crashfuse.ui.kit.visitors import visitor
 
@@ -86,7 +86,7 @@ class Request(ABC, Generic[T]):
     def start(self, page: str | None = None) -> None:
         """Queue the job for the visitor, or join them to it; they will look for the result on this page or another."""
         job = jobs().start(self.key, self.title, self.work, visitor())
-        job.places[visitor()] = choices.here(page)
+        job.places[visitor()] = address.here(page)
 
     def ask(self, page: str) -> None:
         """Start the job for the visitor, who then opens this page; what is known from earlier is read there at once."""

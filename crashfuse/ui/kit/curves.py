@@ -14,7 +14,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.nearness import nearest_tests
+from crashfuse.approaches.neighbours import nearest_tests
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -28,13 +28,13 @@ from crashfuse.reporting.side_by_side import by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, find_estimate
 from crashfuse.study.history import earlier_settings, past_results, past_settings
-from crashfuse.ui.kit import choices
+from crashfuse.ui.kit import address
+from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import chosen_config, kept_choice, pinned
 from crashfuse.ui.kit.computation import FitRequest, Request, StudyRequest, answers, jobs
+from crashfuse.ui.kit.navigation import end_page
 from crashfuse.ui.kit.progress import patience, result_or_none
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.kit.window import end_page
 from crashfuse.wording import read_out
 
 _RECOMMENDED = "recommended"  # the approach whose band is filled, unless another is chosen
@@ -338,7 +338,7 @@ def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
     """The settings that a text stands for, otherwise like those shown; None if a link has it from nowhere."""
     with suppress(ValueError):
         preset, seed, leave_out = text.removeprefix(_SETTINGS).split(" ", 2)
-        if int(seed) in choices.CHOICES["seed"].options and leave_out in LEFT_OUT:
+        if int(seed) in address.CHOICES["seed"].options and leave_out in LEFT_OUT:
             return StudyConfig.parse({**asdict(shown), "preset": preset, "seed": int(seed), "leave_out": leave_out})
     return None
 

@@ -12,9 +12,9 @@ from crashfuse.campaign_folder.history import changed_by, changes, undo
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, change_notes, read_notes
 from crashfuse.campaign_folder.settings import LONGEST_REASON
 from crashfuse.errors import DataError, UsageError
-from crashfuse.ui.kit import campaigns, choices
+from crashfuse.ui.kit import address, campaigns
+from crashfuse.ui.kit.address import choose_campaign
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import choose_campaign
 from crashfuse.ui.kit.results import refused_into, show_problems
 from crashfuse.ui.kit.text import plain, show_label
 from crashfuse.ui.kit.uploads import is_ours
@@ -68,7 +68,7 @@ def show_tests_in_use(view: View) -> None:
         _offer_copy(view)
         return
     used, unused = view.campaign.test_ids, tuple(test_id for test_id, _ in view.campaign.unused)
-    choices.put(_USED, list(used))
+    address.put(_USED, list(used))
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.pills(
             "Tests in use", sorted((*used, *unused)), selection_mode="multi", format_func=plain, key=_USED,
@@ -81,7 +81,7 @@ def show_tests_in_use(view: View) -> None:
             st.button("Take it out of the folder", on_click=_edit, args=(view, take_out))
     for test_id in unused:
         key, label = f"why {test_id} of {view.folder} is left out", f"Why is {test_id} left out?"
-        choices.put(key, view.campaign.why_unused.get(test_id, ""))
+        address.put(key, view.campaign.why_unused.get(test_id, ""))
         show_label(label)
         st.text_input(
             label, key=key, max_chars=LONGEST_REASON, on_change=_say_why, args=(view, test_id, key),

@@ -20,9 +20,9 @@ from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import AXIS_TITLE, darkened, room_above, without_links
 from crashfuse.reporting.plots.palette import IN_THE_DARK
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.ui.kit import choices
+from crashfuse.ui.kit import address
 from crashfuse.ui.kit.files import Caption, caption
-from crashfuse.ui.kit.window import component
+from crashfuse.ui.kit.navigation import component
 
 _DIGITS = 5  # of the largest value of a curve, on a screen of thousands of pixels
 _BUTTONS = """
@@ -104,10 +104,10 @@ def choose(
 ) -> str:
     """Let the user choose one of some figures or tasks, at first the first."""
     default = default or options[0]
-    choices.default(key, default, options)
+    address.default(key, default, options)
     choice: str = st.segmented_control(
         label, options, default=default, required=True, key=key, persist_state="session", label_visibility="collapsed",
-        format_func=label_of, on_change=choices.publish,  # the page's own run would, but not a fragment's
+        format_func=label_of, on_change=address.publish,  # the page's own run would, but not a fragment's
     )  # fmt: skip
     return choice
 

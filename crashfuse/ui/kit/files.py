@@ -22,9 +22,9 @@ from crashfuse.reporting.report import ReportForm, ReportOptions
 from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
-from crashfuse.ui.kit import campaigns, choices
+from crashfuse.ui.kit import address, campaigns
+from crashfuse.ui.kit.address import choose_one, chosen_config, kept_choice
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import choose_one, chosen_config, kept_choice
 from crashfuse.ui.kit.editing import notes_of
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import MS
@@ -78,7 +78,7 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
 
     The alternative text up to its semicolon is the title, and the name unless it is given what is ``drawn``.
     """
-    page, title, state = choices.here().page, alt.partition(";")[0], st.session_state
+    page, title, state = address.here().page, alt.partition(";")[0], st.session_state
     names, details = [drawn or title], list[str]()
     elsewhere = page == "history" or (page == "data" and state.get("import"))  # of any campaign, or of none
     if elsewhere or not state.get("campaign"):
@@ -91,12 +91,12 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
         names.insert(0, test.id)
         details.append(f"Test {test.id} at {display.condition(test.condition)}")
     details.append(campaign.name)
-    if choices.acts("window", page):
+    if address.acts("window", page):
         names.append(display.in_names[0])
         details.append(f"Rated time window 0–{display.window_ms:g} ms")
-    if choices.acts("unit", page):
+    if address.acts("unit", page):
         names.append(display.in_names[1])
-    if choices.acts("sign", page) and state["sign"] != choices.CHOICES["sign"].default:
+    if address.acts("sign", page) and state["sign"] != address.CHOICES["sign"].default:
         names.append(state["sign"])
     if display.system != campaign.units:
         names.append(state["system"])
@@ -116,12 +116,12 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
 
 def unusual_settings() -> list[str]:
     """In what the settings of the open page differ from the usual ones, for names of files."""
-    page, config, usual = choices.here().page, chosen_config(), StudyConfig()
+    page, config, usual = address.here().page, chosen_config(), StudyConfig()
     if page not in _WITH_SETTINGS:
         return []
     said = _left_out(page)
     if page == "certify":
-        chosen = choices.parameters("certify")
+        chosen = address.parameters("certify")
         said += [LABELS[approach] for approach in chosen.get("approach", [])]
         asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION or key.startswith("grid_")}
         said += [_digest(repr(asked))] if asked else []

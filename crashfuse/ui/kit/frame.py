@@ -22,15 +22,12 @@ from crashfuse.reporting import glossary
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
-from crashfuse.ui.kit import campaigns, choices, uploads, visitors
+from crashfuse.ui.kit import address, campaigns, uploads, visitors
+from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.choices import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget
 from crashfuse.ui.kit.computation import jobs
 from crashfuse.ui.kit.figures import load_early
-from crashfuse.ui.kit.progress import show_running
-from crashfuse.ui.kit.results import show_problems
-from crashfuse.ui.kit.text import chosen_units, plain
-from crashfuse.ui.kit.window import (
+from crashfuse.ui.kit.navigation import (
     end_page,
     navigate,
     open_asked,
@@ -39,6 +36,9 @@ from crashfuse.ui.kit.window import (
     show_links,
     watch_browser,
 )
+from crashfuse.ui.kit.progress import show_running
+from crashfuse.ui.kit.results import show_problems
+from crashfuse.ui.kit.text import chosen_units, plain
 from crashfuse.wording import SYSTEMS, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
@@ -93,9 +93,9 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
 def choose_left_out(page: str) -> None:
     """Ask what is left out with a test; by a widget of each page, for one of the same key elsewhere has no value."""
     state, shown = st.session_state, f"leave_out on {page}"
-    choices.put(shown, state["leave_out"])
+    address.put(shown, state["leave_out"])
     st.segmented_control(
-        "Left out", choices.CHOICES["leave_out"].options, required=True,
+        "Left out", address.CHOICES["leave_out"].options, required=True,
         format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__, key=shown,
         persist_state="session", on_change=lambda: state.update(leave_out=state[shown]),
         help="Without any test at about its speed the prediction is a step to a new speed: the harder question. Tests "
@@ -128,7 +128,7 @@ def sidebar(page: str) -> View | Sequence[Problem]:
             except DataError as error:
                 opened = error.problems
             every_s = _OFTEN_S if jobs().active else _SELDOM_S
-            st.fragment(_keep_up, run_every=every_s)(choices.here())
+            st.fragment(_keep_up, run_every=every_s)(address.here())
         visitors.show_account()
         watch_browser()
         if not isinstance(opened, View):  # nor is there a figure
@@ -140,7 +140,7 @@ def sidebar(page: str) -> View | Sequence[Problem]:
 
 def _choose_view(page: str, name: str, campaign: Campaign) -> View:
     state, tests = st.session_state, {test.id: test for test in campaign.tests}
-    choices.default("system", next(name for name, system in SYSTEMS.items() if system == campaign.units))
+    address.default("system", next(name for name, system in SYSTEMS.items() if system == campaign.units))
     unused = dict(campaign.unused)
     if state["test"] not in (None, *tests):
         why = "is left out of use" if state["test"] in unused else "is not among the tests"
@@ -152,22 +152,22 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         st.caption(f":material/block: Left out of use: {', '.join(map(plain, unused))}")
     importing = page == "data" and bool(state["import"])
     was_drawn, state[_HELD_OUT] = state.get(_HELD_OUT), False
-    if choices.acts("test", page) and page != "train" and not importing:  # there it is chosen among the settings
+    if address.acts("test", page) and page != "train" and not importing:  # there it is chosen among the settings
         _choose_held_out(tests, was_drawn=bool(was_drawn))
         for note in campaign.cae.extrapolation(tests[state["test"]].condition):
             st.caption(f":material/warning: {plain(note)}")
     if page == "compare":  # the page Train has it among its settings
         choose_left_out(page)
-    if choices.acts("window", page) and not importing:
-        choices.choose_one("window", "Rated time window", format_func=lambda ms: f"0–{ms:g} ms")
+    if address.acts("window", page) and not importing:
+        address.choose_one("window", "Rated time window", format_func=lambda ms: f"0–{ms:g} ms")
     units_of = {"mph-lb": "mph, lb", "kph-kg": "km/h, kg"}.__getitem__
     meaning = "Of speeds and weights everywhere; files keep their own."
-    choices.choose_one("system", "Units", format_func=units_of, on_change=choices.want_units, help=meaning)
-    if choices.acts("unit", page):
-        choices.choose_one("unit", "Accelerations in")
-    if choices.acts("sign", page):
+    address.choose_one("system", "Units", format_func=units_of, on_change=address.want_units, help=meaning)
+    if address.acts("unit", page):
+        address.choose_one("unit", "Accelerations in")
+    if address.acts("sign", page):
         meaning = "Braking is negative as an acceleration (SAE J1733), positive as a deceleration."
-        choices.choose_one("sign", "Show as", help=meaning)
+        address.choose_one("sign", "Show as", help=meaning)
     display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
     return View(campaign, name, tests[state["test"]], display)
 
@@ -177,7 +177,7 @@ def _choose_held_out(tests: Mapping[str, CrashTest], *, was_drawn: bool) -> None
     shown = f"test in {state['system']}"  # a browser keeps what is chosen by its label, which has a unit
     if not was_drawn:  # the browser has forgotten it, which Streamlit does not know of a page that ended early
         state.pop(shown, None)
-    choices.put(shown, state["test"])
+    address.put(shown, state["test"])
     state[_HELD_OUT] = True
     st.selectbox(
         "Held-out test", list(tests), key=shown, on_change=lambda: choose_held_out(tests[state[shown]]),
@@ -193,11 +193,11 @@ def _note(sentence: str, asked: str) -> None:
 def _turn_to_campaign() -> None:
     """Begin with another campaign's own defaults, a test's name may mean another condition there; but for a link's."""
     if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
-        choices.leave_campaign()
+        address.leave_campaign()
     forget()
 
 
-def _keep_up(shown: choices.Place) -> None:
+def _keep_up(shown: address.Place) -> None:
     """Update what changes without a click: computations on the server, and what was chosen by itself."""
     if not shown.is_here:
         st.rerun()
@@ -211,10 +211,10 @@ def route(page: Page) -> None:
     if not page.url_path:  # the address without a page
         page.run()
     open_asked()
-    choices.follow(page.url_path)
+    address.follow(page.url_path)
     token = _opened.set(sidebar(page.url_path))
     if ASKED not in st.session_state:  # else the link stays as it was given
-        choices.publish()
+        address.publish()
     try:
         with suppress(StopException):  # of end_page
             page.run()
@@ -226,7 +226,7 @@ def route(page: Page) -> None:
 @st.fragment
 def by_itself(show: Callable[[], None]) -> None:
     """Show the rest of a page, so that a choice made in it is answered without all that stands around it."""
-    choices.publish()
+    address.publish()
     with st.container(key="alone"):
         show()
 
@@ -265,10 +265,10 @@ def enter_with_campaign(
     if detail is None:
         show_head(view, title)
         return view
-    chosen = choices.acts("leave_out", choices.here().page) and st.session_state["leave_out"] == "speed group"
+    chosen = address.acts("leave_out", address.here().page) and st.session_state["leave_out"] == "speed group"
     grouped = chosen if by_group is None else by_group(view)
     show_head(view, title, detail(view), chosen_config(), by_group=grouped)
-    seed, seeds = st.session_state.get("seed", 0), choices.CHOICES["seed"].options
+    seed, seeds = st.session_state.get("seed", 0), address.CHOICES["seed"].options
     if seed not in seeds:
         st.error(f"There is no seed {seed}: it is from {seeds[0]} to {seeds[-1]}.", icon=":material/error:")
         show_link("train", "Choose another seed", ":material/tune:")

@@ -16,8 +16,8 @@ from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.reporting.watched import Step, Watched
-from crashfuse.ui.kit.choices import Place
+from crashfuse.reporting.training_progress import Step, Watched
+from crashfuse.ui.kit.address import Place
 from crashfuse.ui.kit.visitors import Visitor, note_in_log
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]

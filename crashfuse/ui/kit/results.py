@@ -30,8 +30,8 @@ from crashfuse.study.next_test import NextTest
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import advice_on_page, as_read, chosen_units, plain
-from crashfuse.ui.kit.window import component
 from crashfuse.wording import UnitSystem
 
 _COPY = '<button type="button" title="Copy this table for a spreadsheet">Copy</button>'

@@ -21,8 +21,8 @@ from typing import Any
 import streamlit as st
 
 from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.ui.kit.navigation import pages
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.kit.window import pages
 
 BROWSER = "crashfuse_browser"  # cookie with a random value, so that a browser is known again after a reload
 _SESSION = "visitor"  # session key, where there is no cookie
@@ -151,12 +151,12 @@ def require_login(page: str) -> None:
                 st.switch_page(pages()[link[0]], query_params=link[1])
         return
     if page:
-        from crashfuse.ui.kit import choices  # takes seconds, and the server starts with this module
+        from crashfuse.ui.kit import address  # takes seconds, and the server starts with this module
 
         with _linking:
             while len(_links()) >= _MOST_LINKS:
                 _links().pop(next(iter(_links())))
-            _links()[browser()] = page, choices.given()
+            _links()[browser()] = page, address.given()
     st.title("crashfuse")
     st.markdown("This server is for people who are known to it." if auth else "Nobody can log in at the moment.")
     for provider in _providers(auth):

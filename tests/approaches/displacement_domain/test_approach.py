@@ -16,7 +16,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import NotFittedError
 from crashfuse.execution.progress import SILENT, Progress, Watch
-from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_windows
 

@@ -6,7 +6,7 @@ import pytest
 from crashfuse.approaches.displacement_domain.bias import CaeForce, bijective_projection, uniform_points
 from crashfuse.cae.model import LoadingCurve
 from crashfuse.condition import Condition
-from crashfuse.signals.loading import LoadingPhase, loading_phase
+from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import GRID_S, FloatArray
 
 S = np.linspace(0, 0.6, 121)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from crashfuse.approaches.displacement_domain.dynamics import integrate, replay
-from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
 NOTHING = np.zeros((1, 2))

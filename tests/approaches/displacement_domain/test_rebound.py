@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading, follow_unloading
-from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, kinematics
 
 SPEED = 12.0

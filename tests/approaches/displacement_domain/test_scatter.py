@@ -8,7 +8,7 @@ import pytest
 from crashfuse.approaches.displacement_domain.scatter import Scatter
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.loading_phase import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.units import G
 

@@ -55,18 +55,18 @@ def navigate() -> Page:
 
 def show_links() -> None:
     """Links to all pages. Streamlit's own would drop this session's choices from the address."""
-    from crashfuse.ui.kit import choices
+    from crashfuse.ui.kit import address
 
-    known, keys = pages(), choices.keys()
+    known, keys = pages(), address.keys()
     for name, (title, icon) in _PAGES.items():
-        st.page_link(known[name], label=title, icon=icon, query_params=choices.parameters(name, keys))
+        st.page_link(known[name], label=title, icon=icon, query_params=address.parameters(name, keys))
 
 
 def show_link(name: str, label: str, icon: str = ":material/arrow_forward:") -> None:
     """A link to a page that shows what this session has chosen."""
-    from crashfuse.ui.kit import choices
+    from crashfuse.ui.kit import address
 
-    st.page_link(pages()[name], label=label, icon=icon, query_params=choices.parameters(name))
+    st.page_link(pages()[name], label=label, icon=icon, query_params=address.parameters(name))
 
 
 def end_page() -> NoReturn:
@@ -80,14 +80,14 @@ def end_page() -> NoReturn:
 
 def open_page(name: str) -> None:
     """Switch to a page that shows what this session has chosen."""
-    from crashfuse.ui.kit import choices
+    from crashfuse.ui.kit import address
 
     context = get_script_run_ctx()
     if context is not None and context.fragment_ids_this_run:
         # from a fragment Streamlit would keep what widgets showed that the browser has forgotten since, and not send it
         st.session_state[_TO_OPEN] = name
         st.rerun()
-    st.switch_page(pages()[name], query_params=choices.parameters(name))
+    st.switch_page(pages()[name], query_params=address.parameters(name))
 
 
 def open_next(name: str) -> None:
@@ -105,9 +105,9 @@ def open_asked() -> None:
 
 
 def _open_first_page() -> None:
-    from crashfuse.ui.kit import choices
+    from crashfuse.ui.kit import address
 
-    st.switch_page(pages()["data"], query_params=choices.given())
+    st.switch_page(pages()["data"], query_params=address.given())
 
 
 def set_style() -> None:

@@ -9,10 +9,10 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import METRIC_LABELS
-from crashfuse.study.account import account, worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import store_estimate
 from crashfuse.study.expected_rating import expected_rating
+from crashfuse.study.left_out_account import account, worst_test
 from crashfuse.study.study import Fold, Study
 from tests.study.test_recommendation import estimate
 

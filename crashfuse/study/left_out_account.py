@@ -13,9 +13,9 @@ from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.departure import LEAST, Departure, departure
 from crashfuse.study.estimate import find_estimate
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
+from crashfuse.study.outliers import LEAST, Departure, departure
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Fold, Study
 from crashfuse.wording import Sentence, joined, speed

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crashfuse.signals.loading import energy_crush, loading_phase
+from crashfuse.signals.loading_phase import energy_crush, loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S
 from crashfuse.units import G
 

@@ -9,7 +9,7 @@ import pytest
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.signals.rating import rate_windows
-from crashfuse.study.departure import Departure, departure, departures
+from crashfuse.study.outliers import Departure, departure, departures
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 
 from crashfuse import StudyConfig, run_study, watching
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.watched import Watched
+from crashfuse.reporting.training_progress import Watched
 
 
 def watched() -> Watched:

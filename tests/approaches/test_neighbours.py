@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from crashfuse.approaches.nearness import doubtful_tests, nearest_tests
+from crashfuse.approaches.neighbours import doubtful_tests, nearest_tests
 from crashfuse.campaign import Campaign
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.units import LB, MPH, G
