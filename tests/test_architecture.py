@@ -107,11 +107,11 @@ def test_one_module_alone_writes_csv() -> None:
 
 
 MOST = {
-    "modules": 256,
-    "lines": 48_200,
-    "words of docstrings": 68_200,
-    "words of other texts": 32_000,
-    "of tests": 39_950,
+    "modules": 250,
+    "lines": 44_650,
+    "words of docstrings": 57_550,
+    "words of other texts": 29_800,
+    "of tests": 35_900,
 }
 """The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""
 LONGEST, SHORTEST = 450, 40  # lines of a module; one that is a face (``__init__``) or a table may be shorter

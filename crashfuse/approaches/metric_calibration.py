@@ -6,7 +6,7 @@ be, for each metric by itself, as the same draws can be too wide in one metric a
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -93,12 +93,15 @@ class Distribution:
             return None
         return min(max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0), self.most)
 
-    def interval(self, value: float | None = None) -> tuple[float | None, float | None]:
-        """Central 95 %, reaching to the predicted pulse's ``value``; None beyond the record, or from 0 to beyond it."""
+    @property
+    def median(self) -> float | None:
+        """What a single test shows in the middle; None beyond the record."""
+        return self.quantile(0.5)
+
+    @property
+    def interval(self) -> tuple[float | None, float | None]:
+        """Central 95 %; None beyond the record, or from 0 to beyond it."""
         lower, upper = self.quantile((1 - _LEVEL) / 2), self.quantile((1 + _LEVEL) / 2)
-        if value is not None:
-            lower = None if lower is None else min(lower, value)
-            upper = None if upper is None else max(upper, value)
         return (None if upper is None and lower == 0 else lower), upper
 
 
@@ -160,17 +163,20 @@ def metric_distributions(
 def calibrated_metrics(
     prediction: Prediction, errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
 ) -> tuple[Metric, ...]:
-    """Metrics of a predicted pulse, with calibrated 95 % intervals if it has draws."""
+    """Metrics that a single test shows in the middle, with calibrated 95 % intervals; without draws, of the pulse."""
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
     distributions = metric_distributions(prediction, errors, occupant)
 
-    def interval(metric: Metric) -> tuple[float | None, float | None]:
+    def expected(metric: Metric) -> Metric:
         distribution = distributions[metric.name]
-        return (None, None) if distribution is None else distribution.interval(metric.value)
+        if distribution is None:
+            return replace(metric, drawn=True)
+        lower, upper = distribution.interval
+        return replace(metric, value=distribution.median, lower=lower, upper=upper, drawn=True)
 
-    return tuple(Metric(m.name, m.value, *interval(m), m.unit, drawn=True) for m in metrics)
+    return tuple(map(expected, metrics))
 
 
 def _spread(values: FloatArray, metric: str) -> tuple[float, float] | None:

@@ -103,9 +103,12 @@ class Forecaster:
         """The forecast at a condition."""
         prediction = self.fit.estimate(condition).prediction
         occupant = self.fit.campaign.occupant
-        values = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
-        known = {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
         found = metric_distributions(prediction, self.fit.metric_errors, occupant)
+        of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
+        known = {
+            name: own.median if (own := found[name]) is not None else float(value) if np.isfinite(value) else None
+            for name, value in of_pulse.items()
+        }
         away = np.abs(self.speeds_mps - condition.speed_mps)
         agreements, here = np.array(list(self.fit.agreements.values())), agreement(prediction)
         for window, ratings in self.rated.items():

@@ -106,7 +106,7 @@ def judge(
         distribution = forecast.distributions[quantity(criterion)]
         lower, upper, probability = None, None, None
         if distribution is not None:
-            lower, upper = distribution.interval(value)
+            lower, upper = distribution.interval
             probability = distribution.probability(criterion.at_least, criterion.at_most)
         word: Word = "outside" if outside else _word(probability, criteria.confidence)
         run = dict.fromkeys(tests)

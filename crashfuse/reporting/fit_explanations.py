@@ -8,12 +8,13 @@ import pandas as pd
 
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
-from crashfuse.signals.metrics import MAIN_METRICS, Metric, missing_sentences
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.wording import MPH_LB, Quantity, Sentence, UnitSystem
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
+_SAME = 0.02  # differences of a metric up to here are not told: others are what repeats scatter
 
 
 def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
@@ -89,15 +90,21 @@ def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
     return makers
 
 
-def missing_by_table(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[list[str], list[str]]:
-    """Sentences on missing metrics: on the main ones, and on the others, which stand in a table that is folded away."""
+def metric_remarks(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[list[str], list[str]]:
+    """Sentences on metrics that are missing or not those of the averaged pulse: on the main ones, and on the others."""
 
     def of(is_main: bool) -> list[str]:
-        return missing_sentences(
-            (who, [metric for metric in own if (metric.name in MAIN_METRICS) is is_main]) for who, own in columns
-        )
+        shown = [(who, [metric for metric in own if (metric.name in MAIN_METRICS) is is_main]) for who, own in columns]
+        return [*missing_sentences(shown), *(text for who, own in shown if (text := _averaged(who, own)))]
 
     return of(True), of(False)
+
+
+def _averaged(who: str, metrics: Sequence[Metric]) -> str:
+    """By how much the averaged pulse differs from what a single test shows, where it is more than it is read to."""
+    away = {m.name: m.of_pulse / m.value - 1 for m in metrics if m.drawn and m.value and m.of_pulse is not None}
+    texts = [f"{METRIC_LABELS[name]} {100 * x:+.0f} %" for name, x in away.items() if abs(x) > _SAME]
+    return f"{who}: values are those of a single test; the averaged pulse has {', '.join(texts)}." if texts else ""
 
 
 def _band_sentence(check: Mapping[str, Any]) -> str:

@@ -87,12 +87,12 @@ def metrics_table(rows: _MetricRows, campaign: Campaign, first: str = "held_out"
     bases = campaign.metric_bases
     return pd.DataFrame(
         [
-            (key, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name])
+            (key, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name], m.of_pulse)
             for key, approach, metrics in rows
             for m in metrics
         ],
-        columns=[first, "approach", "metric", "value", "lower", "upper", "unit", "basis"],
-    ).astype(dict.fromkeys(("value", "lower", "upper"), float))
+        columns=[first, "approach", "metric", "value", "lower", "upper", "unit", "basis", "of_pulse"],
+    ).astype(dict.fromkeys(("value", "lower", "upper", "of_pulse"), float))
 
 
 def metric_texts(

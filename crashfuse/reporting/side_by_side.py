@@ -8,7 +8,7 @@ import pandas as pd
 from crashfuse.certification.matrix import Matrix
 from crashfuse.reporting.certification_tables import condition_columns, factors_of
 from crashfuse.reporting.earlier_prediction import otherwise
-from crashfuse.reporting.fit_explanations import missing_by_table
+from crashfuse.reporting.fit_explanations import metric_remarks
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
@@ -52,7 +52,7 @@ def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) 
         for note in prediction.campaign.cae.extrapolation(prediction.condition)
         if prediction.condition != first.condition
     ]
-    return [*outside, *missing_by_table(columns)[0]]
+    return [*outside, *metric_remarks(columns)[0]]
 
 
 def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:

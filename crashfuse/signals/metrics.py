@@ -27,7 +27,8 @@ class Metric:
     """One metric of a pulse; ``value`` is None if the record is too short for it.
 
     ``lower`` and ``upper`` are the central 95 %, each None without draws (``drawn``) or if too many of them are too
-    short.
+    short. Of a prediction ``value`` is what a single test shows in the middle, ``of_pulse`` the metric of the averaged
+    pulse that is drawn: an average has lower peaks than any of the pulses.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Metric:
     upper: float | None
     unit: str
     drawn: bool = False
+    of_pulse: float | None = None
 
     def holds(self, value: float | None) -> bool | None:
         """Whether the interval holds a value; None if either is not known."""
@@ -273,7 +275,7 @@ def checked_metrics(
         drawn = metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant, predicted=True)
         intervals = {name: _interval(of_draws) for name, of_draws in drawn.items()}
     return tuple(
-        Metric(name, _finite(value), *intervals[name], METRIC_UNITS[name], draws_mps2 is not None)
+        Metric(name, _finite(value), *intervals[name], METRIC_UNITS[name], draws_mps2 is not None, _finite(value))
         for name, value in values.items()
     )
 

@@ -111,7 +111,7 @@ def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folde
 def test_metrics_hold_the_measured_test_beside_the_predictions(study_folder: Path) -> None:
     """Positive numbers, each with its unit; the measured ΔV is the impact speed and a tenth, as the pulse was made."""
     metrics = pd.read_csv(study_folder / "metrics.csv")
-    assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
+    assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis", "of_pulse"]
     assert set(metrics["basis"]) == {"filtered as supplied"}
     assert set(metrics["approach"]) == {"test", *APPROACHES}
     assert list(metrics["metric"].unique()) == list(METRIC_LABELS)

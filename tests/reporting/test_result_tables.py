@@ -107,10 +107,24 @@ def test_a_row_for_each_study_holds_the_mean_and_the_least_of_its_tests(campaign
 def test_a_metric_stands_with_both_its_ends_and_what_it_rests_on(campaign: Campaign) -> None:
     """Each in the column of its name; what is not known is empty; the occupant's settings are named if unusual."""
     own = replace(campaign, channel_filter_class=60.0, occupant=OccupantModel(olc_free_flight_mm=50.0))
-    found = (Metric("peak", 2.0, 1.0, 3.0, "g"), Metric("t0", 70.0, 65.0, None, "ms"), Metric("olc", 9, 8, 10, "g"))
+    found = (
+        Metric("peak", 2.0, 1.0, 3.0, "g", of_pulse=1.9),
+        Metric("t0", 70.0, 65.0, None, "ms"),
+        Metric("olc", 9, 8, 10, "g"),
+    )
     table = metrics_table([("T1", "fused", found)], own)
-    assert table.columns.tolist() == ["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
-    assert table.iloc[0].tolist() == ["T1", "fused", "peak", 2.0, 1.0, 3.0, "g", "CFC 60"]
+    assert table.columns.tolist() == [
+        "held_out",
+        "approach",
+        "metric",
+        "value",
+        "lower",
+        "upper",
+        "unit",
+        "basis",
+        "of_pulse",
+    ]
+    assert table.iloc[0].tolist() == ["T1", "fused", "peak", 2.0, 1.0, 3.0, "g", "CFC 60", 1.9]
     assert table.loc[2, "basis"] == "50 + 235 mm, CFC 60"
     assert table.iloc[1, :5].tolist() == ["T1", "fused", "t0", 70.0, 65.0]
     assert np.isnan(table.loc[1, "upper"])
@@ -134,7 +148,17 @@ def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
     fits = [Fit.of(campaign, name) for name in ("cae", "displacement_domain")]
     sweeps = sweep_speed(fits, campaign.test("T2").condition, np.array([15.0, 20.0, 30.0]) * MPH)
     table = sweep_table(sweeps, campaign)
-    assert list(table.columns) == ["speed_mph", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
+    assert list(table.columns) == [
+        "speed_mph",
+        "approach",
+        "metric",
+        "value",
+        "lower",
+        "upper",
+        "unit",
+        "basis",
+        "of_pulse",
+    ]
     assert set(table.basis) == {"filtered as supplied"}
     assert len(table) == 18 * (2 * 3 + 4)
     (row,) = table[(table.approach == "displacement_domain") & (table.metric == "peak") & (table.speed_mph == 20)].index

@@ -171,10 +171,9 @@ class Display:
     def metric(self, metric: Metric) -> Metric:
         """A metric in the reader's unit."""
         factor, unit = self.units.factor(metric.unit), self.units.unit(metric.unit)
-        value, lower, upper = (
-            None if each is None else each * factor for each in (metric.value, metric.lower, metric.upper)
-        )
-        return Metric(metric.name, value, lower, upper, unit, metric.drawn)
+        numbers = metric.value, metric.lower, metric.upper, metric.of_pulse
+        value, lower, upper, of_pulse = (None if number is None else number * factor for number in numbers)
+        return Metric(metric.name, value, lower, upper, unit, metric.drawn, of_pulse)
 
     def words(self, text: object) -> str:
         """A sentence, a condition or a quantity in the reader's units; any other text as it is."""

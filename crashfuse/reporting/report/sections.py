@@ -8,7 +8,7 @@ import pandas as pd
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, missing_by_table, notes_by_makers
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.result_tables import metric_texts
 from crashfuse.signals.metrics import MAIN_METRICS
@@ -36,7 +36,7 @@ def details(
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page
     metrics = metric_texts(columns, campaign, display, f"Pulse metric{of_test}").map(unbroken_interval)
     main = metrics.index.isin(MAIN_METRICS)
-    missing, more_missing = missing_by_table(columns)
+    missing, more_missing = metric_remarks(columns)
     makers = notes_by_makers(estimates).items()
     remarks = [joined([", ".join(who), note], ": ") for note, who in makers if note not in said]
     return {

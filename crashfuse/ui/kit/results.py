@@ -16,7 +16,7 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting import glossary, rating_tables
 from crashfuse.reporting.exports import spreadsheet_text
-from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, missing_by_table, notes_by_makers
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.reporting.rating_tables import REPEAT, best, rating_table
@@ -297,7 +297,7 @@ def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) ->
     """Show pulse metrics by column, the test or an approach, and explain missing numbers."""
     st.subheader("Pulse metrics", help=glossary.TTZV)
     main, more = metrics_tables(columns, view.campaign, view.display)
-    missing, more_missing = missing_by_table(columns)
+    missing, more_missing = metric_remarks(columns)
     show_table(main, "metrics")
     with st.expander("More of the pulse: equivalent pulses, loading, rebound", icon=":material/ssid_chart:"):
         show_table(more, "more metrics")
