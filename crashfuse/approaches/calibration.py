@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
+from crashfuse.approaches.base import MOST_TESTS, WHOLE_S, Approach, FittedState, Prediction, whole_interval
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
@@ -91,6 +91,7 @@ class Coverage:
     rebound: float  # the same of a(t) after zero velocity; NaN if the vehicle does not stop in the record
     crush: bool  # maximum dynamic crush lies inside its interval
     peak: bool  # so does the peak deceleration
+    whole: bool = True  # a(t) lies inside the band of whole pulses up to 60 ms throughout
 
     @classmethod
     def of(cls, test: CrashTest, draws_mps2: FloatArray) -> Self:
@@ -103,12 +104,14 @@ class Coverage:
         loading = ~(measured.t0_s < time)
         accel_inside = _inside(draws_mps2, accel)
         crush = _inside(displacement.max(axis=1), measured.displacement_m.max())
+        lower, upper = whole_interval(draws_mps2)
         return cls(
             accel=float(accel_inside[loading].mean()),
             velocity=float(_inside(velocity[:, loading], measured.velocity_mps[loading]).mean()),
             rebound=float(accel_inside[~loading].mean()) if not loading.all() else float("nan"),
             crush=bool(crush),
             peak=bool(_inside(np.min(draws_mps2, axis=1), accel.min())),
+            whole=bool(((lower <= accel) & (accel <= upper))[time < WHOLE_S].all()),
         )
 
 
@@ -180,12 +183,12 @@ class Calibration:
             "left_out_tests": len(self.tests),
             "holds": self.holds,
             **{f"{name}_inside": None if np.isnan(share) else round(share, 3) for name, share in shares.items()},
-            **{f"{name}_inside": self.count(name) for name in ("crush", "peak")},
+            **{f"{name}_inside": self.count(name) for name in ("crush", "peak", "whole")},
         }
 
     def learned(self) -> FittedState:
         """The state to store."""
-        inside = np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 5)
+        inside = np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 6)
         values = {"widening": self.widening, "late_widening": self.late_widening, "far": self.far}
         return FittedState(values, {"inside": inside})
 
@@ -193,7 +196,7 @@ class Calibration:
     def restored(cls, learned: FittedState) -> Self:
         """Restore that state."""
         rows = learned.arrays["inside"].tolist()
-        tests = tuple(Coverage(a, v, after, bool(crush), bool(peak)) for a, v, after, crush, peak in rows)
+        tests = tuple(Coverage(*row[:3], *map(bool, row[3:])) for row in rows)
         return cls(tests=tests, **learned.values)
 
     @property

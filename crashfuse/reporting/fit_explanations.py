@@ -13,7 +13,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.wording import MPH_LB, Quantity, Sentence, UnitSystem
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
-_COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
+_COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration", "whole": "Whole pulse, 0–60 ms"}
 _SAME = 0.02  # differences of a metric up to here are not told: others are what repeats scatter
 
 
@@ -116,7 +116,8 @@ def _band_sentence(check: Mapping[str, Any]) -> str:
         f"Band: calibrated on {n} tests, each predicted from the others, and scaled by {check['widening']:g}{late}. "
         f"Up to the time of zero velocity (TTZV) it holds a(t) {_percent(check['accel_inside'])} and v(t) "
         f"{_percent(check['velocity_inside'])} of the time, after it a(t) {_percent(after)}; maximum crush in "
-        f"{check['crush_inside']} of {n} tests, peak deceleration in {check['peak_inside']}.{verdict}"
+        f"{check['crush_inside']} of {n} tests, peak deceleration in {check['peak_inside']}.{verdict} The band of "
+        f"whole pulses, meant to hold nine of ten up to 60 ms throughout, holds {check['whole_inside']} of {n}."
     )
 
 

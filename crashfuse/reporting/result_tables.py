@@ -53,7 +53,7 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
 
 
 def pulses_table(estimates: Iterable[Estimate]) -> pd.DataFrame:
-    """Predicted pulses at a new condition in ms and g with the central 95 % band, empty where an approach has none."""
+    """Predicted pulses at a new condition in ms and g, with both bands, empty where an approach has none."""
     return _pulses(("", estimate.approach, estimate.prediction) for estimate in estimates)
 
 
@@ -69,7 +69,8 @@ def study_pulses(study: Study) -> pd.DataFrame:
 def _pulses(rows: Iterable[tuple[str, str, Prediction]]) -> pd.DataFrame:
     parts = []
     for held_out, approach, prediction in rows:
-        lower, upper = prediction.band() or (np.full(prediction.time_s.size, np.nan),) * 2
+        none = (np.full(prediction.time_s.size, np.nan),) * 2
+        (lower, upper), (whole_lower, whole_upper) = prediction.band() or none, prediction.whole_band() or none
         columns = {
             "held_out": held_out,
             "approach": approach,
@@ -77,6 +78,8 @@ def _pulses(rows: Iterable[tuple[str, str, Prediction]]) -> pd.DataFrame:
             "acceleration_g": prediction.accel_mps2 / G,
             "lower_g": lower / G,
             "upper_g": upper / G,
+            "whole_lower_g": whole_lower / G,
+            "whole_upper_g": whole_upper / G,
         }
         parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from crashfuse.approaches.base import whole_interval
 from crashfuse.approaches.calibration import Calibration, Coverage, LeftOut, calibrate, shares_inside, widening_far
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -42,6 +43,34 @@ def test_a_test_is_inside_up_to_two_standard_deviations(away: float, inside: boo
     assert (found.accel > 0.9) == inside
     assert (found.velocity > 0.9) == inside
     assert (found.peak, found.crush) == (inside, inside)
+
+
+def test_draws_that_go_together_lie_inside_as_a_whole_within_1_645_standard_deviations() -> None:
+    """Half sines that differ by a factor: the band of nine of ten whole pulses is narrower than 95 % at each time."""
+    lower, upper = whole_interval(draws(260, 20, n=4000))
+    top = int(np.argmin(half_sine(260)))
+    np.testing.assert_allclose([-upper[top], -lower[top]], [260 - 1.645 * 20, 260 + 1.645 * 20], atol=2.5)
+
+
+@pytest.mark.parametrize("stride", [1, 10])
+def test_nine_of_ten_rough_pulses_lie_inside_as_a_whole(stride: int) -> None:
+    """Noise of 2 ms about a half sine: of 1000 further pulses 90 % lie inside up to 60 ms, far fewer within 95 %."""
+    knots = np.random.default_rng(1).normal(0, 30, (3000, 52))
+    rough = half_sine(260) + np.array([np.interp(GRID_S, np.arange(52) * 0.002, row) for row in knots])
+    (lower, upper), further = whole_interval(rough[:2000, ::stride]), rough[2000:, ::stride]
+    judged = GRID_S[::stride] < 0.06
+    inside = ((lower <= further) & (further <= upper))[:, judged].all(axis=1)
+    ends = np.quantile(rough[:2000, ::stride], [0.025, 0.975], axis=0)
+    assert inside.mean() == pytest.approx(0.9, abs=0.025)
+    assert ((ends[0] <= further) & (further <= ends[1]))[:, judged].all(axis=1).mean() < 0.5
+
+
+@pytest.mark.parametrize(("at_s", "whole"), [(0.03, False), (0.0599, False), (0.0601, True)])
+def test_one_moment_outside_before_60_ms_is_no_whole_pulse_inside(at_s: float, whole: bool) -> None:
+    """Whatever happens later."""
+    accel = half_sine(260)
+    accel[np.abs(GRID_S - at_s).argmin()] -= 300.0
+    assert Coverage.of(crash_test(accel), draws(260, 20)).whole == whole
 
 
 def test_what_comes_after_the_stop_is_counted_apart() -> None:
@@ -87,11 +116,16 @@ def test_one_test_in_twenty_may_lie_outside_rounded_up(name: str, n: int, most: 
 
 
 def test_what_is_kept_of_a_check_is_the_check() -> None:
-    """A row of five numbers a test, and the factors, give it back; what it tells is plain and rounded."""
-    tests = (Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False), Coverage(0.93, 1.0, 0.5, False, True))
+    """A row of six numbers a test, and the factors, give it back; what it tells is plain and rounded."""
+    tests = (
+        Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False),
+        Coverage(0.93, 1.0, 0.5, False, True, False),
+    )
     check = Calibration(1.3, tests, 1.5, 1.25)
     learned = check.learned()
-    np.testing.assert_array_equal(learned.arrays["inside"], [[0.91, 0.97236, np.nan, 1, 0], [0.93, 1.0, 0.5, 0, 1]])
+    np.testing.assert_array_equal(
+        learned.arrays["inside"], [[0.91, 0.97236, np.nan, 1, 0, 1], [0.93, 1.0, 0.5, 0, 1, 0]]
+    )
     again = Calibration.restored(learned)
     assert (again.widening, again.late_widening) == (1.3, 1.5)
     assert again.state == check.state == {
@@ -105,8 +139,9 @@ def test_what_is_kept_of_a_check_is_the_check() -> None:
         "rebound_inside": 0.5,
         "crush_inside": 1,
         "peak_inside": 1,
+        "whole_inside": 1,
     }  # fmt: skip
-    assert list(again.state)[-5:] == [f"{name}_inside" for name in ("accel", "velocity", "rebound", "crush", "peak")]
+    assert list(again.state)[-3:] == ["crush_inside", "peak_inside", "whole_inside"]
     nothing = Calibration.restored(Calibration(1.0, ()).learned())
     assert (nothing.tests, nothing.late_widening) == ((), None)
     assert "late_widening" not in nothing.state

@@ -98,7 +98,8 @@ def test_scores_have_a_row_for_each_test_approach_and_window(study_folder: Path)
 def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folder: Path) -> None:
     """12.5 kHz over 0–100 ms; the raw CAE and the LF TCN have no band, the displacement domain has."""
     pulses = pd.read_csv(study_folder / "pulses.csv", dtype={"held_out": str})
-    assert list(pulses) == ["held_out", "approach", "time_ms", "acceleration_g", "lower_g", "upper_g"]
+    bands = ["lower_g", "upper_g", "whole_lower_g", "whole_upper_g"]
+    assert list(pulses) == ["held_out", "approach", "time_ms", "acceleration_g", *bands]
     assert set(pulses["approach"]) == {"test", *APPROACHES}
     for _, rows in pulses.groupby(["held_out", "approach"]):
         np.testing.assert_allclose(rows["time_ms"], GRID_S / MS, atol=1e-6)

@@ -50,7 +50,8 @@ def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(camp
     shown = centre + 1.0  # the expected pulse need not be in the middle
     estimate = Estimate("fused", Prediction(campaign.tests[0].condition, shown, draws), {}, 0.0)
     table = pulses_table([estimate])
-    assert table.columns.tolist() == ["held_out", "approach", "time_ms", "acceleration_g", "lower_g", "upper_g"]
+    bands = ["lower_g", "upper_g", "whole_lower_g", "whole_upper_g"]
+    assert table.columns.tolist() == ["held_out", "approach", "time_ms", "acceleration_g", *bands]
     assert table[["held_out", "approach"]].drop_duplicates().to_numpy().tolist() == [["", "fused"]]
     np.testing.assert_allclose(table["time_ms"], np.arange(1250) * 0.08, atol=1e-9)
     np.testing.assert_allclose(table["acceleration_g"], shown / 9.80665)
