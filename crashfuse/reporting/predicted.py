@@ -109,7 +109,7 @@ class PredictedPulse:
             ``pulses.csv``; ``velocity_kph``, ``displacement_mm``; 1,250 rows.
         """
         velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
-        pulse = pulses_table([self.estimate]).drop(columns=["held_out", "approach"])
+        pulse = pulses_table([self.estimate])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
 
     def plot(
