@@ -173,7 +173,7 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     assert [len({*kind}) for kind in zip(*looks, strict=True)] == [4, 4, 4]
     user.open(server, "study", campaign="odd", test="S4", approaches=QUICK)
     user.press("Leave out each of 5 tests")
-    said = user.sees("without its neighbours and", timeout_s=4 * SOON)  # known last, after ten fits
+    said = user.sees("without its neighbours, ", timeout_s=4 * SOON)  # known last, after ten fits
     assert "S4, 25.0 mph, over 0–60 ms: expected " in said
     assert "far below what was expected. S4 differs from the other " in said
     user.go("Compare")
