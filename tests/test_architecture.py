@@ -109,7 +109,7 @@ def test_one_module_alone_writes_csv() -> None:
 MOST = {
     "modules": 250,
     "lines": 44_650,
-    "words of docstrings": 57_550,
+    "words of docstrings": 57_600,
     "words of other texts": 29_800,
     "of tests": 35_900,
 }

@@ -160,7 +160,7 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
     label = LABELS.get(str(row["approach"]), row["approach"])
     gain, error, n = row["difference"], row["standard_error"], row["tests"]
     if not table["difference"].any():
-        return f"{label}: the same in both, {row['first']:.3f}."
+        return f"{label}: the same in both, mean {row['first']:.3f}."
     higher = "second" if gain > 0 else "first"
     verdict = f"clearly higher in the {higher}" if abs(gain) > _CLEARLY * error else "no clear difference"
     by = difference(row["second"], row["first"], 3)

@@ -202,17 +202,17 @@ class Answer:
 
 def show_pins(answer: Answer) -> None:
     """Offer to pin the condition, with a record among the results of this machine, and to unpin others."""
-    pins, text = pinned(), answer.condition.text
+    pins, here = pinned(), answer.condition.text
 
     def pin() -> None:
-        st.session_state["pins"] = list(dict.fromkeys([*pinned(), text]))
+        st.session_state["pins"] = list(dict.fromkeys([*pinned(), here]))
         keep(PastResult.of_prediction(answer.view.campaign, answer.estimates, answer.request.config))
 
     def unpin(text: str) -> None:
         st.session_state["pins"] = [other for other in pinned() if other != text]
 
     st.button(
-        "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=text in pins or len(pins) >= MOST_PINS,
+        "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
         help="Keeps it in the figures, a table of differences, the link, the report, and the list on History; up to "
         f"{MOST_PINS}.",
     )  # fmt: skip
