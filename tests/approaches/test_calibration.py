@@ -96,7 +96,9 @@ def test_each_curve_has_to_lie_inside_for_95_percent_of_the_time(name: str) -> N
 
     def check(*shares: float) -> Calibration:
         curves = {"accel": 1.0, "velocity": 1.0, "rebound": 1.0}
-        return Calibration(1.0, tuple(Coverage(**{**curves, name: one}, crush=True, peak=True) for one in shares))
+        return Calibration(
+            1.0, tuple(Coverage(**{**curves, name: one}, crush=True, peak=True, whole=True) for one in shares)
+        )
 
     assert not check(0.945 - 0.04, 0.945 + 0.04).holds
     assert check(0.951 - 0.04, 0.951 + 0.04).holds

@@ -45,7 +45,7 @@ def test_metrics_are_those_of_the_files(predicted: PredictedPulse) -> None:
 
 
 def test_the_figure_marks_the_crush_of_the_metrics(predicted: PredictedPulse) -> None:
-    """At the end of the drawn pulse, with the interval of the table: here, and of a prediction that is put beside it."""
+    """At the end of the drawn pulse, with the interval of the table: here, and of a prediction put beside it."""
     crush = predicted.metrics.set_index("metric").loc["max_crush"]
     marks = [t for t in predicted.plot("displacement", also=[predicted]).data if t.mode == "markers"]
     assert len(marks) == 2
