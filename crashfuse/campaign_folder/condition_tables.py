@@ -280,6 +280,9 @@ def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> t
 
 
 def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:
+    if isinstance(cells.dtype, pd.CategoricalDtype):  # each text once: a million cells may share a text of a megabyte
+        of_texts = _are_empty(pd.Series(cells.cat.categories, dtype=cells.cat.categories.dtype))
+        return np.asarray(np.append(of_texts, True)[cells.cat.codes])
     return np.array([pd.isna(cell) or (isinstance(cell, str) and not cell.strip()) for cell in cells], dtype=bool)
 
 
