@@ -44,7 +44,7 @@ class Forecast:
     ----------
     accel_mps2 : ndarray, shape (1250,)
     values, distributions : dict of str to float or None, dict of str to Distribution or None
-        By :func:`quantity`, of that pulse and of a single test; None where the record is too short.
+        By :func:`quantity`, what a single test shows in the middle, and at all; None where the record is too short.
     """
 
     accel_mps2: FloatArray
@@ -105,16 +105,14 @@ class Forecaster:
         occupant = self.fit.campaign.occupant
         found = metric_distributions(prediction, self.fit.metric_errors, occupant)
         of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
-        known = {
-            name: own.median if (own := found[name]) is not None else float(value) if np.isfinite(value) else None
-            for name, value in of_pulse.items()
-        }
+        known = {name: float(value) if np.isfinite(value) else None for name, value in of_pulse.items()}
+        known |= {name: own.median for name, own in found.items() if own is not None}
         away = np.abs(self.speeds_mps - condition.speed_mps)
         agreements, here = np.array(list(self.fit.agreements.values())), agreement(prediction)
         for window, ratings in self.rated.items():
             rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
-            found[f"{RATING} {window:g}"] = rating
-            known[f"{RATING} {window:g}"] = None if rating is None else rating.quantile(0.5)
+            name = f"{RATING} {window:g}"
+            found[name], known[name] = rating, None if rating is None else rating.median
         return Forecast(prediction.accel_mps2, known, found)
 
 

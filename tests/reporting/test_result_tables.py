@@ -31,6 +31,9 @@ SCALES = {"displacement_domain": 0.9, "cae": 0.7}  # an order of our own, which 
 SCORES = ["overall", "corridor", "phase", "magnitude", "slope"]
 
 
+METRIC_COLUMNS = ("approach", "metric", "value", "lower", "upper", "unit", "basis", "of_pulse")
+
+
 def study(campaign: Campaign, held_out: tuple[str, ...], scale: float = 1.0) -> Study:
     """A study in which each approach is off by its own factor, and by a common one."""
     config = StudyConfig(approaches=tuple(SCALES), seed=7, windows_ms=(20.0, 60.0))
@@ -114,17 +117,7 @@ def test_a_metric_stands_with_both_its_ends_and_what_it_rests_on(campaign: Campa
         Metric("olc", 9, 8, 10, "g"),
     )
     table = metrics_table([("T1", "fused", found)], own)
-    assert table.columns.tolist() == [
-        "held_out",
-        "approach",
-        "metric",
-        "value",
-        "lower",
-        "upper",
-        "unit",
-        "basis",
-        "of_pulse",
-    ]
+    assert table.columns.tolist() == ["held_out", *METRIC_COLUMNS]
     assert table.iloc[0].tolist() == ["T1", "fused", "peak", 2.0, 1.0, 3.0, "g", "CFC 60", 1.9]
     assert table.loc[2, "basis"] == "50 + 235 mm, CFC 60"
     assert table.iloc[1, :5].tolist() == ["T1", "fused", "t0", 70.0, 65.0]
@@ -149,17 +142,7 @@ def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
     fits = [Fit.of(campaign, name) for name in ("cae", "displacement_domain")]
     sweeps = sweep_speed(fits, campaign.test("T2").condition, np.array([15.0, 20.0, 30.0]) * MPH)
     table = sweep_table(sweeps, campaign)
-    assert list(table.columns) == [
-        "speed_mph",
-        "approach",
-        "metric",
-        "value",
-        "lower",
-        "upper",
-        "unit",
-        "basis",
-        "of_pulse",
-    ]
+    assert list(table.columns) == ["speed_mph", *METRIC_COLUMNS]
     assert set(table.basis) == {"filtered as supplied"}
     assert len(table) == 18 * (2 * 3 + 4)
     (row,) = table[(table.approach == "displacement_domain") & (table.metric == "peak") & (table.speed_mph == 20)].index
