@@ -63,7 +63,7 @@ _REDRAWN = (  # while the page changes
 )  # fmt: skip
 FIGURE, TABLE, SIDEBAR = ".js-plotly-plot", '[data-testid="stTable"]', '[data-testid="stSidebar"]'
 MAIN, LINK = '[data-testid="stMain"]', f'{SIDEBAR} [data-testid="stPageLink-NavLink"]'
-PILL, CURVES = '[data-testid="stButtonGroup"] button', f'{MAIN} [data-testid="stPopover"] button'
+PILL, POPOVER = '[data-testid="stButtonGroup"] button', '[data-testid="stPopoverBody"]'
 LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"  # the page's ground in both themes
 PAIRED = ("C20", "C21", "C22", "C23")  # CAE runs at the tests' conditions, one of them beyond all others
 QUICK = ("cae", "displacement_domain")  # approaches that learn within seconds
@@ -158,6 +158,31 @@ class User:
     def presses_until(self, done: Callable[[], object], label: str, css: str = "button") -> None:
         """Click until something is done."""
         self._clicks_until(done, lambda: self._pressed(label, css), f"Nothing came of a click on {label!r}.")
+
+    def opens(self, popover: str) -> None:
+        """Open the popover of this label, again if the page, drawn anew, has lost the click."""
+        button = f'{MAIN} [data-testid="stPopover"] button'
+
+        def is_open() -> bool:
+            return bool(self.all(POPOVER) and self.all(f'{button}[aria-expanded="true"]', popover))
+
+        def opened() -> bool:
+            if not is_open():
+                self._pressed(popover, button)
+                with suppress(TimeoutException):
+                    self.wait(is_open, timeout_s=5)
+            return is_open()
+
+        self.wait(opened, f"The popover {popover!r} never opened.")
+
+    def press_inside(self, popover: str, label: str, css: str) -> None:
+        """Press what is in the popover of this label, opened again if the page, drawn anew, has closed it."""
+
+        def pressed() -> bool:
+            self.opens(popover)
+            return self._pressed(label, f"{POPOVER} {css}")
+
+        self.wait(pressed, f"There is no {label!r} to click in {popover!r}.")
 
     def _clicks_until(self, done: Callable[[], object], click: Callable[[], object], missing: str = "") -> None:
         """Click, and again after a while if nothing came of it: the page may just have been drawn anew."""

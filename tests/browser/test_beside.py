@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, press_tool, rows
+from tests.browser.conftest import FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, press_tool, rows
 
 pytestmark = pytest.mark.slow
 
@@ -33,8 +33,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
     user.open(small_server, "compare", **ONE, test="T2")
     user.starts("Predict test T2", FIGURE)
     shows(user, "Test", band)
-    user.press("Curves", CURVES)
-    user.press("Test", f'[data-testid="stPopoverBody"] {PILL}')
+    user.press_inside("Curves", "Test", PILL)
     shows(user, band)
     user.press("Corridors of the rating", "label")
     user.sees("Corridor of the rating, inner", FIGURE)
@@ -104,13 +103,12 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     short = user.arrived("-short_report.html").read_text(encoding="utf-8")
     assert "Difference, 34.0 mph" in short
     assert "Method and settings" not in short
-    user.press("2 pinned", f"{MAIN} button")
-    user.press("34.0 mph", '[data-testid="stPopoverBody"] button')
+    user.press_inside("2 pinned", "34.0 mph", "button")
     user.wait(lambda: "34mph" not in user.browser.current_url)
     user.find(f"{MAIN} button", "1 pinned")
     user.go("Compare")
     user.starts("Predict test T2", FIGURE)
-    user.press("Curves", CURVES)
+    user.opens("Curves")
     user.find('input[aria-label^="Also show"]').send_keys("30.0 mph", Keys.ENTER)
     user.sees("Displacement domain at 30.0 mph", FIGURE)
     user.go("History")

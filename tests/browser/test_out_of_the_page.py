@@ -17,7 +17,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import G
-from tests.browser.conftest import CURVES, FIGURE, MAIN, PAIRED, PILL, press_tool, rows
+from tests.browser.conftest import FIGURE, MAIN, PAIRED, PILL, press_tool, rows
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -36,8 +36,7 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     """A curve is taken out, corridors are added: the file has what is left, as the library has it."""
     engineer.press("Corridors of the rating", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)
-    engineer.press("Curves", CURVES)
-    engineer.press("CAE", f'[data-testid="stPopoverBody"] {PILL}')
+    engineer.press_inside("Curves", "CAE", PILL)
     engineer.wait(lambda: "CAE" not in engineer.texts(f"{FIGURE} .legendtext"))
     press_tool(engineer, '[data-format="csv"]')
     numbers = rows(engineer.arrived("_T1_pulses-with-corridors-no-CAE_0-60ms_g.csv").read_text(encoding="utf-8"))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, LINK, MAIN, PAIRED, TABLE
+from tests.browser.conftest import FIGURE, LINK, MAIN, PAIRED, POPOVER, TABLE
 
 pytestmark = pytest.mark.slow
 
@@ -18,8 +18,8 @@ def test_compare_shows_ratings_a_sentence_and_one_tab_at_a_time(engineer: "User"
     engineer.sees("Velocity (mph)", FIGURE)
     assert engineer.texts(".cf-best")[0].startswith(("CAE", "Displacement domain"))
     assert not engineer.all(MAIN, "Single draws")
-    engineer.press("More", '[data-testid="stPopover"] button')
-    engineer.sees("rated", '[data-testid="stPopoverBody"]')
+    engineer.opens("More")
+    engineer.sees("rated", POPOVER)
     engineer.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     engineer.open_tab("Ratings and metrics")
     engineer.sees("Single draws", TABLE)

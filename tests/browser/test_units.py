@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import CURVES, FIGURE, SIDEBAR, TABLE
+from tests.browser.conftest import FIGURE, SIDEBAR, TABLE
 
 pytestmark = pytest.mark.slow
 
@@ -56,7 +56,7 @@ def test_other_units_change_neither_the_held_out_test_nor_what_is_beside_it(
     for units, beside in (("km/h, kg", "T4 · 56.3 km/h"), ("mph, lb", "T4 · 35.0 mph")):
         user.press(units)
         user.sees(beside, FIGURE)
-        user.press("Curves", CURVES)
+        user.opens("Curves")
         user.press("0–40 ms", f"{SIDEBAR} button")
         user.wait(lambda: "window=40" in user.browser.current_url)
         user.press("0–60 ms", f"{SIDEBAR} button")

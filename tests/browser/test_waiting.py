@@ -7,7 +7,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.approaches.registry import LABELS
-from tests.browser.conftest import CURVES, MAIN, QUICK, SIDEBAR, bands
+from tests.browser.conftest import MAIN, POPOVER, QUICK, SIDEBAR, bands
 
 pytestmark = pytest.mark.slow
 
@@ -37,14 +37,13 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     assert all(approach in shown for approach in ("LF TCN", "Time domain", "Fused"))
     user.wait(lambda: not user.all(SIDEBAR, "Ready"))
     for chosen in ("time_domain", "displacement_domain"):
-        user.press("Curves", CURVES)
-        user.press("", '[data-testid="stPopoverBody"] [role="combobox"]')
+        user.press_inside("Curves", "", '[role="combobox"]')
         user.press(LABELS[chosen], '[role="option"]')
         user.wait(lambda chosen=chosen: [name for name, filled in bands(user).items() if filled] == [chosen])  # type: ignore[misc]
         user.wait(lambda: len(bands(user)) == 3)
         user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
-    user.press("More", '[data-testid="stPopover"] button')
-    why = user.sees("rated", '[data-testid="stPopoverBody"]')
+    user.opens("More")
+    why = user.sees("rated", POPOVER)
     user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     user.open_tab("Ratings and metrics")
     made_of = r"Made of \d+ % .*, because the nearest test is [\d.]+ mph away"
