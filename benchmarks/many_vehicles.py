@@ -73,9 +73,9 @@ class _Kind:
     def drawn(cls, mass_kg: float, rng: np.random.Generator) -> Self:
         """A vehicle of any kind."""
         about = partial(scattered_about, rng)
-        force = mass_kg * 15.6**2 / 2 / rng.uniform(0.38, 0.8)  # mean barrier force at 35 mph
+        force = mass_kg * 15.6**2 / 2 / rng.uniform(0.42, 0.98)  # mean barrier force at 35 mph
         rails, shell = rng.uniform(0.3, 0.8), rng.uniform(0.1, 0.65)
-        box, second = rng.uniform(0.08, 0.28), rng.uniform(0.25, 0.5)
+        box, second = rng.uniform(0.1, 0.4), rng.uniform(0.3, 0.7)
         rate = about(1400.0, 0.5)
 
         def zone(
@@ -87,21 +87,21 @@ class _Kind:
                 wandering(0.06, 0.08, rng), gap_m, about(60.0, 0.3) * force, rate if rng.random() < 0.75 else np.inf,
             )  # fmt: skip
 
-        rail_knots = (0, 0.02, 0.05, box, box + 0.05, second + 0.06, 1.0)
+        rail_knots = (0, 0.02, 0.05, box, box + 0.05, second + 0.06, 1.05)
         rail_shares = (
             0, 0.05 * rails, 0.5 * rails, 0.5 * rails, rails,
-            rails * rng.uniform(0.6, 1.3), rails * rng.uniform(0.5, 1.3),
+            rails * rng.uniform(0.6, 1.6), rails * rng.uniform(0.6, 3.2),
         )  # fmt: skip
         long_folds, short_folds = rng.uniform(0.03, 0.4), rng.uniform(0, 0.15) * (rng.random() < 0.4)
         zones = {"rails": zone(rail_knots, rail_shares, 0.0, long_folds, short_folds)}
-        shell_knots = (0, 0.08, rng.uniform(0.25, 0.45), 0.6)
-        shell_shares = (0, 0.2 * shell, shell, 1.3 * shell)
+        shell_knots = (0, 0.08, rng.uniform(0.3, 0.6), rng.uniform(0.7, 0.9), 1.0)
+        shell_shares = (0, 0.2 * shell, shell, rng.uniform(1.1, 1.9) * shell, rng.uniform(1.5, 5.0) * shell)
         zones["shell"] = zone(shell_knots, shell_shares, rng.uniform(0.03, 0.22), 0.12 * rng.random())
-        engine = np.array([0, 0.6, 1.7, 3.4]) * about(1, 0.35)
+        engine = np.array([0, 0.9, 2.5, 5.0]) * about(1, 0.4)
         zones["engine"] = zone(
-            (0, 0.03, 0.15, 0.3), engine.tolist(), NEVER_M if rng.random() < 0.12 else rng.uniform(0.2, 0.52)
+            (0, 0.03, 0.15, 0.3), engine.tolist(), NEVER_M if rng.random() < 0.12 else rng.uniform(0.22, 0.72)
         )
-        firewall = np.array([0, 0.35, 1.0, 1.7]) * about(1, 0.35)
+        firewall = np.array([0, 0.5, 1.4, 2.4]) * about(1, 0.4)
         zones["firewall"] = zone((0, 0.06, 0.2, 0.3), firewall.tolist(), rng.uniform(0.06, 0.22))
         return cls(
             zones,

@@ -3,14 +3,16 @@
 Each seed is another synthetic vehicle (``benchmarks/vehicles.py``) with 8 to 11 tests, and 40 further ones at random
 conditions, of which nothing is learned. Printed by approach and metric: mean relative error of the value and of the
 averaged pulse, over all crashes and as the mean size of the vehicles' own; relative width of the 95 % intervals beside
-the width that the errors ask for, and their coverage. Then the share of whole pulses, 0–60 ms, inside the band at each
-time and inside that of whole pulses, and how much wider this is.
+the width that the errors ask for, and their coverage. Then the mean rating over 0–60 ms, the share of whole pulses
+inside the band at each time and inside that of whole pulses, and how much wider this is.
 """
 
 import argparse
 
 import numpy as np
 import pandas as pd
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
 from vehicles import KINDS, metrics_of
 
 from crashfuse.approaches.base import WHOLE_S
@@ -18,7 +20,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import MAIN_METRICS
-from crashfuse.signals.pulse import GRID_S
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating import rate_iso18571
 from crashfuse.study.estimate import Fit, estimates_at
 
 _APPROACHES = ("time_domain", "displacement_domain", "fused")
@@ -32,6 +35,11 @@ def _crashes(kind: str, seed: int) -> tuple[Campaign, tuple[CrashTest, ...]]:
 
 
 def _rows(kind: str, seed: int) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
+    with threadpool_limits(1):
+        return _predicted(kind, seed)
+
+
+def _predicted(kind: str, seed: int) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
     campaign, crashes = _crashes(kind, seed)
     fits = [Fit.of(campaign, name, cache=Cache()) for name in _APPROACHES]
     metrics: list[dict[str, object]] = []
@@ -54,7 +62,9 @@ def _rows(kind: str, seed: int) -> tuple[list[dict[str, object]], list[dict[str,
             for lower, upper in filter(None, bands):
                 insides.append(bool(((lower <= accel) & (accel <= upper))[_JUDGED].all()))
                 widths.append(float((upper - lower)[_JUDGED].mean()))
-            pulses.append({**about, "at each time": insides[0], "whole": insides[1], "wider": widths[1] / widths[0]})
+            overall = rate_iso18571(crash.pulse, Pulse(GRID_S, estimate.prediction.accel_mps2), window_ms=60.0).overall
+            row = {"rating": overall, "at each time": insides[0], "whole": insides[1], "wider": widths[1] / widths[0]}
+            pulses.append({**about, **row})
     return metrics, pulses
 
 
@@ -64,11 +74,13 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, default=4)
     parser.add_argument("--first", type=int, default=6001, help="seed of the first vehicle")
     parser.add_argument("--kind", choices=list(KINDS), default="any", help="of vehicle")
+    parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     metrics: list[dict[str, object]] = []
     pulses: list[dict[str, object]] = []
-    for seed in range(given.first, given.first + given.vehicles):
-        for rows, more in zip((metrics, pulses), _rows(given.kind, seed), strict=True):
+    seeds = range(given.first, given.first + given.vehicles)
+    for vehicle in Parallel(given.workers)(delayed(_rows)(given.kind, seed) for seed in seeds):
+        for rows, more in zip((metrics, pulses), vehicle, strict=True):
             rows += more
     table = pd.DataFrame(metrics)
     by = table.groupby(["approach", "metric"], sort=False)
@@ -78,7 +90,7 @@ def main() -> None:
     of_vehicles = table.groupby(["approach", "metric", "seed"], sort=False)[["value", "of_pulse"]].mean().abs()
     shown = shown.join(of_vehicles.groupby(level=[0, 1], sort=False).mean().add_suffix(" of a vehicle"))
     print(shown.to_string(float_format="{:.3f}".format))
-    whole = pd.DataFrame(pulses).groupby("approach", sort=False)[["at each time", "whole", "wider"]].mean()
+    whole = pd.DataFrame(pulses).groupby("approach", sort=False)[["rating", "at each time", "whole", "wider"]].mean()
     print(whole.to_string(float_format="{:.3f}".format))
 
 
