@@ -37,6 +37,12 @@ _LEVEL = 0.95
 _LATEST_MS = dict.fromkeys(("peak_time", "step_time", "centroid_time"), float(GRID_S[-1]) * 1e3)
 _MOST_DRAWS = 1000  # computed at once
 
+MATCHED = ("peak", "sm25", "olc", "max_crush")
+"""Metrics of a representative pulse that are at the middle of their distributions."""
+
+_NEAR, _MOST_STEPS = 2e-3, 10  # share of each metric that may be missing, and steps towards it
+_CANDIDATES = 10  # draws of which one becomes the representative pulse where the average cannot
+
 Errors = Mapping[str, FloatArray]
 """Standardised errors of left-out tests by metric, shape (n_tests,); NaN where a metric is unknown."""
 
@@ -177,6 +183,56 @@ def calibrated_metrics(
         return replace(metric, value=distribution.median, lower=lower, upper=upper, drawn=True)
 
     return tuple(map(expected, metrics))
+
+
+def representative_pulses(
+    prediction: Prediction, errors: Errors, numbers: Sequence[int] = (), occupant: OccupantModel = USUAL_OCCUPANT
+) -> FloatArray:
+    """A whole pulse that looks like a test, then the draws with these numbers as single tests, shape (1 + n, 1250).
+
+    An average of pulses is softer than any of them. The averaged pulse is changed until its peak, SM25, OLC and crush
+    are the medians of their calibrated distributions, a draw until they are as rare as they were among the draws. Each
+    change is the most probable one by the covariance of the draws, given these metrics (the update of the ensemble
+    Kalman filter; Evensen, Ocean Dynamics 53, 2003), repeated because they are not linear. Where the average is too
+    flat for that, the draw nearest to these medians is changed. A metric that some draws lack is left as it is; so is
+    a pulse without draws.
+    """
+    draws, chosen = _drawn(prediction).astype(np.float64), list(numbers)
+    drawn = drawn_metrics(prediction, occupant)
+    names = [name for name in MATCHED if np.isfinite(drawn[name]).all() and np.ptp(drawn[name])]
+    if not names:
+        return np.vstack([prediction.accel_mps2, draws[chosen]])
+    found = (Distribution.of(drawn[name], errors.get(name, np.empty(0)), name) for name in names)
+    distributions = [distribution for distribution in found if distribution is not None]
+    values = np.array([drawn[name] for name in names]).T
+    gain = np.linalg.lstsq(values - values.mean(axis=0), draws - draws.mean(axis=0))[0]
+
+    def matched(pulses: FloatArray, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The pulses changed until their metrics are these quantiles, and by what share any of them is still off."""
+        rows = [[d.quantile(share) for d, share in zip(distributions, row, strict=True)] for row in shares]
+        wanted = np.array(rows, dtype=np.float64).reshape(shares.shape)
+        nearest, least = pulses, np.full(len(pulses), np.inf)
+        for _ in range(_MOST_STEPS):
+            reached = metric_values(pulses, prediction.condition.speed_mps, occupant=occupant, predicted=True)
+            missing = wanted - np.array([reached[name] for name in names]).T
+            away = np.nan_to_num(np.abs(missing / wanted).max(axis=1), nan=np.inf)
+            nearest, least = np.where((away < least)[:, None], pulses, nearest), np.fmin(away, least)
+            if (least < _NEAR).all():
+                break
+            pulses = pulses + np.where(np.isfinite(missing), missing, 0.0) @ gain
+        return nearest, least
+
+    middle = np.full((1, len(names)), 0.5)
+    pulse, away = matched(prediction.accel_mps2[None], middle)
+    if away[0] >= _NEAR:
+        medians = np.array([distribution.centre for distribution in distributions])
+        off = (values - medians) / np.array([distribution.scale or 1.0 for distribution in distributions])
+        order = np.square(off).sum(axis=1).argsort(kind="stable")[:_CANDIDATES]
+        candidates, still = matched(draws[order], np.repeat(middle, len(order), axis=0))
+        if still.min() < away[0]:
+            pulse = candidates[[still.argmin()]]
+    below = (values.argsort(axis=0).argsort(axis=0)[chosen] + 0.5) / len(values)
+    return np.vstack([pulse, matched(draws[chosen], below)[0]])
 
 
 def _spread(values: FloatArray, metric: str) -> tuple[float, float] | None:

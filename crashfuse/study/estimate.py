@@ -12,7 +12,7 @@ import numpy as np
 
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fit_cache import fitted, settings
-from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, metric_errors
+from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, metric_errors, representative_pulses
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
@@ -66,6 +66,10 @@ class Estimate:
     def metrics(self) -> tuple[Metric, ...]:
         """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
         return calibrated_metrics(self.prediction, self.metric_errors, self.occupant)
+
+    def representative_pulses(self, draws: Sequence[int] = ()) -> FloatArray:
+        """A pulse that looks like a test, then draws as single tests, shape (1 + n, 1250)."""
+        return representative_pulses(self.prediction, self.metric_errors, draws, self.occupant)
 
 
 @dataclass(frozen=True, eq=False)

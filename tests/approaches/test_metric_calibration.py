@@ -5,19 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.ndimage import gaussian_filter1d
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.metric_calibration import (
+    MATCHED,
     Distribution,
     calibrated_metrics,
     drawn_metrics,
     metric_distributions,
     metric_errors,
+    representative_pulses,
     standardised_error,
 )
 from crashfuse.campaign import Campaign
-from crashfuse.signals.metrics import METRIC_LABELS, pulse_metrics
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.condition import Condition
+from crashfuse.signals.metrics import METRIC_LABELS, metric_values, pulse_metrics
+from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import G
 
 NONE = np.empty(0)
@@ -194,3 +198,54 @@ def test_metrics_are_those_of_a_single_test_beside_those_of_the_averaged_pulse(c
     assert usual[1:] == wide[1:]
     alone = calibrated_metrics(Prediction(test.condition, said.accel_mps2), {})
     assert all(m.lower is None and m.value == m.of_pulse for m in alone)
+
+
+def humped(n: int, seed: int = 0) -> Prediction:
+    """Draws of a short hump on a long half sine that come earlier or later, so that their average is flatter."""
+    rng = np.random.default_rng(seed)
+    late, large = 0.003 * rng.standard_normal((n, 1)), 1 + 0.05 * rng.standard_normal((n, 1))
+    waves = np.sin(np.pi * np.clip(GRID_S / 0.08, 0, 1)) + 0.8 * np.exp(-(((GRID_S - 0.045 - late) / 0.004) ** 2))
+    noise = gaussian_filter1d(rng.standard_normal((n, GRID_S.size)), 60, axis=1)  # standard deviation 4.8 ms
+    draws = -25 * G * large * waves + 1.5 * G * noise / noise.std() * (GRID_S > 0.01)
+    return Prediction(Condition.of(speed_mps=12.0, front_weight_kg=900, rear_weight_kg=700), draws.mean(axis=0), draws)
+
+
+def test_a_representative_pulse_has_the_metrics_of_a_test_where_the_average_has_lower_ones() -> None:
+    """Peak, SM25, OLC and crush are the medians that a single test shows; errors of left-out tests move it along."""
+    prediction = humped(300)
+    errors = {"peak": np.array([0.5, 1.0, 0.8])}
+    medians = {each.name: each.value for each in calibrated_metrics(prediction, errors)}
+    averaged = metric_values(prediction.accel_mps2, 12.0)
+    assert averaged["peak"] < 0.97 * (medians["peak"] or 0.0)
+    reached = metric_values(representative_pulses(prediction, errors)[0], 12.0)
+    for name in MATCHED:
+        np.testing.assert_allclose(reached[name], medians[name], rtol=2e-3)
+    assert abs(reached["t0"] - averaged["t0"]) < 1.0  # ms: it stays a pulse of this crash
+
+
+def test_draws_as_single_tests_are_spread_as_errors_are() -> None:
+    """Left-out tests say that draws differ too much: theirs is the spread of metrics, in the order of the draws."""
+    prediction = humped(200)
+    errors = {name: np.tile([0.3, -0.3], 20) for name in MATCHED}
+    pulses = representative_pulses(prediction, errors, range(200))[1:]
+    reached, drawn = metric_values(pulses, 12.0), drawn_metrics(prediction)
+    distributions = metric_distributions(prediction, errors)
+    for name in MATCHED:
+        distribution = distributions[name]
+        assert distribution is not None
+        shares = [distribution.cdf(value) for value in np.sort(reached[name])]
+        np.testing.assert_allclose(shares, (np.arange(200) + 0.5) / 200, atol=0.05)
+        assert stats.spearmanr(reached[name], drawn[name]).statistic > 0.99
+
+
+def test_without_draws_or_where_some_never_stop_nothing_is_made_up() -> None:
+    """The pulse stays as it is; a metric that some draws lack is not asked for."""
+    prediction = humped(50)
+    alone = replace(prediction, draws_mps2=None)
+    np.testing.assert_array_equal(representative_pulses(alone, {})[0], prediction.accel_mps2)
+    fast = replace(prediction, condition=replace(prediction.condition, speed_mps=40.0))  # none stops in the record
+    pulse = representative_pulses(fast, {})[0]
+    assert np.isfinite(pulse).all()
+    peak = metric_distributions(fast, {})["peak"]
+    assert peak is not None
+    np.testing.assert_allclose(metric_values(pulse, 40.0)["peak"], peak.median, rtol=2e-3)
