@@ -178,8 +178,9 @@ def test_a_band_of_each_level_holds_what_lies_within_it(campaign: Campaign) -> N
     test = campaign.tests[0]
     factors = np.linspace(0.5, 1.5, 101)
     measured = replace(test, pulse=replace(test.pulse, accel_mps2=1.34 * test.pulse.accel_mps2))
-    shares = shares_inside(measured, factors[:, None] * test.pulse.accel_mps2, np.array([0.6, 0.66, 0.72, 0.95]))
-    np.testing.assert_allclose(shares, [0, 0, 1, 1], atol=0.02)
+    drawn = factors[:, None] * test.pulse.accel_mps2
+    np.testing.assert_allclose(shares_inside(measured, drawn, np.array([0.66, 0.7, 0.95])), [0, 1, 1], atol=0.02)
+    np.testing.assert_allclose(shares_inside(measured, drawn), [0] * 13 + [1] * 6, atol=0.02)  # 5 %, 10 %, … 95 %
 
 
 def test_bands_are_widened_far_from_tests_until_left_out_speed_groups_lie_inside() -> None:
@@ -193,4 +194,6 @@ def test_bands_are_widened_far_from_tests_until_left_out_speed_groups_lie_inside
     assert widening_far(measured[None], speeds, left_out) in (1.75, 2.0, 2.5)
     wide = left_out.widened({0: 2.5})
     assert widening_far(measured[None], speeds, wide) == 1.0
+    after = np.where(GRID_S < 0.06, measured, 1000.0)  # from 5 m/s it stops at 50 ms: what comes later is no matter
+    assert [widening_far(after[None], np.array([speed]), wide) for speed in (5.0, 50.0)] == [1.0, 2.5]
     assert widening_far(measured[None], speeds, LeftOut.of({})) == 1.0

@@ -84,6 +84,18 @@ def test_a_campaign_is_begun(tmp_path: Path) -> None:
     assert not begun.warnings
 
 
+def test_a_folder_of_other_files_is_no_campaign(tmp_path: Path) -> None:
+    """Nothing is added to it; an empty folder is one to be begun, and any of its own files makes it one."""
+    (tmp_path / "letter.txt").touch()
+    with pytest.raises(DataError) as raised:
+        add_to_campaign(tmp_path, {"tests": [addition()]})
+    assert (raised.value.problems[0].where, raised.value.problems[0].found) == (str(tmp_path), "other files")
+    assert list(content_of(tmp_path)) == ["letter.txt"]
+    (tmp_path / "campaign.toml").write_text('name = "Ours"\n')
+    add_to_campaign(tmp_path, {"tests": [addition()]})
+    assert (tmp_path / "tests" / "New.csv").is_file()
+
+
 def test_a_copy_of_a_test_is_refused_and_nothing_changes(campaign_folder: Path) -> None:
     """Under another id, scaled, or twice in one source: with it the campaign could no longer be opened."""
     first = addition("First")
@@ -150,28 +162,20 @@ def _reshape(folder: Path, role: str, form: str) -> None:
         if role == "tests"
         else list(zip(loaded.cae.ids, loaded.cae.accel_mps2.astype(float), strict=True))
     )
-    for old in folder.glob(f"{role}/*.csv"):
-        old.unlink()
+    shutil.rmtree(folder / role, ignore_errors=True)
     (folder / f"{role}_pulses.parquet").unlink(missing_ok=True)
     tables = [
         pd.DataFrame({"id": run_id, "time_ms": GRID_S * 1e3, "acceleration_mps2": accel}) for run_id, accel in pulses
     ]
     match form:
         case "files":
-            (folder / role).mkdir(exist_ok=True)
+            (folder / role).mkdir()
             for (run_id, _), table in zip(pulses, tables, strict=True):
                 table.drop(columns="id").to_csv(folder / role / f"{run_id}.csv", index=False)
         case "parquet":
-            _without(folder / role)
             pd.concat(tables).astype({"id": "category"}).to_parquet(folder / f"{role}_pulses.parquet", index=False)
         case "csv":
-            _without(folder / role)
             pd.concat(tables).to_csv(folder / f"{role}_pulses.csv", index=False)
-
-
-def _without(folder: Path) -> None:
-    if folder.is_dir():
-        folder.rmdir()
 
 
 @pytest.mark.parametrize(

@@ -3,18 +3,25 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import norm
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.result_tables import (
+    curve_table,
     metrics_table,
+    next_tests_table,
     pulses_table,
+    repeat_scores,
     scores_table,
     studies_table,
     study_metrics,
+    study_pulses,
     sweep_table,
 )
 from crashfuse.signals.metrics import Metric
@@ -23,9 +30,12 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
+from crashfuse.study.learning_curve import LearningCurve
+from crashfuse.study.next_test import NextTest
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.study.sweep import sweep_speed
-from crashfuse.units import KPH, MPH, G
+from crashfuse.units import KPH, LB, MPH, G
 
 SCALES = {"displacement_domain": 0.9, "cae": 0.7}  # an order of our own, which tables keep
 SCORES = ["overall", "corridor", "phase", "magnitude", "slope"]
@@ -154,3 +164,48 @@ def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
     slow_test = replace(campaign.tests[0], pulse=Pulse(GRID_S, np.full(GRID_S.size, -1.0)))
     slow = sweep_table((), replace(campaign, tests=(slow_test,)))
     assert slow[slow.metric == "t0"].value.isna().all()
+
+
+def test_candidates_are_told_in_mph_lb_and_g_rounded() -> None:
+    """One row each, in rank."""
+    condition = Condition.of_vector([50.04 * MPH, 2060.4 * LB, 1525 * LB])
+    slower = replace(condition, speed_mps=12 * MPH, factors=(("drive", "AWD"),))
+    ranked = [NextTest(slower, 4 * G, 3 * G), NextTest(condition, 4.001 * G, 3.5 * G, ("Extrapolation: speed",))]
+    table = next_tests_table(ranked)
+    numbers = {"rank": 2, "speed (mph)": 50.0, "front weight (lb)": 2060, "rear weight (lb)": 1525}
+    bands = {"band now (± g)": 4.0, "band then (± g)": 3.5, "gain (%)": 12.5, "extrapolation": "yes"}
+    assert table.drop(columns="drive").iloc[1].to_dict() == numbers | bands
+    assert (table["drive"][0], table["gain (%)"][0], table["extrapolation"][0]) == ("AWD", 25.0, "no")
+
+
+def test_pulses_of_a_study_are_those_measured_then_those_predicted(campaign: Campaign) -> None:
+    """In g, each with its test and approach, 1250 rows a pulse."""
+    table = study_pulses(study(campaign, ("T2", "T4")))
+    assert table["held_out"].tolist() == ["T2"] * 3750 + ["T4"] * 3750
+    assert table["approach"].tolist() == [name for name in ("test", *SCALES) for _ in range(1250)] * 2
+    pulses = [scale * campaign.test(name).pulse.accel_mps2 for name in ("T2", "T4") for scale in (1, *SCALES.values())]
+    np.testing.assert_allclose(table["acceleration_g"], np.concatenate(pulses) / G)
+
+
+def test_what_repeats_rate_stands_with_test_and_window(campaign: Campaign) -> None:
+    """A row each where it is known, and none where it is not."""
+    repeats = {20.0: Repeatability(0.9, 0.8, 0.95), 60.0: Repeatability(0.91, 0.85, 0.97, ("T2", "T3"))}
+    table = repeat_scores(replace(study(campaign, ("T2", "T4")), repeatability={"T4": repeats}))
+    assert table.columns.tolist() == ["held_out", "window_ms", "value", "lower", "upper", "repeats"]
+    assert table.to_numpy().tolist() == [["T4", 20.0, 0.9, 0.8, 0.95, ""], ["T4", 60.0, 0.91, 0.85, 0.97, "T2 T3"]]
+
+
+def test_a_learning_curve_is_told_in_the_readers_unit(campaign: Campaign) -> None:
+    """Ratings of 0.7, 0.8 and 0.9, half a band of 2 g in m/s²; a dash without a band, no row for the raw CAE model."""
+    names = {"cae": np.nan, "fused": 2.0, "displacement_domain": np.nan}
+    rows = [
+        {"approach": name, "choice": "even", "n_tests": 3, "held_out": f"T{i}", "window_ms": 60.0,
+         "overall": 0.7 + i / 10, "inside": 0.45 * half_g, "half_width_g": half_g}
+        for name, half_g in names.items() for i in range(3)
+    ]  # fmt: skip
+    curve = LearningCurve(campaign, StudyConfig(approaches=tuple(names)), 1, pd.DataFrame(rows), (), 0.0)
+    table = curve_table(curve, Display(unit="m/s²"))
+    assert table["Approach"].tolist() == ["Fused", "Displacement domain"]
+    assert table.columns[-2:].tolist() == ["a(t) in band (%)", "Band (± m/s²)"]
+    rated = [3, "evenly", 3, "0.800 ± 0.058", "0.72–0.88"]
+    assert table.iloc[:, 1:].to_numpy().tolist() == [[*rated, "90", "19.6"], [*rated, "–", "–"]]

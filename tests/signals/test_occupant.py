@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from crashfuse.errors import UsageError
 from crashfuse.signals.occupant import _FEW, OccupantModel, occupant_load_criterion, vehicle_pulse_index
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.units import G
@@ -143,3 +144,11 @@ def test_an_occupant_whom_a_free_vehicle_outruns_has_no_olc() -> None:
     free = np.ones(2, dtype=bool)
     occupant = OccupantModel(olc_free_flight_mm=20, olc_restraint_mm=235)
     assert np.isnan(occupant_load_criterion(velocity, displacement, DT_S, occupant, free)).all()
+
+
+@pytest.mark.parametrize(("length", "said"), [(0.065, "write 65"), (1000.1, "between 0 and 1000"), (-1, "between")])
+def test_a_length_in_m_is_refused_with_the_likely_one(length: float, said: str) -> None:
+    """As is one that no vehicle has; none at all is a choice."""
+    with pytest.raises(UsageError, match=said):
+        OccupantModel(olc_free_flight_mm=length)
+    assert [OccupantModel(olc_free_flight_mm=mm).olc_free_flight_mm for mm in (0, 1, 1000)] == [0, 1, 1000]

@@ -203,21 +203,6 @@ RANKED = (
 )
 
 
-def test_the_table_speaks_mph_lb_and_g() -> None:
-    """One row a candidate, in rank."""
-    table = next_tests_table(RANKED)
-    assert table.iloc[1].to_dict() == {
-        "rank": 2,
-        "speed (mph)": 50.0,
-        "front weight (lb)": 2060,
-        "rear weight (lb)": 1525,
-        "band now (± g)": 4.0,
-        "band then (± g)": 3.5,
-        "gain (%)": 12.5,
-        "extrapolation": "yes",
-    }
-
-
 def test_the_figure_shows_the_gain_over_speed(clustered: Campaign) -> None:
     """In order of speed and joined where the weights are the same; the best numbered, extrapolations open."""
     figure = next_tests(RANKED, clustered.tests)

@@ -15,13 +15,7 @@ from crashfuse.execution.progress import Progress, Watch
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Fit
-from crashfuse.study.sweep import (
-    Sweep,
-    missing_over_speed,
-    sweep_speed,
-    uncovered_speeds,
-    usual_speeds,
-)
+from crashfuse.study.sweep import Sweep, missing_over_speed, sweep_speed, uncovered_speeds, usual_speeds
 from crashfuse.units import KPH, MPH, G
 
 SPEEDS_MPS = np.array([15.0, 20.0, 30.0]) * MPH
