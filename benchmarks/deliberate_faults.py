@@ -70,6 +70,12 @@ EQUIVALENT = {
     "len(draws) - np.maximum(below, above)  ->  len(": "quantiles are computed where counting had decided the same",
     "i % _LOOK_STEPS  ->  i * _LOOK_STEPS": "who has stopped is integrated on, beyond the time up to which it is valid",
     "i:  ->  i + 1:  in  accel[i:], velocity[i:], displacement[i:] = a, v, s[0]": "sample i has these values already",
+    "adding.size and start < slow  ->  adding.size or": "what acts near the stop alone adds nothing before",
+    "1  ->  2  in  slow = over_speed[1] *": "the same",
+    "1  ->  2  in  grid = np.linspace(0.0, phase.crush_m, _REPLAY_STEPS": "1601 steps for 1600",
+    "10  ->  11  in  _FEW": "either way to the same bit",
+    "1  ->  2  in  taut = np.ascontiguousarray(": "to NumPy any negative length is what is left",
+    ":40  ->  :40 + 1  in  return self.folder / kind": "how long a file's name is",
     "('parquet', 'csv')  ->  ('csv', 'parquet')": "a campaign that has both cannot be opened",
     "math.ceil(n * dt_s / RATING_DT_S - 1e-06)  ->": "np.arange rounds up, too",
     "np.floor(np.cumsum(weights) * n_draws + 0.5)  ->": "the fraction is cut off anyway",
@@ -77,7 +83,7 @@ EQUIVALENT = {
     "200  ->  201": "where the text of an error is cut",
     "2  ->  3  in  n_fft = 2 **": "a longer transform of the same product",
     "2  ->  3  in  motion = integrate(phase.accel_at(grid)[None], grid[1], np.zeros((1, 2))": "nothing, in more steps",
-    "40  ->  41  in  return self.folder / kind": "how long a file's name is",
+    "40  ->  41  in  return self.folder / kind": "the same",
     "(str, list[str])  ->  (list[str], str)": "a type",
 }
 """Faults that nobody could notice, and why; others are made instead."""

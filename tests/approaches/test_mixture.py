@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from crashfuse.approaches import mixture
-from crashfuse.approaches.mixture import PRIOR, Pool, Scores
+from crashfuse.approaches.mixture import PRIOR, SPREAD, Pool, Scores
 from crashfuse.signals.pulse import FloatArray
 
 EVEN = np.zeros((2, 3))
@@ -93,6 +93,7 @@ def test_without_left_out_tests_the_prior_decides() -> None:
 def test_before_tests_are_heard_weights_are_those_of_the_method() -> None:
     """Equally wide 1 : 1.8 : 2.7 : 1/7 (docs/method/fused.md); twice as wide 2^-0.6 of that, the raw CAE half."""
     pool = Pool(PRIOR, spread=1.0, strength=10.0).fit([])
+    assert SPREAD.tolist() == [1.0, 0.4, 0.4, 0.4, 0.2]  # by which tests may move logits and slopes
     equal = pool.weights(np.full(4, 3.0))
     np.testing.assert_allclose(equal[1:] / equal[0], [1.8, 2.7, 1 / 7], rtol=0.06)
     for wider, (other, slope) in enumerate([(1, -0.6), (2, -0.6), (0, -0.6), (0, -1.0)]):

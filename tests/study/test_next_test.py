@@ -57,9 +57,7 @@ def test_no_test_widens_the_band_and_the_best_comes_first(domain: DisplacementDo
     assert len({test.before_mps2 for test in ranked}) == 1
 
 
-def test_a_repeat_gains_less_than_a_speed_where_none_was_tested(
-    domain: DisplacementDomain, clustered: Campaign
-) -> None:
+def test_a_repeat_gains_less_than_a_speed_that_was_not_tested(domain: DisplacementDomain, clustered: Campaign) -> None:
     """Tests at 25, 26 and 35 mph: none is better repeated than 15 mph tried, and the best of all is slower than 20."""
     repeats = [test.condition for test in clustered.tests]
     assert rank_next_tests(domain, RANGE, [*repeats, at(15.0)])[0].condition == at(15.0)

@@ -52,9 +52,7 @@ def study(campaign: Campaign, scales: dict[str, float]) -> Study:
         ({"cae": 0.5, "lf_tcn": 0.9}, "lf_tcn"),
     ],
 )
-def test_what_predicted_near_tests_best_is_recommended(
-    campaign: Campaign, scales: dict[str, float], chosen: str
-) -> None:
+def test_what_predicted_near_tests_best_is_advised(campaign: Campaign, scales: dict[str, float], chosen: str) -> None:
     """A hundredth of the rating is no difference: then the mixture is, with its reason. None need learn from tests."""
     rest, test = campaign.without(["T2"]), campaign.test("T2")
     found = recommend_for([estimate(name, rest, test, s) for name, s in scales.items()], rest, test.condition)
@@ -91,6 +89,8 @@ def test_of_a_single_test_no_rating_is_expected(campaign: Campaign) -> None:
     assert (found.approach, found.expected) == ("displacement_domain", None)
     beside = recommend_for(estimates, single, single.tests[0].condition)
     assert beside.approach == "time_domain"
+    two = campaign.without(["T2", "T3"])  # each of which tells about the other
+    assert recommend_for([estimate("fused", two, other, 0.9, 0.05)], two, other.condition).expected is not None
 
 
 def off_by(approach: str, test: CrashTest, offset_g: float) -> Estimate:
@@ -235,9 +235,7 @@ def test_less_than_good_is_said_to_be_likely_where_it_is(
 
 
 @pytest.mark.parametrize(("speed_mph", "warned"), [(30.0, False), (60.0, True)])
-def test_farther_than_tests_are_from_each_other_the_band_tells(
-    campaign: Campaign, speed_mph: float, warned: bool
-) -> None:
+def test_farther_than_tests_from_each_other_the_band_tells(campaign: Campaign, speed_mph: float, warned: bool) -> None:
     """Tests at 15 to 35 mph lie within 10 mph of another."""
     test = replace(campaign.tests[0], condition=replace(campaign.tests[0].condition, speed_mps=speed_mph * MPH))
     found = recommend_for([estimate("displacement_domain", campaign, test, 0.9)], campaign, test.condition)

@@ -25,6 +25,7 @@ from crashfuse.signals.rating import rate_iso18571, rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, estimate_at
 from crashfuse.study.recommendation import recommend_for
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Fold, Study
 
@@ -71,9 +72,7 @@ def test_the_interval_of_ratings_leaves_a_fortieth_out_at_either_end(campaign: C
 
 
 @pytest.mark.parametrize(("n_draws", "n_rated", "second"), [(100, 100, 1), (101, 51, 2), (400, 100, 4)])
-def test_at_most_a_hundred_draws_are_rated_evenly_over_all(
-    campaign: Campaign, n_draws: int, n_rated: int, second: int
-) -> None:
+def test_a_hundred_draws_are_rated_evenly_over_all(campaign: Campaign, n_draws: int, n_rated: int, second: int) -> None:
     """Each as it would be alone."""
     test = campaign.tests[1]
     draws = np.linspace(0.5, 1.0, n_draws)[:, None] * test.pulse.accel_mps2
@@ -119,6 +118,20 @@ def test_an_approach_without_a_band_has_no_spread(campaign: Campaign) -> None:
     with pytest.raises(UsageError, match="There is no prediction of this test by 'fused'; choose from cae"):
         fold.estimate("fused")
     assert fold.ratings["cae"][60.0].overall == pytest.approx(1.0)
+
+
+def test_what_folds_say_together_is_their_mean(campaign: Campaign) -> None:
+    """Of a test in the middle of its band and one outside; of repeats only where each test's is known."""
+    folds = []
+    for test, ends in zip(campaign.tests[:2], ((0.5, 1.5), (2.0, 3.0)), strict=True):
+        draws = np.linspace(*ends, 101)[:, None] * test.pulse.accel_mps2
+        folds.append(Fold.of(test, [Estimate("fused", Prediction(test.condition, draws[50], draws), {}, 0.0)], [60.0]))
+    known = {"T1": {60.0: Repeatability(0.9, 0.8, 1.0)}, "T2": {w: Repeatability(0.7, 0.6, 0.8) for w in (20.0, 60.0)}}
+    study = Study(campaign, CONFIG, tuple(folds), repeatability=known)
+    np.testing.assert_allclose(study.reliability["fused"], np.full(19, 0.5), atol=0.01)
+    assert study.mean_repeat(60.0) == pytest.approx(0.8)
+    assert study.mean_repeat(20.0) is None
+    assert study.plot("T1") == study.plot("T1", corridors=False) != study.plot("T1", corridors=True)
 
 
 @pytest.fixture(scope="module")
@@ -260,9 +273,7 @@ def test_the_cache_is_searched_once_for_each_prediction(
 
 
 @pytest.mark.slow
-def test_what_other_code_computed_is_not_used(
-    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_results_of_other_code_stay_unused(campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """With a change in the code that computes them, every kind of result is computed again beside the older ones."""
 
     def entries() -> Counter[str]:
