@@ -62,6 +62,8 @@ def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypa
     for name in ("crashfuse", "Python", "numpy", "scipy", "scikit-learn", "torch"):
         monkeypatch.setattr("crashfuse.execution.cache.versions", lambda name=name: {**versions(), name: "0.0"})
         assert cache.get("kind", keys[0]) is None
+    with pytest.raises(TypeError, match=f"{type(tmp_path).__name__} cannot be part"):
+        cache.get("kind", {"x": tmp_path})
 
 
 def test_a_cache_knows_what_it_was_used_for(tmp_path: Path) -> None:
