@@ -66,8 +66,16 @@ EQUIVALENT = {
     "1  ->  2  in  n_times = int(np.ceil(": "a time more than is read off",
     "np.ceil  ->  np.floor  in  n_times = int(np.ceil(": "a time less, of standing still: below a micrometre",
     "np.ceil(phase.end_s / DT_S)  ->  phase.end_s / DT_S": "the same",
-    "np.maximum(-shifts, 0)  ->  np.maximum(0, -shifts)": "the larger is the larger",
-    "(None, None)  ->  (None, None)": "the same",
+    "begin <= 1e-09  ->  begin < 1e-09": "how a record is judged that begins on a tolerance, to the last bit",
+    "len(draws) - np.maximum(below, above)  ->  len(": "quantiles are computed where counting had decided the same",
+    "i % _LOOK_STEPS  ->  i * _LOOK_STEPS": "who has stopped is integrated on, beyond the time up to which it is valid",
+    "i:  ->  i + 1:  in  accel[i:], velocity[i:], displacement[i:] = a, v, s[0]": "sample i has these values already",
+    "adding.size and start < slow  ->  adding.size or": "what acts near the stop alone adds nothing before",
+    "1  ->  2  in  slow = over_speed[1] *": "the same",
+    "1  ->  2  in  grid = np.linspace(0.0, phase.crush_m, _REPLAY_STEPS": "1601 steps for 1600",
+    "10  ->  11  in  _FEW": "either way to the same bit",
+    "1  ->  2  in  taut = np.ascontiguousarray(": "to NumPy any negative length is what is left",
+    ":40  ->  :40 + 1  in  return self.folder / kind": "how long a file's name is",
     "('parquet', 'csv')  ->  ('csv', 'parquet')": "a campaign that has both cannot be opened",
     "math.ceil(n * dt_s / RATING_DT_S - 1e-06)  ->": "np.arange rounds up, too",
     "np.floor(np.cumsum(weights) * n_draws + 0.5)  ->": "the fraction is cut off anyway",
@@ -75,11 +83,11 @@ EQUIVALENT = {
     "200  ->  201": "where the text of an error is cut",
     "2  ->  3  in  n_fft = 2 **": "a longer transform of the same product",
     "2  ->  3  in  motion = integrate(phase.accel_at(grid)[None], grid[1], np.zeros((1, 2))": "nothing, in more steps",
-    "pa.types.is_dictionary(kind)  ->  kind": "the cast undoes what was encoded for nothing",
-    "40  ->  41  in  return self.folder / kind": "how long a file's name is",
+    "40  ->  41  in  return self.folder / kind": "the same",
     "(str, list[str])  ->  (list[str], str)": "a type",
 }
 """Faults that nobody could notice, and why; others are made instead."""
+COMMUTES = {"add", "max", "maximum", "min", "minimum", "multiply"}  # so do equal ones: the same either way
 
 OTHER: dict[type[ast.AST], Any] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult,
@@ -140,7 +148,16 @@ def sample(faults: list[Fault], n: int, seed: int) -> list[Fault]:
     first = chance.sample(faults, n)
     rest = [fault for fault in faults if fault not in first]
     drawn = [*first, *chance.sample(rest, len(rest))]
-    return [fault for fault in drawn if not any(known in fault.text for known in EQUIVALENT)][:n]
+    return [fault for fault in drawn if not _is_equivalent(fault.text)][:n]
+
+
+def _is_equivalent(text: str) -> bool:
+    """Whether a fault is in ``EQUIVALENT``, or swaps two arguments that may be swapped, or two equal ones."""
+    before, _, after = text.partition("  ")[2].partition("  in  ")[0].partition("  ->  ")
+    name = before.partition("(")[0]
+    swapped = after.startswith(f"{name}(") and sorted(before) == sorted(after)
+    commutes = before == after or (swapped and name.removeprefix("np.") in COMMUTES)
+    return commutes or any(known in text for known in EQUIVALENT)
 
 
 def faults_of(module: str) -> list[Fault]:

@@ -1,14 +1,17 @@
 """The mixture: it is what its components say, weighted as left-out tests decide, and tells why."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from crashfuse.approaches.calibration import Coverage
+from crashfuse.approaches.calibration import Coverage, LeftOut
 from crashfuse.approaches.fused import Fused
 from crashfuse.approaches.mixture import PRIOR, SPREAD, STRENGTH, Pool, Scores, spread
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -134,40 +137,65 @@ def test_a_single_test_is_enough(campaign: Campaign) -> None:
     assert min(np.abs(drawn[-1] - (cae + sign * error)).max() for sign in (-1, 1)) < 1e-6
 
 
+def _heard(
+    campaign: Campaign, cae: CaeModel, parts: Sequence[LeftOut], i: int, out: Sequence[int]
+) -> tuple[Scores, FloatArray]:
+    """How the components did on a test unseen, over 60 ms on every tenth sample, and what they expected."""
+    tests, test = campaign.tests, campaign.tests[i]
+    pulses = [cae.pulse(test.condition).accel_mps2 for test in tests]
+    rows = [(part, part.numbers.tolist().index(i)) for part in parts]
+    ratios = [(j, test.condition.speed_mps / tests[j].condition.speed_mps) for j in range(len(tests)) if j not in out]
+    errors = np.array([ratio * (tests[j].pulse.accel_mps2 - pulses[j]) for j, ratio in ratios])
+    raw = (pulses[i] + np.concatenate([errors, -errors]))[:, ::10]
+    drawn = [*(part.draws_mps2[row] for part, row in rows), raw]
+    score = Scores.of(test.pulse.accel_mps2[:750:10], [draws[:, :75] for draws in drawn])
+    return score, np.array([*(part.mean_mps2[row] for part, row in rows), pulses[i][::10]])
+
+
 def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign: Campaign, fused: Fused) -> None:
-    """By what each component said of them unseen, on every tenth sample; mixed so, they are what it expects of them."""
-    rest = campaign.without(["T3"])
-    speeds_mph, cae = np.array([15.0, 25.0, 35.0]), fused.displacement_domain_.model_
-    wrong = {test.id: test.pulse.accel_mps2 - cae.pulse(test.condition).accel_mps2 for test in rest.tests}
-    scores, spreads, means = [], [], []
-    for i, test in enumerate(rest.tests):
-        learned = [part.left_out_ for part in (fused.time_domain_, fused.displacement_domain_, fused.pretrained_)]
-        rows = [(left, left.numbers.tolist().index(i)) for left in learned]
-        others = [(rest.tests[j].id, speeds_mph[i] / speeds_mph[j]) for j in range(3) if j != i]
-        errors = np.array([wrong[other] * ratio for other, ratio in others])
-        pulse = cae.pulse(test.condition).accel_mps2
-        drawn = [*(left.draws_mps2[row] for left, row in rows), (pulse + np.concatenate([errors, -errors]))[:, ::10]]
-        scores.append(Scores.of(test.pulse.accel_mps2[:750:10], [draws[:, :75] for draws in drawn]))
-        spreads.append(scores[-1].spreads)
-        means.append([*(left.mean_mps2[row] for left, row in rows), pulse[::10]])
-    again = Pool(PRIOR, spread=SPREAD, strength=STRENGTH).fit(scores)
+    """By what each component said of them unseen; mixed so, they are what it expects of them."""
+    rest, cae = campaign.without(["T3"]), fused.displacement_domain_.model_
+    learned = [part.left_out_ for part in (fused.time_domain_, fused.displacement_domain_, fused.pretrained_)]
+    heard = [_heard(rest, cae, learned, i, [i]) for i in range(3)]
+    again = Pool(PRIOR, spread=SPREAD, strength=STRENGTH).fit([score for score, _ in heard])
     np.testing.assert_allclose(fused.pool_.logits_, again.logits_, atol=1e-3)
     expected = fused.left_out(rest)
     assert tuple(expected) == rest.test_ids
-    for test, own, said in zip(rest.tests, spreads, means, strict=True):
-        np.testing.assert_allclose(
-            expected[test.id].accel_mps2[::10], fused.pool_.weights(own) @ np.array(said), atol=1e-6
-        )
+    for test_id, (score, means) in zip(rest.test_ids, heard, strict=True):
+        mean = fused.pool_.weights(score.spreads) @ means
+        np.testing.assert_allclose(expected[test_id].accel_mps2[::10], mean, atol=1e-6)
     told = fused.state["weights_at_equal_bands"]
     assert isinstance(told, dict)
     assert list(told) == ["time domain", "displacement domain", "pre-trained network", "raw CAE"]
     np.testing.assert_allclose(list(told.values()), fused.pool_.weights(np.ones(4)), atol=1e-4)
 
 
+def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """T2 and T3, at 25 and 26 mph: as predicted without themselves, and without both; the others once.
+
+    Far from tests the band is as wide as the latter need, whatever is enough near them.
+    """
+    rng, model = np.random.default_rng(0), CaeModel().fit(campaign.cae)
+
+    def said() -> LeftOut:
+        mean = np.array([test.pulse.accel_mps2[::10] for test in campaign.tests]) * rng.uniform(0.8, 1.2, (4, 1))
+        return LeftOut(np.arange(4), mean, (mean[:, None] * rng.uniform(0.9, 1.1, (4, 20, 1))).astype(np.float32))
+
+    parts = [SimpleNamespace(left_out_=said(), left_out_groups_=said(), model_=model) for _ in range(3)]
+    taken = iter(parts)
+    monkeypatch.setattr("crashfuse.approaches.fused.fitted", lambda *_: (next(taken), 0.0))
+    monkeypatch.setattr("crashfuse.approaches.fused.widening_far", lambda *_: 2.3)
+    fused = Fused().fit(campaign)
+    alone, groups = ([getattr(part, name) for part in parts] for name in ("left_out_", "left_out_groups_"))
+    heard = [_heard(campaign, model, alone, i, [i])[0] for i in range(4)]
+    heard += [_heard(campaign, model, groups, i, [1, 2])[0] for i in (1, 2)]
+    again = Pool(PRIOR, spread=SPREAD, strength=STRENGTH).fit(heard)
+    assert fused.calibration_.widening * fused.calibration_.far == pytest.approx(2.3)
+    np.testing.assert_allclose(fused.pool_.logits_, again.logits_, atol=1e-3)
+
+
 @pytest.mark.slow
-def test_what_its_components_learned_is_taken_from_the_cache(
-    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_components_learned_is_taken_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """A study has fitted both already."""
     from crashfuse.study.estimate import Fit
 

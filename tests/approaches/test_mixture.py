@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from crashfuse.approaches import mixture
-from crashfuse.approaches.mixture import Pool, Scores
+from crashfuse.approaches.mixture import PRIOR, SPREAD, Pool, Scores
 from crashfuse.signals.pulse import FloatArray
 
 EVEN = np.zeros((2, 3))
@@ -88,3 +88,14 @@ def test_without_left_out_tests_the_prior_decides() -> None:
     assert alone[0] == pytest.approx(1 / (1 + np.exp(-1)))
     one = Pool(prior, spread=0.1, strength=1.0).fit([_scores(np.random.default_rng(4), 1.0, 0.0)])
     assert one.weights(EQUAL)[0] == pytest.approx(1 / (1 + np.exp(-1)), abs=0.02)
+
+
+def test_before_tests_are_heard_weights_are_those_of_the_method() -> None:
+    """Equally wide 1 : 1.8 : 2.7 : 1/7 (docs/method/fused.md); twice as wide 2^-0.6 of that, the raw CAE half."""
+    pool = Pool(PRIOR, spread=1.0, strength=10.0).fit([])
+    assert SPREAD.tolist() == [1.0, 0.4, 0.4, 0.4, 0.2]  # by which tests may move logits and slopes
+    equal = pool.weights(np.full(4, 3.0))
+    np.testing.assert_allclose(equal[1:] / equal[0], [1.8, 2.7, 1 / 7], rtol=0.06)
+    for wider, (other, slope) in enumerate([(1, -0.6), (2, -0.6), (0, -0.6), (0, -1.0)]):
+        weights = pool.weights(np.where(np.arange(4) == wider, 6.0, 3.0))
+        assert weights[wider] / weights[other] == pytest.approx(2**slope * equal[wider] / equal[other])

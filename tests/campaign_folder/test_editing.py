@@ -72,16 +72,31 @@ def test_a_pulse_is_added_where_the_others_are(campaign_folder: Path, role: str,
 
 def test_a_campaign_is_begun(tmp_path: Path) -> None:
     """Without a campaign there, its table has the columns that are known, and its settings tell the sources."""
-    add_to_campaign(tmp_path / "new" / "car", {"tests": [addition("A"), addition("B", 35.0)]})
-    add_to_campaign(tmp_path / "new" / "car", {"tests": [addition("C", 40.0)]})
-    add_to_campaign(tmp_path / "new" / "car", {"cae": [addition(f"R{i}", 20.0 + i) for i in range(12)]})
-    begun = load_campaign(tmp_path / "new" / "car")
+    home = tmp_path / "new" / "car"
+    add_to_campaign(home, {"tests": [addition("A"), addition("B", 35.0)]})
+    add_to_campaign(home, {"tests": [addition("C", 40.0)]})
+    for n, named in ((5, "R50, R51, R52, R53, R54"), (6, "R60 to R65")):  # all, as long as they are few
+        [added] = add_to_campaign(home, {"cae": [addition(f"R{n}{i}", 5.0 * n + i) for i in range(n)]})
+        assert str(added) == f"Added: {n} CAE runs ({named})"
+    begun = load_campaign(home)
     assert begun.test_ids == ("A", "B", "C")
     assert begun.factors == {"colour": ("red",), "drive": ("AWD",)}
-    assert len(begun.cae) == 12
-    table = pd.read_csv(tmp_path / "new" / "car" / "tests.csv")
+    assert len(begun.cae) == 11
+    table = pd.read_csv(home / "tests.csv")
     assert table["speed_kph"].tolist() == pytest.approx([v * MPH / KPH for v in (30, 35, 40)])
     assert not begun.warnings
+
+
+def test_a_folder_of_other_files_is_no_campaign(tmp_path: Path) -> None:
+    """Nothing is added to it; an empty folder is one to be begun, and any of its own files makes it one."""
+    (tmp_path / "letter.txt").touch()
+    with pytest.raises(DataError) as raised:
+        add_to_campaign(tmp_path, {"tests": [addition()]})
+    assert (raised.value.problems[0].where, raised.value.problems[0].found) == (str(tmp_path), "other files")
+    assert list(content_of(tmp_path)) == ["letter.txt"]
+    (tmp_path / "campaign.toml").write_text('name = "Ours"\n')
+    add_to_campaign(tmp_path, {"tests": [addition()]})
+    assert (tmp_path / "tests" / "New.csv").is_file()
 
 
 def test_a_copy_of_a_test_is_refused_and_nothing_changes(campaign_folder: Path) -> None:
@@ -118,9 +133,7 @@ def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Pat
         assert content_of(campaign_folder) == before
 
 
-def test_an_addition_cut_short_leaves_the_campaign_as_it_was(
-    campaign_folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_addition_cut_short_leaves_all_as_it_was(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The table is written last; if it can't be, the pulses before it go, and a second try succeeds."""
     fingerprint = load_campaign(campaign_folder).fingerprint
 
@@ -150,41 +163,27 @@ def _reshape(folder: Path, role: str, form: str) -> None:
         if role == "tests"
         else list(zip(loaded.cae.ids, loaded.cae.accel_mps2.astype(float), strict=True))
     )
-    for old in folder.glob(f"{role}/*.csv"):
-        old.unlink()
+    shutil.rmtree(folder / role, ignore_errors=True)
     (folder / f"{role}_pulses.parquet").unlink(missing_ok=True)
     tables = [
         pd.DataFrame({"id": run_id, "time_ms": GRID_S * 1e3, "acceleration_mps2": accel}) for run_id, accel in pulses
     ]
     match form:
         case "files":
-            (folder / role).mkdir(exist_ok=True)
+            (folder / role).mkdir()
             for (run_id, _), table in zip(pulses, tables, strict=True):
                 table.drop(columns="id").to_csv(folder / role / f"{run_id}.csv", index=False)
         case "parquet":
-            _without(folder / role)
             pd.concat(tables).astype({"id": "category"}).to_parquet(folder / f"{role}_pulses.parquet", index=False)
         case "csv":
-            _without(folder / role)
             pd.concat(tables).to_csv(folder / f"{role}_pulses.csv", index=False)
-
-
-def _without(folder: Path) -> None:
-    if folder.is_dir():
-        folder.rmdir()
 
 
 @pytest.mark.parametrize(
     ("content", "found"),
-    [
-        (b"name = \xe9", "bytes that are none"),
-        (b"name = [", "campaign.toml as it would"),
-        (b"notice = 7", "column notice"),
-    ],
+    [(b"name = \xe9", "bytes that are none"), (b"name = [", "toml as it would"), (b"notice = 7", "column notice")],
 )
-def test_a_campaign_toml_that_could_not_be_read_back_stops_an_addition(
-    campaign_folder: Path, content: bytes, found: str
-) -> None:
+def test_settings_that_cannot_be_read_back_stop_an_addition(campaign_folder: Path, content: bytes, found: str) -> None:
     """It is judged by what reads it when the campaign is opened; nothing has changed."""
     (campaign_folder / "campaign.toml").write_bytes(content)
     before = content_of(campaign_folder)

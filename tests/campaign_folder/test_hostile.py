@@ -375,9 +375,7 @@ def test_a_spoilt_campaign_is_loaded_or_refused_in_sentences(
 
 @hostile
 @given(corruptions=st.lists(corruption, min_size=1, max_size=3))
-def test_the_check_of_a_spoilt_campaign_ends_with_0_or_1(
-    sound: tuple[Path, Path], corruptions: list[Corruption]
-) -> None:
+def test_a_check_of_a_spoilt_campaign_ends_with_0_or_1(sound: tuple[Path, Path], corruptions: list[Corruption]) -> None:
     """Nothing that a terminal would obey is printed, and the last line counts the problems."""
     out, err = io.StringIO(), io.StringIO()
     with spoilt(sound[0], corruptions) as folder, redirect_stdout(out), redirect_stderr(err):

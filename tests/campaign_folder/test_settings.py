@@ -14,9 +14,7 @@ def test_a_campaign_without_the_table_has_the_usual_occupant(campaign_folder: Pa
     assert load_campaign(campaign_folder).occupant == USUAL_OCCUPANT == OccupantModel(65, 235, 30, 2500)
 
 
-def test_what_the_table_sets_is_read_and_written_back(
-    campaign: Campaign, campaign_folder: Path, tmp_path: Path
-) -> None:
+def test_what_the_table_sets_is_read_and_written(campaign: Campaign, campaign_folder: Path, tmp_path: Path) -> None:
     """The rest stays as usual; the fingerprint is that of the content."""
     (campaign_folder / "campaign.toml").write_text("[occupant]\nolc_restraint_mm = 200\nvpi_stiffness_npm = 3000\n")
     found = load_campaign(campaign_folder)

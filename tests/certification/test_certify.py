@@ -168,9 +168,7 @@ def test_what_cannot_be_judged_is_refused(campaign: Campaign) -> None:
         certify_matrix(short, CRITERIA, matrix(campaign, 20.0), CONFIG)
 
 
-def test_two_processes_find_what_one_does(
-    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: object
-) -> None:
+def test_two_processes_find_as_one_does(campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> None:
     """The same verdicts to the bit."""
     few = replace(campaign, tests=campaign.tests[:2])
     asked = matrix(campaign, *np.linspace(16.0, 34.0, 12).tolist())

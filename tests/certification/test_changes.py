@@ -432,10 +432,7 @@ def test_reasons_and_names_in_braces_are_told_as_they_are(later: Certification) 
     before = earlier(later, rows, *later.campaign.test_ids, criteria=criteria, run=run)
     unused = ((second, later.campaign.test(second).condition),)
     campaign = replace(later.campaign.without([second]), unused=unused, why_unused={second: "bracket {left} loose"})
-    for own, name in (
-        (of(later, campaign), ""),
-        (of(later, campaign).beside(before), odd.name),
-    ):
+    for own, name in ((of(later, campaign), ""), (of(later, campaign).beside(before), odd.name)):
         told = str(exceptions(own)["Tests that are not used"])
         assert "bracket {left} loose" in told
         assert name in told

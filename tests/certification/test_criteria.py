@@ -74,10 +74,7 @@ CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
         ('[[criterion]]\nmetric = ["olc"]\nat_most = 3', "criterion 1: expected a metric of peak, peak_time, "),
         ("[[criterion]]\nat_most = 3", "restitution or rating, found nothing; choose one of them."),
         (CRUSH, "criterion 1: expected at_least or at_most, found neither; add a limit."),
-        (
-            f'{CRUSH}unit = "m"\nat_most = 0.65',
-            "expected limits of max_crush in mm, found m; convert the limits.",
-        ),
+        (f'{CRUSH}unit = "m"\nat_most = 0.65', "expected limits of max_crush in mm, found m; convert the limits."),
         (
             f"{CRUSH}at_most = 0.45",
             "at_most of max_crush in mm, found 0.45; if 0.45 m is meant, write 450; else state the",

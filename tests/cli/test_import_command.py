@@ -66,9 +66,7 @@ def test_all_that_is_missing_is_asked_for_at_once(tmp_path: Path, capsys: pytest
     assert "Choose one of 2 channels; none states its unit." in capsys.readouterr().out
 
 
-def test_a_tables_columns_and_condition_are_asked_for_at_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_columns_and_condition_are_asked_for_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two accelerations, no speed, no weights: one message, and its options, with values, are all it takes."""
     source, out = tmp_path / "car.csv", tmp_path / "campaign"
     rows = [f"{t:.4f},{a:.4f},{a:.4f}" for t, a in zip(clock(), half_sine_g(clock()), strict=True)]

@@ -62,6 +62,8 @@ def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypa
     for name in ("crashfuse", "Python", "numpy", "scipy", "scikit-learn", "torch"):
         monkeypatch.setattr("crashfuse.execution.cache.versions", lambda name=name: {**versions(), name: "0.0"})
         assert cache.get("kind", keys[0]) is None
+    with pytest.raises(TypeError, match=f"{type(tmp_path).__name__} cannot be part"):
+        cache.get("kind", {"x": tmp_path})
 
 
 def test_a_cache_knows_what_it_was_used_for(tmp_path: Path) -> None:
@@ -202,14 +204,16 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
     assert len(list((tmp_path / "kind").iterdir())) == 1
 
 
-def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path: Path) -> None:
-    """Nothing is kept, nothing is locked, and work goes on."""
+def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Nothing is kept, which is told once, nothing is locked, and work goes on."""
     (tmp_path / "file").touch()
     cache = Cache(tmp_path / "file" / "cache")
     with cache.alone("kind", {}):
         cache.put("kind", {}, {"a": 1.0})
     assert cache.get("kind", {}) is None
     cache.drop("kind", {})
+    Cache(cache.folder).put("kind", {}, {"a": 1.0})
+    assert [record.levelname for record in caplog.records if record.levelname != "DEBUG"] == ["WARNING"]
 
 
 def halves(cache: Cache, computed: list[int]) -> float:
@@ -234,9 +238,7 @@ def test_a_result_is_computed_once_and_then_restored(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("wrong", [{}, {"other": 0.5}, {"half": np.array("a half")}, {"half": np.ones(3)}])
-def test_a_whole_entry_with_the_wrong_content_is_computed_again(
-    tmp_path: Path, wrong: dict[str, npt.ArrayLike]
-) -> None:
+def test_a_whole_entry_with_wrong_content_is_computed_again(tmp_path: Path, wrong: dict[str, npt.ArrayLike]) -> None:
     """Its checksum is right, but the result cannot be restored from it: it is replaced, with a warning."""
     cache, computed = Cache(tmp_path), list[int]()
     cache.put("kind", {"x": 1}, wrong)

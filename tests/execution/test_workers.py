@@ -244,9 +244,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
 
 
 @pytest.mark.slow
-def test_a_worker_with_other_versions_is_refused(
-    campaign: Campaign, dask: Dask, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_of_other_versions_is_refused(campaign: Campaign, dask: Dask, monkeypatch: pytest.MonkeyPatch) -> None:
     """One sentence names it and what differs; nothing is computed."""
     ours = {**workers.versions_here(), "numpy": "1.26.4"}
     monkeypatch.setattr(workers, "versions_here", lambda: ours)

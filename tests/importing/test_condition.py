@@ -51,9 +51,7 @@ def test_two_weights_of_the_user_tell_both_axles_whatever_the_file_says(
         (PartialCondition(None, None, 950, 700), 0.3),
     ],
 )
-def test_weights_of_the_user_that_contradict_each_other_are_refused(
-    given: PartialCondition, share: float | None
-) -> None:
+def test_weights_of_a_user_that_contradict_each_other_are_refused(given: PartialCondition, share: float | None) -> None:
     """None of them is dropped in silence."""
     with pytest.raises(UsageError, match="do not add up"):
         weights(record(channel()), given, share)

@@ -410,10 +410,7 @@ def test_row_names_of_r_are_no_times(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "cause"),
     [
-        (
-            "decimal_comma_comma_separated_int_ms.csv",
-            "found both, as in -0,383",
-        ),
+        ("decimal_comma_comma_separated_int_ms.csv", "found both, as in -0,383"),
         ("lsprepost_resultant_title.csv", "A8874: another direction than X: Resultant Acceleration"),
         ("lsprepost_trailing_comma.csv", r"by its own account A8874 \(Nodal History\)"),
         ("one_head.txt", "Dummy Head Acc X: a dummy's"),

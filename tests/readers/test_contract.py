@@ -67,9 +67,7 @@ def test_the_pulse_is_that_of_the_crash(tmp_path: Path, fmt: str, files: Files) 
         if other != fmt and (fmt, other) not in ((TABLES, "nhtsa"), (TABLES, "isomme"))
     ],
 )
-def test_bytes_of_another_format_under_this_name_are_refused(
-    tmp_path: Path, fmt: str, files: Files, other: str
-) -> None:
+def test_bytes_of_another_format_under_a_name_are_refused(tmp_path: Path, fmt: str, files: Files, other: str) -> None:
     """Renaming makes no test: whatever the bytes are, it is said that they are not of this format."""
     foreign = max(GOOD[other].values(), key=len)
     assert refusal(written(tmp_path / "renamed", dict.fromkeys(files, foreign)), fmt)

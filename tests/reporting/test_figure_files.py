@@ -13,12 +13,7 @@ import pytest
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.reporting import figure_files as module
-from crashfuse.reporting.figure_files import (
-    figure_files,
-    figures_of,
-    missing_for,
-    read_figures,
-)
+from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for, read_figures
 
 needs_browser = pytest.mark.skipif(bool(missing_for(("pptx",))), reason=missing_for(("pptx",)))
 

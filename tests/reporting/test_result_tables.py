@@ -3,34 +3,33 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import norm
 
 from crashfuse.approaches.base import Prediction
+from crashfuse.cae.quality import judge_quality
+from crashfuse.cae_library import NAMED_LIMITS, RunQuality
 from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.result_tables import (
-    metrics_table,
-    pulses_table,
-    scores_table,
-    studies_table,
-    study_metrics,
-    sweep_table,
-)
+from crashfuse.reporting import result_tables as tables
+from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit
+from crashfuse.study.learning_curve import LearningCurve
+from crashfuse.study.next_test import NextTest
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.study.sweep import sweep_speed
-from crashfuse.units import KPH, MPH, G
+from crashfuse.units import KPH, LB, MPH, G
 
 SCALES = {"displacement_domain": 0.9, "cae": 0.7}  # an order of our own, which tables keep
 SCORES = ["overall", "corridor", "phase", "magnitude", "slope"]
-
-
 METRIC_COLUMNS = ("approach", "metric", "value", "lower", "upper", "unit", "basis", "of_pulse")
 
 
@@ -52,7 +51,7 @@ def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(camp
     draws = centre + sd * norm.ppf(np.linspace(0, 1, 41).clip(1e-3, 1 - 1e-3))[:, None]  # every 2.5 % a draw
     shown = centre + 1.0  # the expected pulse need not be in the middle
     estimate = Estimate("fused", Prediction(campaign.tests[0].condition, shown, draws), {}, 0.0)
-    table = pulses_table([estimate])
+    table = tables.pulses_table([estimate])
     bands = ["lower_g", "upper_g", "whole_lower_g", "whole_upper_g"]
     assert table.columns.tolist() == ["held_out", "approach", "time_ms", "acceleration_g", *bands]
     assert table[["held_out", "approach"]].drop_duplicates().to_numpy().tolist() == [["", "fused"]]
@@ -67,14 +66,14 @@ def test_a_pulse_without_draws_has_empty_ends(campaign: Campaign) -> None:
     test = campaign.tests[0]
     bare = Estimate("cae", Prediction(test.condition, test.pulse.accel_mps2), {}, 0.0)
     banded = replace(bare, approach="fused", prediction=replace(bare.prediction, draws_mps2=np.zeros((2, 1250))))
-    table = pulses_table([bare, banded])
+    table = tables.pulses_table([bare, banded])
     assert table["approach"].tolist() == ["cae"] * 1250 + ["fused"] * 1250
     assert table.groupby("approach")[["lower_g", "upper_g"]].count().to_numpy().tolist() == [[0, 0], [1250, 1250]]
 
 
 def test_each_score_stands_in_the_row_of_its_test_approach_and_window(campaign: Campaign) -> None:
     """All five scores and the grade are those of ISO/TS 18571 for that pair of pulses."""
-    table = scores_table(study(campaign, ("T2", "T4")))
+    table = tables.scores_table(study(campaign, ("T2", "T4")))
     keys = table[["held_out", "approach", "window_ms"]].to_numpy().tolist()
     assert keys == [[test, name, window] for test in ("T2", "T4") for name in SCALES for window in (20.0, 60.0)]
     for row in table.to_dict("records"):
@@ -89,7 +88,7 @@ def test_a_row_for_each_study_holds_the_mean_and_the_least_of_its_tests(campaign
     alone, groups = study(campaign, ("T2", "T3", "T4")), study(campaign, ("T2", "T4"), scale=0.8)
     groups = replace(groups, config=replace(groups.config, leave_out="speed group"))
     both = replace(alone, config=replace(alone.config, leave_out="both"), speed_groups=groups)
-    table = studies_table([("Tiny", both), ("Other", groups)])
+    table = tables.studies_table([("Tiny", both), ("Other", groups)])
     named = ("campaign", "preset", "seed", "left_out", "held_out")
     assert table.columns.tolist() == [*named, "approach", "window_ms", "tests", "mean", "least", "basis"]
     assert set(table["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
@@ -116,7 +115,7 @@ def test_a_metric_stands_with_both_its_ends_and_what_it_rests_on(campaign: Campa
         Metric("t0", 70.0, 65.0, None, "ms"),
         Metric("olc", 9, 8, 10, "g"),
     )
-    table = metrics_table([("T1", "fused", found)], own)
+    table = tables.metrics_table([("T1", "fused", found)], own)
     assert table.columns.tolist() == ["held_out", *METRIC_COLUMNS]
     assert table.iloc[0].tolist() == ["T1", "fused", "peak", 2.0, 1.0, 3.0, "g", "CFC 60", 1.9]
     assert table.loc[2, "basis"] == "50 + 235 mm, CFC 60"
@@ -126,7 +125,7 @@ def test_a_metric_stands_with_both_its_ends_and_what_it_rests_on(campaign: Campa
 
 def test_metrics_of_a_study_begin_with_those_measured(campaign: Campaign) -> None:
     """The peak of each test as it was, then of each approach, in g: half sines of π/2 of their mean deceleration."""
-    table = study_metrics(study(campaign, ("T2", "T4")))
+    table = tables.study_metrics(study(campaign, ("T2", "T4")))
     peaks = table[table["metric"] == "peak"]
     assert peaks["held_out"].tolist() == ["T2"] * 3 + ["T4"] * 3
     assert peaks["approach"].tolist() == ["test", *SCALES] * 2
@@ -141,7 +140,7 @@ def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
     """Predicted ones, then measured ones as the approach ``test``; a missing number stays empty."""
     fits = [Fit.of(campaign, name) for name in ("cae", "displacement_domain")]
     sweeps = sweep_speed(fits, campaign.test("T2").condition, np.array([15.0, 20.0, 30.0]) * MPH)
-    table = sweep_table(sweeps, campaign)
+    table = tables.sweep_table(sweeps, campaign)
     assert list(table.columns) == ["speed_mph", *METRIC_COLUMNS]
     assert set(table.basis) == {"filtered as supplied"}
     assert len(table) == 18 * (2 * 3 + 4)
@@ -152,5 +151,62 @@ def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
     np.testing.assert_allclose(tests.speed_mph, [15, 25, 26, 35])
     np.testing.assert_allclose(tests.value, 1.1 * tests.speed_mph * MPH / KPH, rtol=0.01)
     slow_test = replace(campaign.tests[0], pulse=Pulse(GRID_S, np.full(GRID_S.size, -1.0)))
-    slow = sweep_table((), replace(campaign, tests=(slow_test,)))
+    slow = tables.sweep_table((), replace(campaign, tests=(slow_test,)))
     assert slow[slow.metric == "t0"].value.isna().all()
+
+
+def test_candidates_are_told_in_mph_lb_and_g_rounded() -> None:
+    """One row each, in rank."""
+    condition = Condition.of_vector([50.04 * MPH, 2060.4 * LB, 1525 * LB])
+    slower = replace(condition, speed_mps=12 * MPH, factors=(("drive", "AWD"),))
+    ranked = [NextTest(slower, 4 * G, 3 * G), NextTest(condition, 4.001 * G, 3.5 * G, ("Extrapolation: speed",))]
+    table = tables.next_tests_table(ranked)
+    numbers = {"rank": 2, "speed (mph)": 50.0, "front weight (lb)": 2060, "rear weight (lb)": 1525}
+    bands = {"band now (± g)": 4.0, "band then (± g)": 3.5, "gain (%)": 12.5, "extrapolation": "yes"}
+    assert table.drop(columns="drive").iloc[1].to_dict() == numbers | bands
+    assert (table["drive"][0], table["gain (%)"][0], table["extrapolation"][0]) == ("AWD", 25.0, "no")
+
+
+def test_pulses_of_a_study_are_those_measured_then_those_predicted(campaign: Campaign) -> None:
+    """In g, each with its test and approach, 1250 rows a pulse."""
+    table = tables.study_pulses(study(campaign, ("T2", "T4")))
+    assert table["held_out"].tolist() == ["T2"] * 3750 + ["T4"] * 3750
+    assert table["approach"].tolist() == [name for name in ("test", *SCALES) for _ in range(1250)] * 2
+    pulses = [scale * campaign.test(name).pulse.accel_mps2 for name in ("T2", "T4") for scale in (1, *SCALES.values())]
+    np.testing.assert_allclose(table["acceleration_g"], np.concatenate(pulses) / G)
+
+
+def test_what_repeats_rate_stands_with_test_and_window(campaign: Campaign) -> None:
+    """A row each where it is known, and none where it is not."""
+    repeats = {20.0: Repeatability(0.9, 0.8, 0.95), 60.0: Repeatability(0.91, 0.85, 0.97, ("T2", "T3"))}
+    table = tables.repeat_scores(replace(study(campaign, ("T2", "T4")), repeatability={"T4": repeats}))
+    assert table.columns.tolist() == ["held_out", "window_ms", "value", "lower", "upper", "repeats"]
+    assert table.to_numpy().tolist() == [["T4", 20.0, 0.9, 0.8, 0.95, ""], ["T4", 60.0, 0.91, 0.85, 0.97, "T2 T3"]]
+
+
+def test_a_learning_curve_is_told_in_the_readers_unit(campaign: Campaign) -> None:
+    """Ratings of 0.7, 0.8 and 0.9, half a band of 2 g in m/s²; a dash without a band, no row for the raw CAE model."""
+    names = {"cae": np.nan, "fused": 2.0, "displacement_domain": np.nan}
+    rows = [
+        {"approach": name, "choice": "even", "n_tests": 3, "held_out": f"T{i}", "window_ms": 60.0,
+         "overall": 0.7 + i / 10, "inside": 0.45 * half_g, "half_width_g": half_g}
+        for name, half_g in names.items() for i in range(3)
+    ]  # fmt: skip
+    curve = LearningCurve(campaign, StudyConfig(approaches=tuple(names)), 1, pd.DataFrame(rows), (), 0.0)
+    table = tables.curve_table(curve, Display(unit="m/s²"))
+    assert table["Approach"].tolist() == ["Fused", "Displacement domain"]
+    assert table.columns[-2:].tolist() == ["a(t) in band (%)", "Band (± m/s²)"]
+    rated = [3, "evenly", 3, "0.800 ± 0.058", "0.72–0.88"]
+    assert table.iloc[:, 1:].to_numpy().tolist() == [[*rated, "90", "19.6"], [*rated, "–", "–"]]
+
+
+def test_the_quality_of_runs_is_told_with_limits_and_worst_runs(campaign: Campaign) -> None:
+    """In percent of what each is a share of; a quantity without a limit passes and fails none."""
+    quality = [RunQuality(-0.02, 0.01, 0.0)] * len(campaign.cae)
+    quality[3], quality[5] = RunQuality(0.01, 0.123, 0.0), RunQuality(0.02, None, 0.01)
+    judged = judge_quality(replace(campaign.cae, quality=tuple(quality)), NAMED_LIMITS["euro-ncap-vt-2025"])
+    assert tables.quality_table(judged).to_numpy().tolist() == [
+        ["Energy change, largest", "energy at the start", "none", "0", "0", "0", "−2", "C00"],
+        ["Hourglass energy, largest", "largest internal energy", "< 10", "22", "1", "1", "12.3", "C03"],
+        ["Added mass, largest", "mass at the start", "< 5", "24", "0", "0", "1", "C05"],
+    ]

@@ -22,9 +22,7 @@ from crashfuse.study.running import run_study
 from crashfuse.units import MPH
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(40.0, 60.0))
-COLUMNS = [
-    *("n_tests", "chosen", "choice", "held_out", "approach", "window_ms", "overall", "inside", "half_width_g"),
-]
+COLUMNS = ["n_tests", "chosen", "choice", "held_out", "approach", "window_ms", "overall", "inside", "half_width_g"]
 
 
 def with_tests(campaign: Campaign, n: int) -> Campaign:

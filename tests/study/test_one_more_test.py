@@ -10,7 +10,7 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
-from crashfuse.reporting.result_tables import curve_table, gains_table
+from crashfuse.reporting.result_tables import gains_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import Cost, enough, gains, one_more, summary
@@ -130,7 +130,6 @@ def test_the_summary_counts_every_test_once(lawful: LearningCurve) -> None:
     assert row["error"] == pytest.approx(ratings.std(ddof=1) / 3)
     assert (row["low"], row["high"]) == pytest.approx(tuple(np.quantile(ratings, [0.1, 0.9])))
     assert row["half_width_g"] == pytest.approx(9 / 4)
-    assert set(curve_table(lawful)["Approach"]) == {"Fused"}
 
 
 def test_the_steps_show_a_price_only_where_there_is_a_gain(campaign: Campaign) -> None:

@@ -25,11 +25,12 @@ from crashfuse.signals.rating import rate_iso18571, rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, estimate_at
 from crashfuse.study.recommendation import recommend_for
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Fold, Study
 
 CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
-
+KINDS = {"emulator", "fits", "metric errors", "predictions", "repeatability"}  # of what is kept
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
 
@@ -37,6 +38,11 @@ pytestmark = pytest.mark.usefixtures("quick_networks")
 @pytest.fixture(autouse=True)
 def few_draws() -> None:
     """None here: as many are rated as are said to be."""
+
+
+def bits(prediction: Prediction) -> list[bytes]:
+    """Those of the pulse, and of the draws if there are any."""
+    return [each.tobytes() for each in (prediction.accel_mps2, prediction.draws_mps2) if each is not None]
 
 
 def test_drawn_pulses_are_rated_as_any_pulse_is(campaign: Campaign) -> None:
@@ -66,9 +72,7 @@ def test_the_interval_of_ratings_leaves_a_fortieth_out_at_either_end(campaign: C
 
 
 @pytest.mark.parametrize(("n_draws", "n_rated", "second"), [(100, 100, 1), (101, 51, 2), (400, 100, 4)])
-def test_at_most_a_hundred_draws_are_rated_evenly_over_all(
-    campaign: Campaign, n_draws: int, n_rated: int, second: int
-) -> None:
+def test_a_hundred_draws_are_rated_evenly_over_all(campaign: Campaign, n_draws: int, n_rated: int, second: int) -> None:
     """Each as it would be alone."""
     test = campaign.tests[1]
     draws = np.linspace(0.5, 1.0, n_draws)[:, None] * test.pulse.accel_mps2
@@ -114,6 +118,20 @@ def test_an_approach_without_a_band_has_no_spread(campaign: Campaign) -> None:
     with pytest.raises(UsageError, match="There is no prediction of this test by 'fused'; choose from cae"):
         fold.estimate("fused")
     assert fold.ratings["cae"][60.0].overall == pytest.approx(1.0)
+
+
+def test_what_folds_say_together_is_their_mean(campaign: Campaign) -> None:
+    """Of a test in the middle of its band and one outside; of repeats only where each test's is known."""
+    folds = []
+    for test, ends in zip(campaign.tests[:2], ((0.5, 1.5), (2.0, 3.0)), strict=True):
+        draws = np.linspace(*ends, 101)[:, None] * test.pulse.accel_mps2
+        folds.append(Fold.of(test, [Estimate("fused", Prediction(test.condition, draws[50], draws), {}, 0.0)], [60.0]))
+    known = {"T1": {60.0: Repeatability(0.9, 0.8, 1.0)}, "T2": {w: Repeatability(0.7, 0.6, 0.8) for w in (20.0, 60.0)}}
+    study = Study(campaign, CONFIG, tuple(folds), repeatability=known)
+    np.testing.assert_allclose(study.reliability["fused"], np.full(19, 0.5), atol=0.01)
+    assert study.mean_repeat(60.0) == pytest.approx(0.8)
+    assert study.mean_repeat(20.0) is None
+    assert study.plot("T1") == study.plot("T1", corridors=False) != study.plot("T1", corridors=True)
 
 
 @pytest.fixture(scope="module")
@@ -166,10 +184,7 @@ def test_the_held_out_pulse_does_not_reach_its_own_prediction(
     config = replace(CONFIG, approaches=(approach,))
     study = run_study(changed, config, held_out=["T2"], cache=cache, workers=1)
     before, after = finished.fold("T2").estimate(approach), study.fold("T2").estimate(approach)
-    assert after.prediction.accel_mps2.tobytes() == before.prediction.accel_mps2.tobytes()
-    if before.prediction.draws_mps2 is not None:
-        assert after.prediction.draws_mps2 is not None
-        assert after.prediction.draws_mps2.tobytes() == before.prediction.draws_mps2.tobytes()
+    assert bits(after.prediction) == bits(before.prediction)
     assert study.fold("T2").ratings[approach][60.0] != finished.fold("T2").ratings[approach][60.0]
 
 
@@ -194,7 +209,7 @@ def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campa
     for held_out, left_out in (("T2", ["T2", "T3"]), ("T4", ["T4"])):
         alone = estimate_at(campaign.without(left_out), campaign.test(held_out).condition, "displacement_domain")
         found = study.fold(held_out).estimate("displacement_domain")
-        assert found.prediction.accel_mps2.tobytes() == alone.prediction.accel_mps2.tobytes()
+        assert bits(found.prediction) == bits(alone.prediction)
 
 
 @pytest.mark.slow
@@ -207,7 +222,7 @@ def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
     for a, b in zip(one.folds, two.folds, strict=True):
         assert a.ratings == b.ratings
         for x, y in zip(a.estimates, b.estimates, strict=True):
-            assert x.prediction.accel_mps2.tobytes() == y.prediction.accel_mps2.tobytes()
+            assert bits(x.prediction) == bits(y.prediction)
 
 
 def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
@@ -233,10 +248,7 @@ def test_a_second_run_is_answered_from_the_cache(campaign: Campaign, monkeypatch
     second = run_study(campaign, config, held_out=["T3"], workers=1)
     assert len(fits) == 1
     a, b = (study.fold("T3").estimate("displacement_domain") for study in (first, second))
-    assert a.prediction.accel_mps2.tobytes() == b.prediction.accel_mps2.tobytes()
-    assert a.prediction.draws_mps2 is not None
-    assert b.prediction.draws_mps2 is not None
-    assert a.prediction.draws_mps2.tobytes() == b.prediction.draws_mps2.tobytes()
+    assert bits(a.prediction) == bits(b.prediction)
     assert a.state == b.state
     assert a.prediction.notes == b.prediction.notes
 
@@ -261,9 +273,7 @@ def test_the_cache_is_searched_once_for_each_prediction(
 
 
 @pytest.mark.slow
-def test_what_other_code_computed_is_not_used(
-    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_results_of_other_code_stay_unused(campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """With a change in the code that computes them, every kind of result is computed again beside the older ones."""
 
     def entries() -> Counter[str]:
@@ -272,14 +282,9 @@ def test_what_other_code_computed_is_not_used(
     config = StudyConfig(approaches=("cae", "lf_tcn", "displacement_domain"))
     run_study(campaign, config, held_out=["T2"], cache=Cache(tmp_path), workers=1)
     before = entries()
-    assert set(before) == {"emulator", "fits", "lf_tcn", "metric errors", "predictions", "repeatability"}
-    for module in (
-        "approaches.fit_cache",
-        "approaches.time_domain.lf_tcn",
-        "cae.model",
-        "study.estimate",
-        "study.repeatability",
-    ):
+    assert set(before) == {*KINDS, "lf_tcn"}
+    lf_tcn = "approaches.time_domain.lf_tcn"
+    for module in ("approaches.fit_cache", lf_tcn, "cae.model", "study.estimate", "study.repeatability"):
         monkeypatch.setattr(f"crashfuse.{module}.code_digest", lambda _: "other")
     run_study(campaign, config, held_out=["T2"], cache=Cache(tmp_path), workers=1)
     assert entries() == before + before
@@ -291,21 +296,12 @@ def test_a_damaged_cache_is_computed_again(campaign: Campaign, tmp_path: Path) -
     config = StudyConfig(approaches=("displacement_domain",))
     first = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
     entries = {path: path.read_bytes() for path in tmp_path.rglob("*.bin")}
-    assert {path.parent.name for path in entries} == {
-        "emulator",
-        "fits",
-        "metric errors",
-        "predictions",
-        "repeatability",
-    }
+    assert {path.parent.name for path in entries} == KINDS
     for path, content in entries.items():
         path.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
     second = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
     a, b = (study.fold("T3").estimate("displacement_domain").prediction for study in (first, second))
-    assert a.accel_mps2.tobytes() == b.accel_mps2.tobytes()
-    assert a.draws_mps2 is not None
-    assert b.draws_mps2 is not None
-    assert a.draws_mps2.tobytes() == b.draws_mps2.tobytes()
+    assert bits(a) == bits(b)
     for path in entries:
         checksum, _, payload = path.read_bytes().partition(b"\n")
         name = path.relative_to(tmp_path).as_posix().encode()
@@ -322,7 +318,7 @@ def test_two_studies_on_one_cache_learn_once(campaign: Campaign, monkeypatch: py
     assert len(fits) == 2
     for test_id in ("T1", "T2"):
         one, other = (study.fold(test_id).estimate("displacement_domain").prediction for study in studies)
-        assert one.accel_mps2.tobytes() == other.accel_mps2.tobytes()
+        assert bits(one) == bits(other)
 
 
 @pytest.mark.slow

@@ -15,13 +15,7 @@ from crashfuse.execution.progress import Progress, Watch
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Fit
-from crashfuse.study.sweep import (
-    Sweep,
-    missing_over_speed,
-    sweep_speed,
-    uncovered_speeds,
-    usual_speeds,
-)
+from crashfuse.study.sweep import Sweep, missing_over_speed, sweep_speed, uncovered_speeds, usual_speeds
 from crashfuse.units import KPH, MPH, G
 
 SPEEDS_MPS = np.array([15.0, 20.0, 30.0]) * MPH
@@ -39,9 +33,7 @@ def sweeps(campaign: Campaign, fits: list[Fit]) -> tuple[Sweep, ...]:
     return sweep_speed(fits, campaign.test("T2").condition, SPEEDS_MPS)
 
 
-def test_each_speed_is_what_the_approach_says_there(
-    campaign: Campaign, fits: list[Fit], sweeps: tuple[Sweep, ...]
-) -> None:
+def test_each_speed_is_what_approaches_say(campaign: Campaign, fits: list[Fit], sweeps: tuple[Sweep, ...]) -> None:
     """Value, interval and unit of every metric, at the weights and factors that were asked for."""
     for fit, sweep in zip(fits, sweeps, strict=True):
         assert sweep.approach == fit.approach.name

@@ -255,11 +255,7 @@ def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:
 
 @pytest.mark.parametrize(
     ("name", "content", "where"),
-    [
-        ("prog.exe", b"MZ", "prog.exe"),
-        ("report.pdf", b"%PDF", "report.pdf"),
-        ("T1.parquet", b"PAR1", "T1.parquet"),
-    ],
+    [("prog.exe", b"MZ", "prog.exe"), ("report.pdf", b"%PDF", "report.pdf"), ("T1.parquet", b"PAR1", "T1.parquet")],
 )
 def test_a_file_that_is_refused_is_named(visit: Visit, name: str, content: bytes, where: str) -> None:
     """Who dropped it knows which it was."""

@@ -186,10 +186,7 @@ def estimates(campaign: Campaign) -> list[Estimate]:
     test = campaign.tests[0]
     accel = test.pulse.accel_mps2
     with_draws = Prediction(test.condition, accel, accel * np.linspace(0.9, 1.1, 7)[:, None])
-    return [
-        Estimate("cae", replace(with_draws, draws_mps2=None), {}, 0.1),
-        Estimate("fused", with_draws, {}, 0.1),
-    ]
+    return [Estimate("cae", replace(with_draws, draws_mps2=None), {}, 0.1), Estimate("fused", with_draws, {}, 0.1)]
 
 
 @pytest.fixture

@@ -132,9 +132,7 @@ def test_two_predictions_are_shown_on_predict_with_both_pinned(visit: Visit, ope
 
 
 @pytest.mark.parametrize("tests", ["T2", "T2 T3"])
-def test_two_studies_with_one_test_in_common_are_shown_on_compare(
-    visit: Visit, open_campaign: Path, tests: str
-) -> None:
+def test_two_studies_with_a_test_in_common_are_shown_on_compare(visit: Visit, open_campaign: Path, tests: str) -> None:
     """The first as it is opened, the second among what is also shown there; of other data, or of more tests, not."""
     data = load_campaign(open_campaign).fingerprint
     one = kept(1, data, tests=tests)

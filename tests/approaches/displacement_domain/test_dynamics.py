@@ -38,6 +38,12 @@ def test_braking_in_proportion_to_velocity_decays_exponentially() -> None:
     np.testing.assert_allclose(motion.velocity_mps[0], speed * np.exp(-rate * GRID_S), rtol=1e-6)
 
 
+def test_beyond_its_grid_a_function_stays_as_it_ends() -> None:
+    """Braked at 200 and at 300 m/s², which is known over 0.1 m alone, the crush is v0² / 2a."""
+    motion = integrate(np.repeat([[-200.0], [-300.0]], 2, axis=1), 0.1, NOTHING, 12.0)
+    np.testing.assert_allclose(motion.displacement_m.max(axis=1), [144 / 400, 144 / 600], atol=1e-5)
+
+
 def test_eq_29_written_out_converges_to_it() -> None:
     """The paper's first-order scheme comes ten times closer with a tenth of the step, and ends at the same motion."""
     function, speed = random_functions(1)[0], 12.0

@@ -15,11 +15,7 @@ X = np.array([0.0, 1.0])
 def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
     """Else the band of one approach would cover the line of another."""
     figure = new_figure(300)
-    curves = {
-        "cae": Curve(X, X),
-        "fused": Curve(X, X, (X, X - 1, X + 1), remark=", RMS 1.0 g"),
-        TEST: Curve(X, 2 * X),
-    }
+    curves = {"cae": Curve(X, X), "fused": Curve(X, X, (X, X - 1, X + 1), remark=", RMS 1.0 g"), TEST: Curve(X, 2 * X)}
     draw_curves(figure, curves, yaxis="y2", showlegend=False)
     band, cae, fused, test = figure.data
     assert band.fill == "toself"

@@ -183,9 +183,7 @@ def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
     assert [a.text for a in figure.layout.annotations][1:] == ["Shared", "By speed", "The test's own"]
 
 
-def test_energy_over_crush_is_in_kilojoules_up_to_all_of_it(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_energy_over_crush_is_in_kilojoules_up_to_all(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Constant braking: m a s, a straight line to ½ m v0² at v0²/2a; the test ends at the same energy."""
     speed, mass = test.condition.speed_mps, test.condition.mass_kg
     figure = plots.energy_over_crush(test.pulse, predictions, speed, mass)

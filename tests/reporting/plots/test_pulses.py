@@ -72,9 +72,7 @@ def test_the_rated_window_is_shaded_and_named(test: CrashTest, predictions: dict
     assert figure.layout.annotations[0].text == "rated: 0–40 ms"
 
 
-def test_every_curve_has_one_point_a_sample_and_bands_fewer(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Curves lose nothing, and both ends of the record are there."""
     for curve in plots.motion(test.pulse, predictions, test.condition.speed_mps).data:
         assert curve.x.size == curve.y.size
