@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.approaches.settings import Settings
 from crashfuse.campaign import Campaign
@@ -32,12 +33,15 @@ class Prediction:
         Equally likely whole pulses; None if the approach has no band.
     notes : tuple of str
         Remarks for the reader: extrapolation, the source of the CAE pulse, a fit that had to be retried.
+    apart : ndarray of bool, shape (n_draws,), optional
+        Draws that fold as a test that stands apart; None where the tests near the condition fold alike.
     """
 
     condition: Condition
     accel_mps2: FloatArray
     draws_mps2: FloatArray | None = None
     notes: tuple[str, ...] = ()
+    apart: npt.NDArray[np.bool_] | None = None
 
     def __repr__(self) -> str:
         drawn = "no band" if self.draws_mps2 is None else f"{len(self.draws_mps2)} draws"

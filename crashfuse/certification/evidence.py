@@ -12,7 +12,7 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.study.facts import departures_near
+from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, joined, read_out
 
 Rows = tuple[tuple[Verdict, ...], ...]

@@ -22,7 +22,8 @@ from crashfuse.reporting.evidence_facts import (
     listed_conditions,
     record_facts,
 )
-from crashfuse.study.facts import campaign_facts, departures_near
+from crashfuse.study.facts import campaign_facts
+from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, joined, probability_text, read_out, speed, weight
 
 Place = Literal["summary", "matrix", "record", "domain", "changes", "exceptions"]

@@ -19,7 +19,7 @@ from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.evidence_facts import measured_text, support_text
 from crashfuse.reporting.plots.canvas import tick_name
 from crashfuse.reporting.plots.display import Display
-from crashfuse.study.facts import departures_near
+from crashfuse.study.outliers import departures_near
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem, probability_text, read_out, said, unbroken
 
 ANSWER = "A test there"

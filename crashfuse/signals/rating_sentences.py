@@ -125,3 +125,8 @@ def _ms(time_s: float) -> str:
 
 def _capital(reason: Sentence) -> Sentence:
     return Sentence(reason.template[0].upper() + reason.template[1:], *reason.values)
+
+
+def rating_range(lower: float, upper: float) -> str:
+    """Both ends as displayed, one if they are equal."""
+    return " to ".join(dict.fromkeys(f"{end:.2f}" for end in (lower, upper)))

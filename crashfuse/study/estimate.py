@@ -26,6 +26,7 @@ from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.outliers import departures, departures_near, with_both_folds
 from crashfuse.study.rating_distribution import agreement
 from crashfuse.wording import Sentence, packed, speed, unpacked, weight
 
@@ -134,6 +135,22 @@ class Fit:
         with blamed_on(self.approach.name), one_thread():
             return self.approach.state
 
+    @cached_property
+    def _fitted_mps2(self) -> dict[str, FloatArray]:
+        """What the fit predicts for the tests that stand apart, from which it learned."""
+        tests = [self.campaign.test(found.test) for found in departures(self.campaign) if found.test in self.left_out]
+        with blamed_on(self.approach.name), one_thread():
+            return {test.id: self.approach.predict(test.condition).accel_mps2 for test in tests}
+
+    def with_both_folds(self, prediction: Prediction) -> Prediction:
+        """The prediction, near a test that stands apart as :func:`crashfuse.study.outliers.with_both_folds`."""
+        for departure in departures_near(self.campaign, prediction.condition)[:1]:
+            if (fitted_mps2 := self._fitted_mps2.get(departure.test)) is not None:
+                left_out_mps2 = self.left_out[departure.test].accel_mps2
+                test = self.campaign.test(departure.test)
+                return with_both_folds(prediction, departure, test, left_out_mps2, fitted_mps2)
+        return prediction
+
     def estimate(self, condition: Condition) -> Estimate:
         """Predict at a condition, as :func:`estimates_at` does for several fits."""
         return estimates_at([self], condition)[0]
@@ -180,6 +197,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
         prediction, seconds = predict(fit.approach)
         if fit.approach.learns_from_tests:
             prediction = replace(prediction, notes=(*prediction.notes, *doubtful_tests(fit.campaign, condition)))
+            prediction = fit.with_both_folds(prediction)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
         left_out_mps2 = {test: pulse.accel_mps2 for test, pulse in fit.left_out.items()}
@@ -241,6 +259,8 @@ def _entry(estimate: Estimate) -> Entry:
     entry |= {f"{_ERRORS}{metric}": errors for metric, errors in estimate.metric_errors.items()}
     if prediction.draws_mps2 is not None:
         entry["draws_mps2"] = prediction.draws_mps2
+    if prediction.apart is not None:
+        entry["apart"] = prediction.apart
     return entry
 
 
@@ -248,7 +268,8 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
     text = json.loads(str(entry["text"]))
     draws = finite(entry, "draws_mps2", None, N_SAMPLES) if "draws_mps2" in entry else None
     notes = tuple(map(unpacked, text["notes"]))
-    prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes)
+    apart = entry["apart"].astype(bool) if "apart" in entry else None
+    prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes, apart)
     left_out, errors = (
         {name.removeprefix(prefix): check(entry, name, length) for name in entry if name.startswith(prefix)}
         for prefix, check, length in ((_LEFT_OUT, finite, N_SAMPLES), (_ERRORS, numbers, None))

@@ -10,6 +10,7 @@ from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import require_number
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
+from crashfuse.signals.rating_sentences import rating_range
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.rating_distribution import RatingDistribution, agreement
 from crashfuse.units import MPH
@@ -147,8 +148,3 @@ def _overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
     """Overall rating of a prediction, given as bytes of float64 so that it can be a key."""
     predicted = Pulse(GRID_S, np.frombuffer(predicted_mps2))
     return rate_windows(measured, predicted, [window_ms])[window_ms].overall
-
-
-def rating_range(lower: float, upper: float) -> str:
-    """Both ends as displayed, one if they are equal."""
-    return " to ".join(dict.fromkeys(f"{end:.2f}" for end in (lower, upper)))

@@ -6,9 +6,8 @@ from weakref import WeakKeyDictionary
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.fact import Fact, by_importance
-from crashfuse.study.outliers import Departure, departures
+from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G
 from crashfuse.wording import joined
 
@@ -26,15 +25,6 @@ def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...
     doubtful = [Fact("test.in_doubt", text, "Test in doubt") for text in doubtful_tests(campaign, condition)]
     beyond = [Fact("condition.extrapolated", text, "Extrapolation") for text in campaign.cae.extrapolation(condition)]
     return (*apart, *doubtful, *beyond)
-
-
-def departures_near(campaign: Campaign, condition: Condition) -> tuple[Departure, ...]:
-    """How the tests that stand apart at about the speed of a condition differ from the others there."""
-    return tuple(
-        departure
-        for departure in departures(campaign)
-        if abs(campaign.test(departure.test).condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
-    )
 
 
 _known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()

@@ -15,16 +15,21 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.approach import measured_bias
 from crashfuse.approaches.displacement_domain.bias import BiasPoints
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.crash_test import CrashTest
+from crashfuse.condition import Condition
+from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
+from crashfuse.signals.metrics import metric_values
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import rate_windows
-from crashfuse.study.expected_rating import rating_range
-from crashfuse.wording import Sentence, acceleration, speed
+from crashfuse.signals.rating_sentences import rating_range
+from crashfuse.units import G
+from crashfuse.wording import Sentence, acceleration, read_out, speed
 
 WINDOW_MS = 60.0
 LEAST = 3  # neighbours: of three tests one is always farther from both others than these from each other
@@ -104,6 +109,54 @@ def departures(campaign: Campaign) -> tuple[Departure, ...]:
         has_groups = any(len(campaign.speed_group(test_id)) > LEAST for test_id in campaign.test_ids)
         _known[campaign] = _cached_departures(campaign, Cache()) if has_groups else ()
     return _known[campaign]
+
+
+def departures_near(campaign: Campaign, condition: Condition) -> tuple[Departure, ...]:
+    """How the tests that stand apart at about the speed of a condition differ from the others there."""
+    return tuple(
+        departure
+        for departure in departures(campaign)
+        if abs(campaign.test(departure.test).condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
+    )
+
+
+def with_both_folds(
+    prediction: Prediction, departure: Departure, test: CrashTest, left_out_mps2: FloatArray, fitted_mps2: FloatArray
+) -> Prediction:
+    """The prediction near a test that stands apart: a test here may fold as it did, or as the others at its speed.
+
+    The two differ by what the test showed more than the others alone predict, in proportion to the speed. A fit to all
+    tests lies between: what it has learned of the difference, as its prediction at the test's own condition shows, is
+    taken out again. Then 1½ of n + 1 draws (n tests, one of them apart; Jeffreys' prior) have the whole difference.
+
+    Parameters
+    ----------
+    left_out_mps2, fitted_mps2 : ndarray, shape (1250,)
+        What is predicted for the test without it, and by the fit that learned from it.
+    """
+    if prediction.draws_mps2 is None:
+        return prediction
+    whole = test.pulse.accel_mps2 - left_out_mps2
+    learned = float(np.clip((fitted_mps2 - left_out_mps2) @ whole / (whole @ whole), 0.0, 1.0))
+    difference = prediction.condition.speed_mps / test.condition.speed_mps * whole
+    share = 1.5 / (len(departure.neighbours) + 2)
+    apart = np.diff(np.floor(np.arange(len(prediction.draws_mps2) + 1) * share)) > 0
+    draws = prediction.draws_mps2 + np.multiply.outer(apart - learned, difference)
+    metrics = metric_values(draws, prediction.condition.speed_mps)
+    shown = [
+        (acceleration(float(np.median(metrics["peak"][fold])) * G), f"{np.median(metrics['max_crush'][fold]):.0f} mm")
+        for fold in (~apart, apart)
+    ]
+    sentence = Sentence(
+        "Tests at about {} fold in two ways: as {} (here peak {}, crush {}), or as {} (peak {}, crush {}).",
+        speed(test.condition.speed_mps),
+        read_out(departure.neighbours),
+        *shown[0],
+        departure.test,
+        *shown[1],
+    )
+    expected = prediction.accel_mps2 - learned * difference
+    return replace(prediction, accel_mps2=expected, draws_mps2=draws, apart=apart, notes=(*prediction.notes, sentence))
 
 
 _known: WeakKeyDictionary[Campaign, tuple[Departure, ...]] = WeakKeyDictionary()
