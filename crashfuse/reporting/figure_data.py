@@ -66,7 +66,7 @@ def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] 
 
 def _named(traces: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
     """Traces by their names, without markup; what the legend does not list says whose it is."""
-    names = [_text(trace.get("name")).replace(" (95 % band)", "") for trace in traces]
+    names = [_text(trace.get("meta", {}).get("name") or trace.get("name")) for trace in traces]
     listed: dict[str, str] = {}
     for trace, name in zip(traces, names, strict=True):
         if trace.get("showlegend", True) and trace.get("legendgroup"):

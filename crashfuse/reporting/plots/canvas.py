@@ -159,15 +159,18 @@ def add_band(
     *,
     colour: str,
     filled: bool = True,
+    whose: str = "",
     **style: object,
 ) -> None:
     """Shade between two curves, or draw their edges, with a gap where either is unknown (NaN).
 
-    The edges are smooth: few points suffice to draw them; the trace's ``meta`` has all.
+    The edges are smooth: few points suffice to draw them; the trace's ``meta`` has all, and what a table calls them if
+    that is not its name in the legend.
     """
     lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
     is_finite = np.isfinite(lower) & np.isfinite(upper)
-    meta = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}
+    meta: dict[str, Any] = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}
+    meta |= {"name": whose} if whose else {}
     some = band_points(x.size)
     x, lower, upper, known = x[some], lower[some], upper[some], np.flatnonzero(is_finite[some])
     if not known.size:

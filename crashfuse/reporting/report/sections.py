@@ -8,7 +8,13 @@ import pandas as pd
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
+from crashfuse.reporting.fit_explanations import (
+    fit_sentences,
+    fit_table,
+    metric_remarks,
+    notes_by_makers,
+    whole_sentences,
+)
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.result_tables import metric_texts
 from crashfuse.signals.metrics import MAIN_METRICS
@@ -40,6 +46,7 @@ def details(
     makers = notes_by_makers(estimates).items()
     remarks = [joined([", ".join(who), note], ": ") for note, who in makers if note not in said]
     return {
+        "whole": whole_sentences(estimates),
         "metrics": metrics[main],
         "more_metrics": metrics[~main],
         "more_missing": more_missing,
