@@ -83,7 +83,7 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
 
 def whole_sentences(estimates: Iterable[Estimate]) -> list[str]:
     """How many left-out tests lie inside the band of whole pulses of each approach, if any has one: a sentence."""
-    checks = {LABELS[own.approach]: check for own in estimates if (check := own.state.get("band_check"))}
+    checks: dict[str, Any] = {LABELS[own.approach]: check for own in estimates if (check := own.state.get("band_check"))}
     counts = ", ".join(f"{who} {check['whole_inside']} of {check['left_out_tests']}" for who, check in checks.items())
     told = "Left-out tests inside as a whole (0–60 ms), where nine of ten are meant to be"
     return [f"{told}: {counts}."] if counts else []

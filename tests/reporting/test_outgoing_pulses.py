@@ -133,6 +133,23 @@ def test_whole_draws_go_out_and_no_edges_of_the_band(estimates: list[Estimate]) 
     assert numbers[0] == [pulse.draw for pulse in pulses] != numbers[1]
 
 
+def test_the_corridor_of_a_sled_is_that_of_whole_pulses(
+    campaign: Campaign, estimates: list[Estimate], tmp_path: Path
+) -> None:
+    """A test for each edge, of one channel up to 60 ms; nine of ten draws, all parallel, lie between both."""
+    folder = written(campaign, estimates, tmp_path, PulseExport(("isomme", "lsdyna"), curve=ANY))
+    edges = {}
+    for name in ("lower", "upper"):
+        test = read_isomme(folder / f"isomme/fused_33.554mph_corridor_{name}")
+        (channel,) = test.channels
+        assert f"Fused, {name} edge of the corridor, 33.554 mph" in " ".join(channel.comments)
+        edges[name] = channel.values
+    assert {channel.size for channel in edges.values()} == {750}
+    drawn = PULSE[:750] + SHIFTS[:, None]
+    assert (((edges["lower"] <= drawn) & (drawn <= edges["upper"])).all(axis=1)).sum() == 0.9 * N_DRAWS
+    assert len(list((folder / "lsdyna").iterdir())) == len(estimates)
+
+
 def test_more_draws_than_there_are_is_one_sentence(estimates: list[Estimate]) -> None:
     """So are draws of approaches that have no band."""
     with pytest.raises(UsageError, match="fused has 40 draws"):
@@ -230,7 +247,7 @@ def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_locati
     """A test for each pulse, so that channel codes are those that a program looks for; CFC in code and header."""
     filtered = replace(campaign, channel_filter_class=60.0)
     folder = written(filtered, estimates, tmp_path, PulseExport(draws=3, location="10BPILLERE00")) / "isomme"
-    assert len(list(folder.iterdir())) == 2 + 3
+    assert len(list(folder.iterdir())) == 2 + 3 + 2
     channels = {channel.code: channel for channel in read_isomme(folder / "fused_33.554mph_expected").channels}
     assert {code: channel.unit for code, channel in channels.items()} == {
         "10BPILLERE00ACXD": "m/(s*s)",
