@@ -51,8 +51,8 @@ SUBJECTS = {
 """What speaks against the verdicts, by code: its heading among the exceptions."""
 ANSWERS: Mapping[Answer, str] = {
     "run": "Run already",
-    "need not be run": "Need not be run (least probability that every criterion is met)",
-    "to be tested": "To be tested, as all criteria at once are uncertain (least probability)",
+    "need not be run": "Need not be run (probability that all criteria are met at once)",
+    "to be tested": "To be tested, as all criteria at once are uncertain (their probability)",
     "would miss": "A test would miss",
     "test or redesign": "To be tested, or redesigned",
     "record for longer": "To be recorded for longer, as recordings end too early to tell",
@@ -73,7 +73,10 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("test.stands_apart", *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
         *("test.not_used", "criterion.unsupported"),
     ),
-    "record": (*_RECORD, "record.intervals", "record.too_narrow", "record.brier", "record.no_gain", "record.none"),
+    "record": (
+        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.brier", "record.no_gain"),
+        "record.none",
+    ),
     "domain": ("domain.checked", "domain.reach"),
     "changes": (
         *("since.beside", "since.settings", "since.tested", *_SINCE, "since.wrong", "since.compared"),
@@ -173,11 +176,11 @@ def _details(
     if answer == "run":
         return {i: _tests_there(certification, row) for i, row in rows.items()}
     if answer in ("need not be run", "to be tested"):
-        least = {i: low for i, (low, _) in (certification.waived | certification.uncertain).items() if i in rows}
+        met = {i: p for i, (_, p, _) in (certification.waived | certification.uncertain).items() if i in rows}
         if len(rows) <= _FEW:
-            return {i: probability_text(low, confidence) for i, low in least.items()}
-        alike = {note: min(p for i, p in least.items() if notes.get(i) == note) for note in map(notes.get, least)}
-        return {i: f"{probability_text(alike[notes.get(i)], confidence)} or more" for i in least}
+            return {i: probability_text(p, confidence) for i, p in met.items()}
+        alike = {note: min(p for i, p in met.items() if notes.get(i) == note) for note in map(notes.get, met)}
+        return {i: f"{probability_text(alike[notes.get(i)], confidence)} or more" for i in met}
     asked = {"would miss": "not met", "test or redesign": "open", "record for longer": "open"}.get(answer)
     longer = answer == "record for longer"
     return {

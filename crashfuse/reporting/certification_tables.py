@@ -35,7 +35,7 @@ _JUDGED = ("met", "not met", "decided")
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
-    answers, at_once = certification.answers, {i: all_met(row)[0] for i, row in certification.rows.items()}
+    answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
     return _numbers_of(
         {
             **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
@@ -48,8 +48,9 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             "reason": verdict.reason,
             "basis": basis[verdict.criterion.metric],
             "need_not_be_run": answers[i] == "need not be run",
-            "all_met_at_least": at_once[i],
+            "all_met_at_least": at_once[i].at_least,
             "answer": answers[i],
+            "all_met": at_once[i].probability,
             **({"test": " ".join(verdict.run)} if run else {}),
         }
         for i, verdict in certification.cells
@@ -303,6 +304,7 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
 
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
     texts, met = answer_texts(certification), certification.waived | certification.uncertain
+    confidence = certification.criteria.confidence
     return pd.DataFrame(
         {
             "Condition": i,
@@ -310,9 +312,7 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
             **dict(condition.factors),
             "Validated domain": "outside" if certification.domain.outside(condition) else "inside",
             ANSWER: texts[i],
-            "All met at once": f"≥ {probability_text(met[i][0], certification.criteria.confidence)}"
-            if i in met
-            else "–",
+            "All met at once": probability_text(met[i].probability, confidence) if i in met else "–",
         }
         for i, condition in certification.matrix.items
     )

@@ -9,6 +9,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, at_most
 from crashfuse.fact import Fact
+from crashfuse.reporting.fit_explanations import whole_sentence
 from crashfuse.reporting.provenance import certification_settings
 from crashfuse.wording import Quantity, Sentence, joined, probability_text, speed, weight
 
@@ -53,6 +54,9 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
         told = f"{inside} of {counted(n, 'interval')} held what the left-out test measured, made to hold 95 %{{}}."
         code = "record.too_narrow" if record.too_narrow else "record.intervals"
         yield fact(code, Sentence(told, missed_text(record.missed_intervals)), inside=inside, n=n)
+    if counts := record.whole_pulses:
+        ways = {"alone" if way == "test" else f"with the {way}": own for way, own in counts.items()}
+        yield fact("record.whole", whole_sentence(ways), **counts)
     if record.brier is not None:
         ours, cae = record.brier
         shown = [f"{score:.4f}" if score >= 5e-5 else "below 0.0001" for score in (ours, cae)]

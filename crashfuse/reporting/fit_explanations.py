@@ -83,10 +83,15 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
 
 def whole_sentences(estimates: Iterable[Estimate]) -> list[str]:
     """How many left-out tests lie inside the band of whole pulses of each approach, if any has one: a sentence."""
-    checks: dict[str, Any] = {LABELS[own.approach]: check for own in estimates if (check := own.state.get("band_check"))}
-    counts = ", ".join(f"{who} {check['whole_inside']} of {check['left_out_tests']}" for who, check in checks.items())
-    told = "Left-out tests inside as a whole (0–60 ms), where nine of ten are meant to be"
-    return [f"{told}: {counts}."] if counts else []
+    states: dict[str, Any] = {LABELS[own.approach]: own.state.get("band_check") for own in estimates}
+    counts = {who: (check["whole_inside"], check["left_out_tests"]) for who, check in states.items() if check}
+    return [whole_sentence(counts)] if counts else []
+
+
+def whole_sentence(counts: Mapping[str, tuple[int, int]]) -> str:
+    """How many left-out tests lie inside bands of whole pulses, and of how many, by whose band or how left out."""
+    shown = ", ".join(f"{key} {inside} of {n}" for key, (inside, n) in counts.items())
+    return f"Left-out tests inside as a whole (0–60 ms), where nine of ten are meant to be: {shown}."
 
 
 def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
