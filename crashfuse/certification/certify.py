@@ -215,7 +215,6 @@ _Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out 
 
 
 def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Split], list[Asked], list[Asked]]:
-    """How tests are left out; forecasts of them, by the raw CAE as well; and of the conditions of a matrix."""
     splits: list[_Split] = []
     if len(campaign.tests) > 1:
         groups = [(test, campaign.speed_group(test.id)) for test in campaign.tests]
@@ -232,7 +231,6 @@ def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Spl
 def _record(
     campaign: Campaign, criteria: Criteria, splits: list[_Split], approach: str, forecasts: dict[Asked, Forecast]
 ) -> TrackRecord:
-    """Compare the verdicts on left-out tests, each from the others alone, with what was measured."""
     trials, whole = [], []
     for test, way, held_out in splits:
         domain = Domain.of(campaign.without(held_out), for_record=True)

@@ -236,7 +236,6 @@ def _occupant(values: dict[str, Any]) -> OccupantModel:
 
 
 def _shown(tests: dict[str, dict[str, float | None]]) -> Mapping[str, Shown]:
-    """What tests at a condition showed, by criterion."""
     found = {test: {_text(name): v for name, v in shown.items()} for test, shown in tests.items()}
     _require(all(value is None or is_number(value) for shown in found.values() for value in shown.values()))
     return dict(zip(_ids(tests), found.values(), strict=True))

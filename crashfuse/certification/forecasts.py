@@ -205,7 +205,6 @@ def _forecast(
     config: StudyConfig,
     windows_ms: tuple[float, ...],
 ) -> list[tuple[Asked, Forecast]]:
-    """Forecasts by approaches that learned from the same tests."""
     training, made = campaign.without(asked[0].held_out), []
     with one_thread_throughout():
         for name in dict.fromkeys(each.approach for each in asked):

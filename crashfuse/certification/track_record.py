@@ -168,7 +168,6 @@ class Trial:
 
 
 def _decided(trials: Sequence[Trial]) -> tuple[int, int]:
-    """Number of verdicts *met* and *not met*, and of the wrong ones."""
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
 
 

@@ -133,7 +133,6 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
 
 
 def _matrix(certification: Certification) -> Iterator[Fact]:
-    """How many verdicts there are of each kind, and the answers, with the conditions that have each."""
     ids, confidence = certification.matrix.ids, certification.criteria.confidence
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
     told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
@@ -171,7 +170,6 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
 def _details(
     certification: Certification, answer: Answer, rows: Mapping[str, Sequence[Verdict]], notes: Mapping[str, str]
 ) -> dict[str, str]:
-    """What stands in brackets after each condition with this answer."""
     confidence = certification.criteria.confidence
     if answer == "run":
         return {i: _tests_there(certification, row) for i, row in rows.items()}
@@ -190,7 +188,6 @@ def _details(
 
 
 def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
-    """The tests that were run at a condition, what they miss, and what is open for another one."""
     tests = []
     for test_id in row[0].run:
         test = certification.campaign.test(test_id)
@@ -208,7 +205,6 @@ def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
 
 
 def _near(certification: Certification, first: str) -> Iterator[Fact]:
-    """Which tests were run near a condition that takes another one all the same, and what they showed."""
     row, record = certification.rows[first], certification.record
     there, tests = row[0].condition, run_near(certification.campaign, row[0].condition)
     if tests:
@@ -248,7 +244,6 @@ def _notes_at(certification: Certification) -> tuple[list[str], dict[str, str]]:
 
 
 def _together(certification: Certification) -> dict[str, str]:
-    """The factors of conditions of which each was tested, but never with the others."""
     tested, known = [dict(t.condition.factors) for t in certification.campaign.tests], certification.domain.factors
     found = {}
     for i, condition in certification.matrix.items:
@@ -260,7 +255,6 @@ def _together(certification: Certification) -> dict[str, str]:
 
 
 def _unused_at(certification: Certification) -> dict[str, list[str]]:
-    """Tests that were run at conditions of the matrix and that are not used, by the id of the condition."""
     campaign, matrix, since = certification.campaign, certification.matrix, certification.since
     gone = () if since is None else since.gone_runs
     found = {}
@@ -273,7 +267,6 @@ def _unused_at(certification: Certification) -> dict[str, list[str]]:
 
 
 def _conditions(certification: Certification) -> Iterator[Fact]:
-    """Conditions outside the domain, without a factor, with factors that are new together, or with short records."""
     domain, items = certification.domain, certification.matrix.items
     yield from (fact("condition.outside", sentence) for sentence in domain.too_few_tests)
     for i, condition in items:
@@ -296,7 +289,6 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:
-    """Tests at conditions of the matrix that nothing learned from, and what removed ones had shown."""
     campaign, since = certification.campaign, certification.since
     removed = () if since is None else since.gone_runs
     planned, unused = dict(certification.matrix.items), dict(campaign.unused)

@@ -138,7 +138,6 @@ def _numbers_of(rows: Iterable[object], columns: Sequence[str] | None = None) ->
 
 
 def _bases(campaign: Campaign) -> dict[str, str]:
-    """What each metric, and the rating, rests on."""
     return {**campaign.metric_bases, RATING: campaign.rating_basis}
 
 
@@ -162,11 +161,7 @@ def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd
     """Number of verdicts of each kind by criterion, with its limits."""
     columns = [[verdict.word for verdict in column] for column in zip(*certification.verdicts, strict=True)]
     return pd.DataFrame(
-        {
-            "criterion": criterion.name,
-            "limit": said(criterion.limits, units),
-            **{word: words.count(word) for word in WORDS},
-        }
+        {"criterion": criterion.name, "limit": said(criterion.limits, units), **{w: words.count(w) for w in WORDS}}
         for criterion, words in zip(certification.criteria.items, columns, strict=True)
     )
 
@@ -204,10 +199,8 @@ def _cells(certification: Certification, verdict: Verdict, display: Display, *wi
 
 
 def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
-    """One row a condition and criterion."""
-    return pd.DataFrame(
-        {"Condition": i, **_cells(certification, verdict, display)} for i, verdict in certification.cells
-    )
+    rows = certification.cells
+    return pd.DataFrame({"Condition": i, **_cells(certification, verdict, display)} for i, verdict in rows)
 
 
 def _trials(certification: Certification, display: Display) -> pd.DataFrame:
@@ -225,7 +218,6 @@ def _trials(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _open(certification: Certification, display: Display) -> pd.DataFrame:
-    """Open verdicts with the distance of the limit from the expected value, the nearest limit first."""
     rows = []
     for i, verdict in certification.cells:
         if verdict.word == "open" and verdict.probability is not None:
@@ -245,7 +237,6 @@ def _open(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _changes(certification: Certification, display: Display) -> pd.DataFrame:
-    """First what did not come true, then what else was measured, then what is not as it was."""
     changes = Changes.of(certification)
     confidences = changes.earlier.criteria.confidence, changes.later.criteria.confidence
     shown = [
@@ -255,12 +246,8 @@ def _changes(certification: Certification, display: Display) -> pd.DataFrame:
     ]
 
     def cells(verdict: EarlierVerdict | Verdict | None, when: str, confidence: float) -> dict[str, str]:
-        if verdict is None:
-            return {when.capitalize(): "not asked", f"Probability {when}": "–"}
-        return {
-            when.capitalize(): verdict.word,
-            f"Probability {when}": probability_text(verdict.probability, confidence),
-        }
+        word, probability = ("not asked", None) if verdict is None else (verdict.word, verdict.probability)
+        return {when.capitalize(): word, f"Probability {when}": probability_text(probability, confidence)}
 
     return pd.DataFrame(
         {
@@ -282,7 +269,6 @@ def _changes(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _record(certification: Certification, display: Display) -> pd.DataFrame:
-    """How many verdicts on left-out tests were wrong, and what the record supports, one row a criterion; then all."""
     record, rows = certification.record, []
     for criterion in (*certification.criteria.items, None):
         counts = record.counts(criterion)
@@ -321,14 +307,8 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
 def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
     """The criteria; if the reader's units are not those that limits are declared in, in both."""
     table = pd.DataFrame(
-        {
-            "Criterion": own.name,
-            "Quantity": own.label,
-            "Limit": display.words(own.limits),
-            "As declared": str(own.limits),
-        }
-        for own in certification.criteria.items
-    )
+        (own.name, own.label, display.words(own.limits), str(own.limits)) for own in certification.criteria.items
+    ).set_axis(["Criterion", "Quantity", "Limit", "As declared"], axis=1)
     return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
 
 

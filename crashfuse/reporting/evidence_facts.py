@@ -187,7 +187,6 @@ def change_facts(changes: Changes) -> Iterator[Fact]:
 
 
 def _tested(changes: Changes) -> Iterator[Fact]:
-    """Which tests tell whether verdicts came true, and which do not."""
     since, campaign = changes.since, changes.since.campaign
     there = {test: campaign.test(test).condition for test in since.made_for}
     off = {test: Sentence(", at {}", there[test]) if since.is_off(test) else "" for test in there}
@@ -209,7 +208,6 @@ def _tested(changes: Changes) -> Iterator[Fact]:
 
 
 def _compared(changes: Changes) -> Iterator[Fact]:
-    """How the verdicts of both differ."""
     pairs = changes.compared
     same = sum(before.word == now.word for _, before, now in pairs)
     gained = sum(now.decided and not before.decided for _, before, now in pairs)
@@ -242,7 +240,6 @@ def _compared(changes: Changes) -> Iterator[Fact]:
 
 
 def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
-    """A verdict that a test contradicted."""
     verdict, criterion = trial.verdict, trial.verdict.criterion
     probability = probability_text(verdict.probability, confidence)
     sentence = Sentence(

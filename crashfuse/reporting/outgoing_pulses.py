@@ -178,7 +178,6 @@ def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
 
 
 def _unfinished(accel_mps2: FloatArray, condition: Condition) -> tuple[str, ...]:
-    """What a model that goes on after the record has to know about its end."""
     motion = kinematics(accel_mps2, condition.speed_mps, DT_S)
     end, last_g = f"The pulse ends at {accel_mps2.size * DT_S / MS:g} ms", accel_mps2[-1] / G
     if not np.isfinite(motion.t0_s):

@@ -57,6 +57,8 @@ def new_figure(height: int) -> go.Figure:
         "spikethickness": 1,
         "spikecolor": CURSOR,
     }
+    legend = {"x": 0, "y": 1, "yref": "container", "xanchor": "left", "yanchor": "top", "orientation": "h"}
+    legend["tracegroupgap"] = 0  # between rows
     return go.Figure(
         layout={  # all at once: each update is checked anew
             "template": _TEMPLATE,
@@ -69,15 +71,7 @@ def new_figure(height: int) -> go.Figure:
             "modebar": {"orientation": "v", "remove": _UNWANTED_TOOLS, "color": CURSOR, "activecolor": INK},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
-            "legend": {
-                "orientation": "h",
-                "x": 0,
-                "y": 1,
-                "yref": "container",
-                "xanchor": "left",
-                "yanchor": "top",
-                "tracegroupgap": 0,  # between rows
-            },
+            "legend": legend,
             "xaxis": {**axis, **over_time},
             "yaxis": {**axis, "automargin": "left"},  # the names above leave half a line for the uppermost tick
         }

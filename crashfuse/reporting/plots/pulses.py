@@ -210,7 +210,6 @@ def _accelerations(
 def _integrals(
     measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, display: Display
 ) -> tuple[dict[str, Curve], dict[str, Curve]]:
-    """Curves of velocity in the reader's unit and displacement in mm, each with the band of its draws."""
     velocities, displacements = {}, {}
     for name, prediction in predictions.items():
         v_band = s_band = None

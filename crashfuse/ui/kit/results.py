@@ -16,13 +16,7 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting import glossary, rating_tables
 from crashfuse.reporting.exports import spreadsheet_text
-from crashfuse.reporting.fit_explanations import (
-    fit_sentences,
-    fit_table,
-    metric_remarks,
-    notes_by_makers,
-    whole_sentences,
-)
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
 from crashfuse.reporting.rating_tables import REPEAT, best, rating_table
@@ -322,12 +316,6 @@ def show_notes(estimates: Iterable[Estimate], said: Collection[str] = ()) -> Non
     if makers:
         st.subheader("Notes")
         st.markdown("\n".join(f"- {', '.join(names)}: {plain(note)}" for note, names in makers.items()))
-
-
-def show_whole(estimates: Iterable[Estimate]) -> None:
-    """Show how many left-out tests lay inside the bands as a whole."""
-    for sentence in whole_sentences(estimates):
-        st.caption(sentence)
 
 
 def show_fits(estimates: Iterable[Estimate]) -> None:
