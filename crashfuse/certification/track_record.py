@@ -267,10 +267,8 @@ class TrackRecord:
     @property
     def whole_pulses(self) -> dict[LeftOut, tuple[int, int]]:
         """How many left-out tests lay inside the band of whole pulses, and of how many, by what was left out."""
-        ways: dict[LeftOut, list[bool]] = {}
-        for way, inside in self.whole:
-            ways.setdefault(way, []).append(inside)
-        return {way: (sum(insides), len(insides)) for way, insides in ways.items()}
+        by_way = {way: [inside for other, inside in self.whole if other == way] for way, _ in self.whole}
+        return {way: (sum(insides), len(insides)) for way, insides in by_way.items()}
 
     @property
     def missed_intervals(self) -> tuple[Trial, ...]:

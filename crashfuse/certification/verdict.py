@@ -91,7 +91,8 @@ _PRIOR_DRAWS = 20  # that meet the criteria independently of each other: few dra
 def all_met(verdicts: Sequence[Verdict]) -> AllMet:
     """Probability that a test meets all these criteria at once: the share of draws that do.
 
-    Each draw has the calibrated value of its rank in each metric. What has no draws may be missed by other tests.
+    Each draw has the calibrated value of its rank in each metric. A criterion without draws is taken to be missed by
+    tests that meet all others.
     """
     chances = np.array([verdict.probability or 0.0 for verdict in verdicts])
     least, most = max(1 - float((1 - chances).sum()), 0.0), float(chances.min())

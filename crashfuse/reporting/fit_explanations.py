@@ -91,7 +91,7 @@ def whole_sentences(estimates: Iterable[Estimate]) -> list[str]:
 def whole_sentence(counts: Mapping[str, tuple[int, int]]) -> str:
     """How many left-out tests lie inside bands of whole pulses, and of how many, by whose band or how left out."""
     shown = ", ".join(f"{key} {inside} of {n}" for key, (inside, n) in counts.items())
-    return f"Left-out tests inside as a whole (0–60 ms), where nine of ten are meant to be: {shown}."
+    return f"Left-out tests inside as a whole (0–60 ms; nine of ten are meant to be): {shown}."
 
 
 def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:

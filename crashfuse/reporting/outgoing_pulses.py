@@ -172,7 +172,7 @@ def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
     for estimate in estimates:
         condition, band = estimate.prediction.condition, estimate.prediction.whole_band()
         for edge, accel in zip(("lower", "upper"), band or (), strict=False):
-            told = "An edge, no pulse: nine of ten tests are meant to lie between both as a whole, from 0 to 60 ms."
+            told = "An edge, no pulse: nine of ten tests are meant to lie between both up to 60 ms."
             remarks = (told, *whole_sentences([estimate]), *estimate.prediction.notes)
             yield OutgoingPulse(estimate.approach, None, condition, accel[: round(WHOLE_S / DT_S)], remarks, edge)
 

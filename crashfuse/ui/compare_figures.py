@@ -92,8 +92,7 @@ def show_pulses(comparison: Comparison) -> None:
         lambda: comparison.plot(shown.lower(), curves, corridors=corridors, notes=notes_here), alt, shown, corridors,
         notes_here, comparison.key, curves.key, beside=curves.also, name=curves.named(name, of_test=shown == _MOTION),
     )  # fmt: skip
-    for sentence in whole_sentences(comparison.fold.estimates):
-        st.caption(sentence)
+    st.caption("".join(whole_sentences(comparison.fold.estimates)))
     if shown == _RESIDUALS:
         st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
     edit_notes(comparison.view, notes)

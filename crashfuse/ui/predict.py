@@ -244,8 +244,7 @@ def show_pulses(answer: Answer) -> None:
     alt = f"{of} at {display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
     show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)
-    for sentence in whole_sentences(answer.estimates):
-        st.caption(sentence)
+    st.caption("".join(whole_sentences(answer.estimates)))
 
 
 def show_metrics(answer: Answer) -> None:

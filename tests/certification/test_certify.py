@@ -67,7 +67,8 @@ def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) ->
 
 def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> None:
     """Measured metrics of the test, ratings of the prediction against it; both ways of leaving out."""
-    record = certified(campaign).record
+    found = certified(campaign)
+    record = found.record
     ways = {(trial.held_out, trial.left_out) for trial in record.trials}
     assert ways == {(test, way) for test in campaign.test_ids for way in ("test", "speed group")}
     whole = []
@@ -90,6 +91,7 @@ def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> Non
     assert len(record.counted) == 3 * (4 + 2)  # the tests at 25 and 26 mph are the only group of more than one
     assert sorted(record.whole) == sorted(whole)
     assert {way: n for way, (_, n) in record.whole_pulses.items()} == {"test": 4, "speed group": 2}
+    assert [dict(own.values) for own in facts(found) if own.code == "record.whole"] == [record.whole_pulses]
 
 
 def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> None:

@@ -50,7 +50,7 @@ def draw_curves(
     for name, curve in curves.items():
         colour: str = lines[name]["color"]
         key: dict[str, Any] = {"name": labels[name], "legendgroup": name, "showlegend": False}
-        listed = {"legendrank": _LAST, "showlegend": style.get("showlegend", True)}
+        listed = {"legendrank": 2000, "showlegend": style.get("showlegend", True)}  # behind all curves
         if name == filled:
             key = {"name": POINTWISE, "legendgroup": f"band of {name}", "whose": labels[name], **listed}
         if curve.band is not None:
@@ -115,7 +115,6 @@ def _label(name: str, curve: Curve) -> str:
     return f"{label}{curve.remark}"
 
 
-_LAST = 2000  # rank in the legend
 _WIDTH, _LINES = 36, 2  # characters and lines of a mark's text; all of it is in the list of notes
 _STEPS, _STEP_PX = 3, 32  # texts of marks near each other stand at different heights
 _BEHIND = "rgba(255, 255, 255, 0.7)"

@@ -40,7 +40,7 @@ from crashfuse.ui.predict import fill_in
 _CELL = "cell"
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
 _NUMBERS = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
-_COLOURS = "So many conditions have colours alone: point at a cell for its verdict. All are in certification.csv."
+_COLOURS = "Many conditions have colours alone: point at a cell for its verdict. All are in certification.csv."
 _MEANINGS = {
     "met": "A test there would meet it, with the confidence asked for.",
     "not met": "A test there would miss it, as surely.",
