@@ -42,7 +42,7 @@ Row = tuple[Verdict, ...]
 _FIRST: dict[str, Callable[[Row], float]] = {
     "fastest": lambda row: row[0].condition.speed_mps,
     "slowest": lambda row: -row[0].condition.speed_mps,
-    "most probable": lambda row: all_met(row)[0],
+    "most probable": lambda row: all_met(row).probability,
 }
 
 

@@ -14,7 +14,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError
 from crashfuse.execution.cache import Entry
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.pulse import GRID_S, FloatArray
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
 from crashfuse.units import G
 
 WHOLE_SHARE, WHOLE_S = 0.9, 0.06  # of tests that lie inside the band of whole pulses, and until when
@@ -77,11 +77,22 @@ def whole_interval(draws: FloatArray) -> tuple[FloatArray, FloatArray]:
     ordered = np.sort(draws, axis=0)
     lower, median, upper = (_at(ordered, share * (len(ordered) - 1)) for share in (0.025, 0.5, 0.975))
     above, below = (np.maximum(width, _LEAST_WIDTH_MPS2) for width in (upper - median, median - lower))
-    judged = slice(round(WHOLE_S / GRID_S[-1] * draws.shape[1]))
-    away = (draws - median)[:, judged]
+    judged = _judged(draws.shape[1])
+    away = draws[:, judged] - median[judged]
     reach = np.maximum(away / above[judged], -away / below[judged]).max(axis=1)
     factor = float(np.quantile(reach, WHOLE_SHARE))
     return median - factor * below, median + factor * above
+
+
+def holds_whole(band: tuple[FloatArray, FloatArray], accel_mps2: FloatArray) -> bool:
+    """Whether a pulse, shape (1250,), lies inside a band, at every k-th sample, up to 60 ms throughout."""
+    lower, upper = band
+    accel = accel_mps2[:: N_SAMPLES // lower.size]
+    return bool(((lower <= accel) & (accel <= upper))[_judged(lower.size)].all())
+
+
+def _judged(n_times: int) -> slice:
+    return slice(round(WHOLE_S / (N_SAMPLES * DT_S) * n_times))
 
 
 def _at(ordered: FloatArray, place: float) -> FloatArray:

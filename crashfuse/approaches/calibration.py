@@ -1,12 +1,12 @@
 """Calibration of bands on left-out tests (cross-validation): their predictions, coverage, and the widening needed."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import MOST_TESTS, WHOLE_S, Approach, FittedState, Prediction, whole_interval
+from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction, holds_whole, whole_interval
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
@@ -94,7 +94,7 @@ class Coverage:
     whole: bool = True  # a(t) lies inside the band of whole pulses up to 60 ms throughout
 
     @classmethod
-    def of(cls, test: CrashTest, draws_mps2: FloatArray) -> Self:
+    def of(cls, test: CrashTest, draws_mps2: FloatArray, *, whole: bool = True) -> Self:
         """Compare a test with draws of pulses without it, at every k-th sample, (n_draws, 1250 / k)."""
         stride = N_SAMPLES // draws_mps2.shape[1]
         dt_s, time = stride * DT_S, GRID_S[::stride]
@@ -104,14 +104,13 @@ class Coverage:
         loading = ~(measured.t0_s < time)
         accel_inside = _inside(draws_mps2, accel)
         crush = _inside(displacement.max(axis=1), measured.displacement_m.max())
-        lower, upper = whole_interval(draws_mps2)
         return cls(
             accel=float(accel_inside[loading].mean()),
             velocity=float(_inside(velocity[:, loading], measured.velocity_mps[loading]).mean()),
             rebound=float(accel_inside[~loading].mean()) if not loading.all() else float("nan"),
             crush=bool(crush),
             peak=bool(_inside(np.min(draws_mps2, axis=1), accel.min())),
-            whole=bool(((lower <= accel) & (accel <= upper))[time < WHOLE_S].all()),
+            whole=whole and holds_whole(whole_interval(draws_mps2), test.pulse.accel_mps2),
         )
 
 
@@ -153,6 +152,11 @@ class Calibration:
     def further(self, nearness: float) -> float:
         """Further factor at a condition of this nearness to a test."""
         return nearness + (1 - nearness) * self.far
+
+    def with_whole(self, drawn: Iterable[tuple[CrashTest, FloatArray]]) -> Self:
+        """With the whole pulses inside, by each test's widened draws: they decide no widening, so are counted once."""
+        whole = [holds_whole(whole_interval(draws_mps2), test.pulse.accel_mps2) for test, draws_mps2 in drawn]
+        return replace(self, tests=tuple(replace(c, whole=w) for c, w in zip(self.tests, whole, strict=True)))
 
     @property
     def holds(self) -> bool:
@@ -279,9 +283,10 @@ def check_band(
         for number, predictor in predictors.items():
             watch.report(_STEP, len(numbers), len(numbers))  # makes it cancellable
             alone[number] = predictor(widening)
-        return [Coverage.of(tests[number], pulses[1:]) for number, pulses in alone.items()]
+        return [Coverage.of(tests[number], pulses[1:], whole=False) for number, pulses in alone.items()]
 
-    calibration, groups = calibrate(check), speed_groups(campaign)
+    calibration = calibrate(check).with_whole((tests[number], pulses[1:]) for number, pulses in alone.items())
+    groups = speed_groups(campaign)
     apart = {}
     for number in alone:
         watch.report(_STEP, len(alone), len(alone))

@@ -107,10 +107,11 @@ class Fused(AboutFused):
         mixtures = [(campaign.tests[left_out.number], self._mixed(left_out.components)) for left_out in alone]
 
         def check(widening: float) -> list[Coverage]:
-            return [Coverage.of(test, mixture.widened(widening)) for test, mixture in mixtures]
+            return [Coverage.of(test, mixture.widened(widening), whole=False) for test, mixture in mixtures]
 
         # A mixture of valid bands is wider than necessary where the components agree: beside tests it may be narrowed.
         near = calibrate(check, _WIDENINGS) if mixtures else Calibration(1.0, ())
+        near = near.with_whole((test, mixture.widened(near.widening)) for test, mixture in mixtures)
         of_others = {left_out.number: self._mixed(left_out.components) for left_out in apart}
         far = widening_far(measured, self._tests.speeds_mps, thinned_out(of_others))
         self.calibration_ = replace(near, far=max(far / near.widening, 1.0))

@@ -88,9 +88,12 @@ class Distribution:
 
     def probability(self, at_least: float | None, at_most: float | None) -> float:
         """Probability of a value between the limits."""
-        upper = 1.0 if at_most is None else self.cdf(at_most)
-        lower = 0.0 if at_least is None else self.cdf(at_least)
+        lower, upper = self.shares(at_least, at_most)
         return max(upper - lower, 0.0)
+
+    def shares(self, at_least: float | None, at_most: float | None) -> tuple[float, float]:
+        """The shares of tests that lie below each limit; without one 0 and 1."""
+        return 0.0 if at_least is None else self.cdf(at_least), 1.0 if at_most is None else self.cdf(at_most)
 
     def quantile(self, share: float) -> float | None:
         """The value that a share of tests stays below; None beyond the record."""
@@ -158,11 +161,8 @@ def _drawn(prediction: Prediction) -> FloatArray:
     return prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
 
 
-def metric_distributions(
-    prediction: Prediction, errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
-) -> dict[str, Distribution | None]:
-    """Calibrated distributions of all metrics for a single test; None where :meth:`Distribution.of` has none."""
-    drawn = drawn_metrics(prediction, occupant)
+def metric_distributions(drawn: Mapping[str, FloatArray], errors: Errors) -> dict[str, Distribution | None]:
+    """Distributions for a single test from :func:`drawn_metrics`; None where :meth:`Distribution.of` has none."""
     return {name: Distribution.of(drawn[name], errors.get(name, np.empty(0)), name) for name in drawn}
 
 
@@ -173,7 +173,7 @@ def calibrated_metrics(
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
-    distributions = metric_distributions(prediction, errors, occupant)
+    distributions = metric_distributions(drawn_metrics(prediction, occupant), errors)
 
     def expected(metric: Metric) -> Metric:
         distribution = distributions[metric.name]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, Self
 
+from crashfuse.approaches.base import holds_whole
 from crashfuse.approaches.mixture import AboutFused
 from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign import Campaign
@@ -16,7 +17,7 @@ from crashfuse.certification.forecasts import Asked, Forecast, Forecasts, quanti
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import WORDS, Verdict, Word, all_met, judge, needs_no_test
+from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
@@ -102,16 +103,16 @@ class Certification:
         return {i: _answer(row, self.criteria.confidence) for i, row in self.rows.items()}
 
     @property
-    def waived(self) -> dict[str, tuple[float, float]]:
+    def waived(self) -> dict[str, AllMet]:
         """Conditions that need not be run, by :func:`needs_no_test`, and were not; with :func:`all_met` of each."""
         return self._all_met("need not be run")
 
     @property
-    def uncertain(self) -> dict[str, tuple[float, float]]:
+    def uncertain(self) -> dict[str, AllMet]:
         """Conditions, not run, where each criterion is met, but all at once not with the confidence; as ``waived``."""
         return self._all_met("to be tested")
 
-    def _all_met(self, answer: Answer) -> dict[str, tuple[float, float]]:
+    def _all_met(self, answer: Answer) -> dict[str, AllMet]:
         return {i: all_met(row) for i, row in self.rows.items() if self.answers[i] == answer}
 
     @cached_property
@@ -214,7 +215,6 @@ _Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out 
 
 
 def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Split], list[Asked], list[Asked]]:
-    """How tests are left out; forecasts of them, by the raw CAE as well; and of the conditions of a matrix."""
     splits: list[_Split] = []
     if len(campaign.tests) > 1:
         groups = [(test, campaign.speed_group(test.id)) for test in campaign.tests]
@@ -231,11 +231,12 @@ def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Spl
 def _record(
     campaign: Campaign, criteria: Criteria, splits: list[_Split], approach: str, forecasts: dict[Asked, Forecast]
 ) -> TrackRecord:
-    """Compare the verdicts on left-out tests, each from the others alone, with what was measured."""
-    trials = []
+    trials, whole = [], []
     for test, way, held_out in splits:
         domain = Domain.of(campaign.without(held_out), for_record=True)
         own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
+        if len(own.whole_mps2) and (way == "test" or len(held_out) > 1):
+            whole.append((way, holds_whole((own.whole_mps2[0], own.whole_mps2[1]), test.pulse.accel_mps2)))
         for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
             criterion = verdict.criterion
             measured = own.measured(criterion, test, campaign.occupant)
@@ -243,4 +244,4 @@ def _record(
             raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)
             if measured is not None:
                 trials.append(Trial(test.id, way, verdict, measured, raw))
-    return TrackRecord(tuple(trials))
+    return TrackRecord(tuple(trials), whole=tuple(whole))

@@ -166,7 +166,6 @@ class Changes:
 
     @cached_property
     def _both(self) -> dict[str, str]:
-        """Conditions that both have: the id of today, and that of then."""
         then = _by_place(self.earlier.matrix)
         return {i: then[place] for place, i in _by_place(self.later.matrix).items() if place in then}
 

@@ -15,7 +15,7 @@ from crashfuse.certification.criteria import Criteria, Criterion, criteria_of, i
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import Trial
-from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, Word, needs_no_test
+from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, printable
 from crashfuse.signals.occupant import OccupantModel
@@ -69,6 +69,8 @@ class Earlier:
         What tests at its conditions showed: by condition, test and criterion.
     verdicts : tuple of tuple of EarlierVerdict
         By condition of its matrix, then by criterion.
+    waived : tuple of str
+        Conditions that needed no test, by :func:`crashfuse.certification.verdict.needs_no_test`, and had none.
     """
 
     digest: str
@@ -84,6 +86,7 @@ class Earlier:
     gone: tuple[RemovedTest, ...]
     run: Mapping[str, Mapping[str, Shown]]
     verdicts: tuple[tuple[EarlierVerdict, ...], ...]
+    waived: tuple[str, ...]
 
     def __repr__(self) -> str:
         return f"<Earlier certification of {len(self.matrix.ids)} conditions from {len(self.tests)} tests>"
@@ -92,12 +95,6 @@ class Earlier:
     def rows(self) -> dict[str, tuple[EarlierVerdict, ...]]:
         """The verdicts of each condition, by its id."""
         return dict(zip(self.matrix.ids, self.verdicts, strict=True))
-
-    @property
-    def waived(self) -> tuple[str, ...]:
-        """Conditions that needed no test, by :func:`needs_no_test`, and had none."""
-        confidence = self.criteria.confidence
-        return tuple(i for i, row in self.rows.items() if i not in self.run and needs_no_test(row, confidence))
 
     @property
     def content_key(self) -> Hashable:
@@ -193,6 +190,7 @@ def _of(values: dict[str, Any], digest: str) -> Earlier:
         tuple(_removed(**test) for test in before.get("gone", ())),
         {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
         tuple(tuple(_verdict(*cells[i][criterion.name]) for criterion in criteria.items) for i in matrix.ids),
+        tuple(i for i in matrix.ids if i in values["waived"]),
     )
 
 
@@ -238,7 +236,6 @@ def _occupant(values: dict[str, Any]) -> OccupantModel:
 
 
 def _shown(tests: dict[str, dict[str, float | None]]) -> Mapping[str, Shown]:
-    """What tests at a condition showed, by criterion."""
     found = {test: {_text(name): v for name, v in shown.items()} for test, shown in tests.items()}
     _require(all(value is None or is_number(value) for shown in found.values() for value in shown.values()))
     return dict(zip(_ids(tests), found.values(), strict=True))

@@ -60,7 +60,6 @@ def hold(
 
 
 def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | None], dict[str, Condition]]:
-    """What tests at a verdict's condition measured, and the conditions of those that were not quite there."""
     trials = {
         trial.held_out: trial
         for trial in record.trials
@@ -106,6 +105,5 @@ def _beside_removed(verdict: Verdict, removed: Sequence[RemovedTest]) -> Verdict
 
 
 def _with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:
-    """The verdict with more to its reason; if it was decided and is contradicted, open."""
     word = "open" if verdict.decided and contradicted else verdict.word
     return replace(verdict, word=word, reason=joined([verdict.reason, *sentences]))

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass, field, fields
 from functools import partial
 from typing import NamedTuple, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
+from crashfuse.approaches.metric_calibration import Distribution, drawn_metrics, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
@@ -45,11 +46,26 @@ class Forecast:
     accel_mps2 : ndarray, shape (1250,)
     values, distributions : dict of str to float or None, dict of str to Distribution or None
         By :func:`quantity`, what a single test shows in the middle, and at all; None where the record is too short.
+    ranks : ndarray, shape (n_metrics, n_draws)
+        The share of draws that each is above, in the order of the first distributions, those of metrics.
+    whole_mps2 : ndarray, shape (2, 1250)
+        The band of whole pulses; without rows if there is none.
     """
 
     accel_mps2: FloatArray
     values: dict[str, float | None]
     distributions: dict[str, Distribution | None]
+    ranks: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    whole_mps2: FloatArray = field(default_factory=lambda: np.empty((0, N_SAMPLES)))
+
+    def drawn(self, criterion: Criterion) -> npt.NDArray[np.bool_]:
+        """Which draws meet a criterion by their ranks; none of a rating, or without draws."""
+        ranks = dict(zip(self.distributions, self.ranks, strict=False)).get(quantity(criterion))
+        distribution = self.distributions[quantity(criterion)]
+        if ranks is None or distribution is None:
+            return np.empty(0, dtype=bool)
+        lower, upper = distribution.shares(criterion.at_least, criterion.at_most)
+        return np.asarray((lower < ranks) & (ranks <= upper))
 
     def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
         """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
@@ -66,8 +82,8 @@ class Forecast:
             (np.nan if (value := self.values[name]) is None else value, *(_UNKNOWN if own is None else astuple(own)))
             for name, own in self.distributions.items()
         ]
-        names = np.array(list(self.values))
-        return {"accel_mps2": self.accel_mps2, "names": names, "numbers": np.array(rows)}
+        bands = {"accel_mps2": self.accel_mps2, "whole_mps2": self.whole_mps2}
+        return {**bands, "names": np.array(list(self.values)), "numbers": np.array(rows), "ranks": self.ranks}
 
     @classmethod
     def restored(cls, entry: Entry) -> Self:
@@ -78,7 +94,8 @@ class Forecast:
             values[name] = None if np.isnan(value) else value
             kind = RatingDistribution if name.startswith(RATING) else Distribution
             distributions[name] = None if np.isnan(own[0]) else kind(*own)
-        return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions)
+        ranks, whole = finite(entry, "ranks", None, None), finite(entry, "whole_mps2", None, N_SAMPLES)
+        return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions, ranks, whole)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +120,8 @@ class Forecaster:
         """The forecast at a condition."""
         prediction = self.fit.estimate(condition).prediction
         occupant = self.fit.campaign.occupant
-        found = metric_distributions(prediction, self.fit.metric_errors, occupant)
+        drawn = drawn_metrics(prediction, occupant)
+        found = metric_distributions(drawn, self.fit.metric_errors)
         of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
         known = {name: float(value) if np.isfinite(value) else None for name, value in of_pulse.items()}
         known |= {name: own.median for name, own in found.items() if own is not None}
@@ -113,7 +131,15 @@ class Forecaster:
             rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
             name = f"{RATING} {window:g}"
             found[name], known[name] = rating, None if rating is None else rating.median
-        return Forecast(prediction.accel_mps2, known, found)
+        whole = np.array(prediction.whole_band() or np.empty((0, N_SAMPLES)))
+        return Forecast(prediction.accel_mps2, known, found, _ranks(np.array(list(drawn.values()))), whole)
+
+
+def _ranks(drawn: FloatArray) -> FloatArray:
+    """The share of draws below each, equal ones in the middle of theirs and those without a value above all others."""
+    n_draws = drawn.shape[1] if drawn.shape[1] > 1 else 0  # a single one is the pulse itself
+    ends = [[np.searchsorted(np.sort(row), row[:n_draws], end) for row in drawn] for end in ("left", "right")]
+    return np.asarray(np.mean(ends, axis=0) / max(n_draws, 1))
 
 
 def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> float:
@@ -179,7 +205,6 @@ def _forecast(
     config: StudyConfig,
     windows_ms: tuple[float, ...],
 ) -> list[tuple[Asked, Forecast]]:
-    """Forecasts by approaches that learned from the same tests."""
     training, made = campaign.without(asked[0].held_out), []
     with one_thread_throughout():
         for name in dict.fromkeys(each.approach for each in asked):

@@ -64,7 +64,6 @@ class Matrix:
         return tuple(map(tuple, found))
 
     def _near(self, tests: Iterable[tuple[str, Condition]]) -> Iterator[tuple[str, Condition, list[int]]]:
-        """The places of the conditions that each test may have been made for, the nearest first."""
         planned = self._vectors
         for test, there in tests:
             away = _away(there, planned)

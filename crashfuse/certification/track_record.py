@@ -168,7 +168,6 @@ class Trial:
 
 
 def _decided(trials: Sequence[Trial]) -> tuple[int, int]:
-    """Number of verdicts *met* and *not met*, and of the wrong ones."""
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
 
 
@@ -212,6 +211,8 @@ class TrackRecord:
     trials: tuple[Trial, ...]
     since: tuple[Trial, ...] = ()
     """Of tests that were run after an earlier certification had judged them; part of what is supported alone."""
+    whole: tuple[tuple[LeftOut, bool], ...] = ()
+    """Whether each left-out test lies inside its band of whole pulses; nothing without a band."""
 
     def __repr__(self) -> str:
         decided, wrong = self.decided
@@ -262,6 +263,12 @@ class TrackRecord:
         """How many 95 % intervals held what was measured, and of how many; two criteria on one metric share theirs."""
         n = len(strictest_per_metric(self._with_interval))
         return n - len(self.missed_intervals), n
+
+    @property
+    def whole_pulses(self) -> dict[LeftOut, tuple[int, int]]:
+        """How many left-out tests lay inside the band of whole pulses, and of how many, by what was left out."""
+        by_way = {way: [inside for other, inside in self.whole if other == way] for way, _ in self.whole}
+        return {way: (sum(insides), len(insides)) for way, insides in by_way.items()}
 
     @property
     def missed_intervals(self) -> tuple[Trial, ...]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.certification.criteria import RATING, Criteria, Criterion
@@ -33,6 +34,8 @@ class Verdict:
         That a test there meets the criterion; None if the record is too short to tell.
     run : mapping of str to float or None
         What tests at this condition measured, by id: the metric, or the rating of the prediction made without the test.
+    drawn : ndarray, shape (n_draws,)
+        Which draws of the prediction meet it; empty where it has none, and of a rating.
     """
 
     condition: Condition
@@ -44,6 +47,7 @@ class Verdict:
     word: Word
     reason: str
     run: Mapping[str, float | None] = field(default_factory=dict)
+    drawn: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool), compare=False, repr=False)
 
     def __repr__(self) -> str:
         return f"<Verdict {self.word}: {self.criterion.name} {self.criterion.limits} at {self.condition}>"
@@ -73,10 +77,32 @@ class EarlierVerdict(NamedTuple):
         return self.word in ("met", "not met")
 
 
-def all_met(verdicts: Sequence[Verdict | EarlierVerdict]) -> tuple[float, float]:
-    """Least (Boole's inequality) and greatest probability that a test meets all these criteria at once."""
-    probabilities = [verdict.probability or 0.0 for verdict in verdicts]
-    return max(1 - sum(1 - probability for probability in probabilities), 0.0), min(probabilities)
+class AllMet(NamedTuple):
+    """Probability that a test meets several criteria at once, and the ends that those of the single ones leave it."""
+
+    at_least: float  # Boole's inequality
+    probability: float
+    at_most: float
+
+
+_PRIOR_DRAWS = 20  # that meet the criteria independently of each other: few draws say little of how these hang together
+
+
+def all_met(verdicts: Sequence[Verdict]) -> AllMet:
+    """Probability that a test meets all these criteria at once: the share of draws that do.
+
+    Each draw has the calibrated value of its rank in each metric. A criterion without draws is taken to be missed by
+    tests that meet all others.
+    """
+    chances = np.array([verdict.probability or 0.0 for verdict in verdicts])
+    least, most = max(1 - float((1 - chances).sum()), 0.0), float(chances.min())
+    has_draws = np.array([verdict.drawn.size > 0 for verdict in verdicts])
+    probability = 1 - float((1 - chances[~has_draws]).sum())
+    if has_draws.any():
+        met = np.all([verdict.drawn for verdict in verdicts if verdict.drawn.size], axis=0)
+        independent = chances[has_draws].prod()
+        probability -= 1 - float(met.sum() + _PRIOR_DRAWS * independent) / (met.size + _PRIOR_DRAWS)
+    return AllMet(least, min(max(probability, least), most), most)
 
 
 def reaches(probability: float, confidence: float) -> bool:
@@ -84,9 +110,9 @@ def reaches(probability: float, confidence: float) -> bool:
     return probability >= confidence - 1e-12
 
 
-def needs_no_test(verdicts: Sequence[Verdict | EarlierVerdict], confidence: float) -> bool:
+def needs_no_test(verdicts: Sequence[Verdict], confidence: float) -> bool:
     """Whether every criterion is met at a condition, and all of them at once (:func:`all_met`) with the confidence."""
-    return all(verdict.word == "met" for verdict in verdicts) and reaches(all_met(verdicts)[0], confidence)
+    return all(verdict.word == "met" for verdict in verdicts) and reaches(all_met(verdicts).probability, confidence)
 
 
 def judge(
@@ -109,8 +135,8 @@ def judge(
             lower, upper = distribution.interval
             probability = distribution.probability(criterion.at_least, criterion.at_most)
         word: Word = "outside" if outside else _word(probability, criteria.confidence)
-        run = dict.fromkeys(tests)
-        verdict = Verdict(condition, criterion, value, lower, upper, probability, word, joined(outside), run)
+        run, drawn = dict.fromkeys(tests), forecast.drawn(criterion)
+        verdict = Verdict(condition, criterion, value, lower, upper, probability, word, joined(outside), run, drawn)
         verdicts.append(verdict if outside else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
 

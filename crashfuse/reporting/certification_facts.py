@@ -52,8 +52,8 @@ SUBJECTS = {
 """What speaks against the verdicts, by code: its heading among the exceptions."""
 ANSWERS: Mapping[Answer, str] = {
     "run": "Run already",
-    "need not be run": "Need not be run (least probability that every criterion is met)",
-    "to be tested": "To be tested, as all criteria at once are uncertain (least probability)",
+    "need not be run": "Need not be run (probability that all criteria are met at once)",
+    "to be tested": "To be tested, as all criteria at once are uncertain (their probability)",
     "would miss": "A test would miss",
     "test or redesign": "To be tested, or redesigned",
     "record for longer": "To be recorded for longer, as recordings end too early to tell",
@@ -74,7 +74,10 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("test.stands_apart", *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
         *("test.not_used", "criterion.unsupported"),
     ),
-    "record": (*_RECORD, "record.intervals", "record.too_narrow", "record.brier", "record.no_gain", "record.none"),
+    "record": (
+        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.brier", "record.no_gain"),
+        "record.none",
+    ),
     "domain": ("domain.checked", "domain.reach"),
     "changes": (
         *("since.beside", "since.settings", "since.tested", *_SINCE, "since.wrong", "since.compared"),
@@ -131,7 +134,6 @@ def _campaign(certification: Certification) -> Iterator[Fact]:
 
 
 def _matrix(certification: Certification) -> Iterator[Fact]:
-    """How many verdicts there are of each kind, and the answers, with the conditions that have each."""
     ids, confidence = certification.matrix.ids, certification.criteria.confidence
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
     told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
@@ -169,16 +171,15 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
 def _details(
     certification: Certification, answer: Answer, rows: Mapping[str, Sequence[Verdict]], notes: Mapping[str, str]
 ) -> dict[str, str]:
-    """What stands in brackets after each condition with this answer."""
     confidence = certification.criteria.confidence
     if answer == "run":
         return {i: _tests_there(certification, row) for i, row in rows.items()}
     if answer in ("need not be run", "to be tested"):
-        least = {i: low for i, (low, _) in (certification.waived | certification.uncertain).items() if i in rows}
+        met = {i: p for i, (_, p, _) in (certification.waived | certification.uncertain).items() if i in rows}
         if len(rows) <= _FEW:
-            return {i: probability_text(low, confidence) for i, low in least.items()}
-        alike = {note: min(p for i, p in least.items() if notes.get(i) == note) for note in map(notes.get, least)}
-        return {i: f"{probability_text(alike[notes.get(i)], confidence)} or more" for i in least}
+            return {i: probability_text(p, confidence) for i, p in met.items()}
+        alike = {note: min(p for i, p in met.items() if notes.get(i) == note) for note in map(notes.get, met)}
+        return {i: f"{probability_text(alike[notes.get(i)], confidence)} or more" for i in met}
     asked = {"would miss": "not met", "test or redesign": "open", "record for longer": "open"}.get(answer)
     longer = answer == "record for longer"
     return {
@@ -188,7 +189,6 @@ def _details(
 
 
 def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
-    """The tests that were run at a condition, what they miss, and what is open for another one."""
     tests = []
     for test_id in row[0].run:
         test = certification.campaign.test(test_id)
@@ -206,7 +206,6 @@ def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
 
 
 def _near(certification: Certification, first: str) -> Iterator[Fact]:
-    """Which tests were run near a condition that takes another one all the same, and what they showed."""
     row, record = certification.rows[first], certification.record
     there, tests = row[0].condition, run_near(certification.campaign, row[0].condition)
     if tests:
@@ -246,7 +245,6 @@ def _notes_at(certification: Certification) -> tuple[list[str], dict[str, str]]:
 
 
 def _together(certification: Certification) -> dict[str, str]:
-    """The factors of conditions of which each was tested, but never with the others."""
     tested, known = [dict(t.condition.factors) for t in certification.campaign.tests], certification.domain.factors
     found = {}
     for i, condition in certification.matrix.items:
@@ -258,7 +256,6 @@ def _together(certification: Certification) -> dict[str, str]:
 
 
 def _unused_at(certification: Certification) -> dict[str, list[str]]:
-    """Tests that were run at conditions of the matrix and that are not used, by the id of the condition."""
     campaign, matrix, since = certification.campaign, certification.matrix, certification.since
     gone = () if since is None else since.gone_runs
     found = {}
@@ -271,7 +268,6 @@ def _unused_at(certification: Certification) -> dict[str, list[str]]:
 
 
 def _conditions(certification: Certification) -> Iterator[Fact]:
-    """Conditions outside the domain, without a factor, with factors that are new together, or with short records."""
     domain, items = certification.domain, certification.matrix.items
     yield from (fact("condition.outside", sentence) for sentence in domain.too_few_tests)
     for i, condition in items:
@@ -294,7 +290,6 @@ def _conditions(certification: Certification) -> Iterator[Fact]:
 
 
 def _not_used(certification: Certification) -> Iterator[Fact]:
-    """Tests at conditions of the matrix that nothing learned from, and what removed ones had shown."""
     campaign, since = certification.campaign, certification.since
     removed = () if since is None else since.gone_runs
     planned, unused = dict(certification.matrix.items), dict(campaign.unused)

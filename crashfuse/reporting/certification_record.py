@@ -1,7 +1,6 @@
 """Content of ``certification.json``: what makes a certification again, its counts and what its record says."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 
@@ -93,10 +92,10 @@ def certification_record(certification: Certification) -> dict[str, object]:
         },
         "domain": _domain(certification.domain),
         "verdicts": certification.counts,
-        "waived": _ends(certification.waived),
+        "waived": {i: met._asdict() for i, met in certification.waived.items()},
         "saved": dict(zip(("n", "tests"), certification.saved, strict=True)),
         "counted_once": certification.counted_once,
-        "uncertain": _ends(certification.uncertain),
+        "uncertain": {i: met._asdict() for i, met in certification.uncertain.items()},
         "run_first": certification.run_first,
         "track_record": {
             **record_counts(record),
@@ -104,6 +103,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "waived_with_those_since": {"n": saved_with_since, **_wrong(missed_with_since, saved_with_since)},
             "telling": {"n": telling, **_wrong(telling_wrong, telling)},
             "intervals": {"n": intervals, "inside": inside},
+            "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
             "brier": brier[0],
             "brier_raw_cae": brier[1],
             "reliability": [{**asdict(own), "holds": own.holds} for own in record.reliability],
@@ -124,10 +124,6 @@ def certification_record(certification: Certification) -> dict[str, object]:
 
 def _wrong(wrong: int, n: int) -> dict[str, object]:
     return {"wrong": wrong, "wrong_at_most": bound(wrong, n)}
-
-
-def _ends(bounds: Mapping[str, tuple[float, float]]) -> dict[str, dict[str, float]]:
-    return {i: {"at_least": low, "at_most": high} for i, (low, high) in bounds.items()}
 
 
 def _criterion(criterion: Criterion) -> dict[str, object]:

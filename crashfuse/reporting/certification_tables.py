@@ -35,7 +35,7 @@ _JUDGED = ("met", "not met", "decided")
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
     factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
-    answers, at_once = certification.answers, {i: all_met(row)[0] for i, row in certification.rows.items()}
+    answers, at_once = certification.answers, {i: all_met(row) for i, row in certification.rows.items()}
     return _numbers_of(
         {
             **condition_columns(i, verdict.condition, factors, certification.matrix.conditions[0]),
@@ -48,8 +48,9 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             "reason": verdict.reason,
             "basis": basis[verdict.criterion.metric],
             "need_not_be_run": answers[i] == "need not be run",
-            "all_met_at_least": at_once[i],
+            "all_met_at_least": at_once[i].at_least,
             "answer": answers[i],
+            "all_met": at_once[i].probability,
             **({"test": " ".join(verdict.run)} if run else {}),
         }
         for i, verdict in certification.cells
@@ -137,7 +138,6 @@ def _numbers_of(rows: Iterable[object], columns: Sequence[str] | None = None) ->
 
 
 def _bases(campaign: Campaign) -> dict[str, str]:
-    """What each metric, and the rating, rests on."""
     return {**campaign.metric_bases, RATING: campaign.rating_basis}
 
 
@@ -161,11 +161,7 @@ def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd
     """Number of verdicts of each kind by criterion, with its limits."""
     columns = [[verdict.word for verdict in column] for column in zip(*certification.verdicts, strict=True)]
     return pd.DataFrame(
-        {
-            "criterion": criterion.name,
-            "limit": said(criterion.limits, units),
-            **{word: words.count(word) for word in WORDS},
-        }
+        {"criterion": criterion.name, "limit": said(criterion.limits, units), **{w: words.count(w) for w in WORDS}}
         for criterion, words in zip(certification.criteria.items, columns, strict=True)
     )
 
@@ -203,10 +199,8 @@ def _cells(certification: Certification, verdict: Verdict, display: Display, *wi
 
 
 def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
-    """One row a condition and criterion."""
-    return pd.DataFrame(
-        {"Condition": i, **_cells(certification, verdict, display)} for i, verdict in certification.cells
-    )
+    rows = certification.cells
+    return pd.DataFrame({"Condition": i, **_cells(certification, verdict, display)} for i, verdict in rows)
 
 
 def _trials(certification: Certification, display: Display) -> pd.DataFrame:
@@ -224,7 +218,6 @@ def _trials(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _open(certification: Certification, display: Display) -> pd.DataFrame:
-    """Open verdicts with the distance of the limit from the expected value, the nearest limit first."""
     rows = []
     for i, verdict in certification.cells:
         if verdict.word == "open" and verdict.probability is not None:
@@ -244,7 +237,6 @@ def _open(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _changes(certification: Certification, display: Display) -> pd.DataFrame:
-    """First what did not come true, then what else was measured, then what is not as it was."""
     changes = Changes.of(certification)
     confidences = changes.earlier.criteria.confidence, changes.later.criteria.confidence
     shown = [
@@ -254,12 +246,8 @@ def _changes(certification: Certification, display: Display) -> pd.DataFrame:
     ]
 
     def cells(verdict: EarlierVerdict | Verdict | None, when: str, confidence: float) -> dict[str, str]:
-        if verdict is None:
-            return {when.capitalize(): "not asked", f"Probability {when}": "–"}
-        return {
-            when.capitalize(): verdict.word,
-            f"Probability {when}": probability_text(verdict.probability, confidence),
-        }
+        word, probability = ("not asked", None) if verdict is None else (verdict.word, verdict.probability)
+        return {when.capitalize(): word, f"Probability {when}": probability_text(probability, confidence)}
 
     return pd.DataFrame(
         {
@@ -281,7 +269,6 @@ def _changes(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _record(certification: Certification, display: Display) -> pd.DataFrame:
-    """How many verdicts on left-out tests were wrong, and what the record supports, one row a criterion; then all."""
     record, rows = certification.record, []
     for criterion in (*certification.criteria.items, None):
         counts = record.counts(criterion)
@@ -303,6 +290,7 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
 
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
     texts, met = answer_texts(certification), certification.waived | certification.uncertain
+    confidence = certification.criteria.confidence
     return pd.DataFrame(
         {
             "Condition": i,
@@ -310,9 +298,7 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
             **dict(condition.factors),
             "Validated domain": "outside" if certification.domain.outside(condition) else "inside",
             ANSWER: texts[i],
-            "All met at once": f"≥ {probability_text(met[i][0], certification.criteria.confidence)}"
-            if i in met
-            else "–",
+            "All met at once": probability_text(met[i].probability, confidence) if i in met else "–",
         }
         for i, condition in certification.matrix.items
     )
@@ -321,14 +307,8 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
 def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
     """The criteria; if the reader's units are not those that limits are declared in, in both."""
     table = pd.DataFrame(
-        {
-            "Criterion": own.name,
-            "Quantity": own.label,
-            "Limit": display.words(own.limits),
-            "As declared": str(own.limits),
-        }
-        for own in certification.criteria.items
-    )
+        (own.name, own.label, display.words(own.limits), str(own.limits)) for own in certification.criteria.items
+    ).set_axis(["Criterion", "Quantity", "Limit", "As declared"], axis=1)
     return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
 
 

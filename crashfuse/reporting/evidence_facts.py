@@ -9,6 +9,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, at_most
 from crashfuse.fact import Fact
+from crashfuse.reporting.fit_explanations import whole_sentence
 from crashfuse.reporting.provenance import certification_settings
 from crashfuse.wording import Quantity, Sentence, joined, probability_text, speed, weight
 
@@ -53,6 +54,9 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
         told = f"{inside} of {counted(n, 'interval')} held what the left-out test measured, made to hold 95 %{{}}."
         code = "record.too_narrow" if record.too_narrow else "record.intervals"
         yield fact(code, Sentence(told, missed_text(record.missed_intervals)), inside=inside, n=n)
+    if counts := record.whole_pulses:
+        ways = {"alone" if way == "test" else f"with the {way}": own for way, own in counts.items()}
+        yield fact("record.whole", whole_sentence(ways), **counts)
     if record.brier is not None:
         ours, cae = record.brier
         shown = [f"{score:.4f}" if score >= 5e-5 else "below 0.0001" for score in (ours, cae)]
@@ -183,7 +187,6 @@ def change_facts(changes: Changes) -> Iterator[Fact]:
 
 
 def _tested(changes: Changes) -> Iterator[Fact]:
-    """Which tests tell whether verdicts came true, and which do not."""
     since, campaign = changes.since, changes.since.campaign
     there = {test: campaign.test(test).condition for test in since.made_for}
     off = {test: Sentence(", at {}", there[test]) if since.is_off(test) else "" for test in there}
@@ -205,7 +208,6 @@ def _tested(changes: Changes) -> Iterator[Fact]:
 
 
 def _compared(changes: Changes) -> Iterator[Fact]:
-    """How the verdicts of both differ."""
     pairs = changes.compared
     same = sum(before.word == now.word for _, before, now in pairs)
     gained = sum(now.decided and not before.decided for _, before, now in pairs)
@@ -238,7 +240,6 @@ def _compared(changes: Changes) -> Iterator[Fact]:
 
 
 def _wrong(code: str, trial: Trial, how: str, confidence: float) -> Fact:
-    """A verdict that a test contradicted."""
     verdict, criterion = trial.verdict, trial.verdict.criterion
     probability = probability_text(verdict.probability, confidence)
     sentence = Sentence(

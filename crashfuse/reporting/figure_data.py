@@ -66,7 +66,7 @@ def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] 
 
 def _named(traces: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
     """Traces by their names, without markup; what the legend does not list says whose it is."""
-    names = [_text(trace.get("name")).replace(" (95 % band)", "") for trace in traces]
+    names = [_text(trace.get("meta", {}).get("name") or trace.get("name")) for trace in traces]
     listed: dict[str, str] = {}
     for trace, name in zip(traces, names, strict=True):
         if trace.get("showlegend", True) and trace.get("legendgroup"):
@@ -111,7 +111,6 @@ def _title(layout: Mapping[str, Any], reference: str) -> str:
 
 
 def _headings(layout: Mapping[str, Any]) -> dict[str, str]:
-    """What stands above each plot, by its y axis, where something does."""
     tops = {f"y{key[5:]}": axis["domain"][1] for key, axis in layout.items() if key[:5] == "yaxis" and "domain" in axis}
     texts = {note["y"]: _text(note["text"]) for note in layout.get("annotations", ()) if note.get("yref") == "paper"}
     headings = {"y" if axis == "y1" else axis: texts[top] for axis, top in tops.items() if top in texts}
@@ -119,7 +118,6 @@ def _headings(layout: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _read(trace: Mapping[str, Any], layout: Mapping[str, Any], headings: Mapping[str, str]) -> _Curve:
-    """A band, a curve or points, with the ends of their intervals."""
     axis, positions = trace.get("yaxis") or "y", _values(trace.get("x"))
     if positions.dtype.kind not in "fiu":
         positions = np.array([_text(name) for name in positions], dtype=object)

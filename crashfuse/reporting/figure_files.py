@@ -85,8 +85,6 @@ def figures_of(report: str) -> FiguresOfReport:
 
 
 class _Reader(HTMLParser):
-    """Collects headings, and the data of figures from the scripts that draw them."""
-
     def __init__(self) -> None:
         super().__init__()
         self.texts = dict.fromkeys(_HEADINGS, "")
@@ -173,7 +171,6 @@ def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> di
 
 
 def _file_name(title: str) -> str:
-    """Name from the outermost heading, as far as its colon, and the innermost."""
     title = " ".join(dict.fromkeys(title.split(": ")[:: max(title.count(": "), 1)]))
     return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
 

@@ -87,13 +87,15 @@ def isomme_pulse(
     name: str,
     location: str,
     comments: Sequence[str],
+    *,
+    moves: bool = True,
 ) -> dict[str, bytes]:
     """One pulse as an ISO-MME test of three channels at a location: AC, VE and DV in X; content by relative path.
 
-    Velocity and displacement are integrated from the acceleration. The filter class, in the code and in the header, is
-    that of the campaign's records (D: CFC 60); the code ends in S if they were used as they are. Codes: ISO/TS 13499,
-    see :mod:`crashfuse.readers.isomme`. ``location`` is the first 12 characters of the channel codes; the headers have
-    the comments.
+    Velocity and displacement are integrated from the acceleration, unless it ``moves`` nothing. The filter class, in
+    the code and in the header, is that of the campaign's records (D: CFC 60); the code ends in S if they were used as
+    they are. Codes: ISO/TS 13499, see :mod:`crashfuse.readers.isomme`. ``location`` is the first 12 characters of the
+    channel codes; the headers have the comments.
     """
     descriptors = [
         ("Data format edition number", "1.6"),
@@ -137,6 +139,6 @@ def isomme_pulse(
             source="simulation",
             filter_class="" if cfc is None else f"{cfc:g}",
         )
-        for dimension, signal, unit, values, own in signals
+        for dimension, signal, unit, values, own in signals[: 3 if moves else 1]
     )
     return isomme_files(IsommeTest(name, descriptors, channels))

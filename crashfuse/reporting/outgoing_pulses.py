@@ -1,21 +1,23 @@
 """Predicted pulses for an occupant model: what is exported, how, and as which files.
 
-The expected pulse of each approach goes out, and as many whole draws as are asked for. The edges of the band do not:
-each of their points is an extreme of its own, so together they are a pulse that no vehicle has.
+The expected pulse of each approach goes out, and as many whole draws as are asked for. The edges of the band of whole
+pulses are a sled laboratory's corridor, as ISO-MME, and no curves of a model: each is a pulse that no vehicle has.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import Literal, get_args
 
 import numpy as np
 
+from crashfuse.approaches.base import WHOLE_S
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, one_of, require_a, several
+from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.isomme_writer import isomme_pulse
 from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve, solver_include
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
@@ -98,14 +100,13 @@ class PulseExport:
             f"Its records are {records}; the pulse is as band-limited as these.",
             *(fact.sentence for fact in campaign_facts(campaign)),
         )
-        for place, pulse in enumerate(outgoing(estimates, self.draws, self.seed)):
+        for place, pulse in enumerate((*outgoing(estimates, self.draws, self.seed), *corridors(estimates))):
             comments = (*pulse.comments, *remarks, *origin)
             for name, files in written.items():
                 if name == "isomme":
-                    files |= isomme_pulse(
-                        campaign, pulse.condition, pulse.accel_mps2, pulse.name, self.location, comments
-                    )
-                elif self.curve is not None:
+                    given = pulse.condition, pulse.accel_mps2, pulse.name, self.location, comments
+                    files |= isomme_pulse(campaign, *given, moves=not pulse.edge)
+                elif self.curve is not None and not pulse.edge:
                     path = f"{pulse.name}{SOLVERS[name].suffix}"
                     curve = replace(self.curve, number=self.curve.number + place)  # all fit into one model
                     files[path] = solver_include(name, pulse.title, comments, pulse.accel_mps2, curve)
@@ -114,24 +115,26 @@ class PulseExport:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OutgoingPulse:
-    """One whole pulse of a prediction, with its name and what has to be said about it."""
+    """A whole pulse of a prediction, or an edge of its corridor, with its name and what has to be said about it."""
 
     approach: str
     draw: int | None
     condition: Condition
     accel_mps2: FloatArray = field(repr=False)
     remarks: tuple[str, ...] = ()
+    edge: str = ""
 
     @property
     def name(self) -> str:
-        """Name for files: ``fused_56kph_expected``, or ``fused_56kph_draw_037``."""
-        which = "expected" if self.draw is None else f"draw_{self.draw:03d}"
+        """Name for files: ``fused_56kph_expected``, ``fused_56kph_draw_037``, or ``fused_56kph_corridor_lower``."""
+        which = f"corridor_{self.edge}" if self.edge else "expected" if self.draw is None else f"draw_{self.draw:03d}"
         return f"{self.approach}_{self.condition.speed_name}_{which}"
 
     @property
     def title(self) -> str:
         """Name for a reader."""
         which = "expected pulse" if self.draw is None else f"draw {self.draw}"
+        which = f"{self.edge} edge of the corridor" if self.edge else which
         return f"{LABELS[self.approach]}, {which}, {self.condition.stated.partition(',')[0]}"
 
     @property
@@ -164,8 +167,17 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
             yield OutgoingPulse(estimate.approach, draw, prediction.condition, accel, remarks)
 
 
+def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
+    """Both edges of the band of whole pulses of each approach that has one, up to 60 ms."""
+    for estimate in estimates:
+        condition, band = estimate.prediction.condition, estimate.prediction.whole_band()
+        for edge, accel in zip(("lower", "upper"), band or (), strict=False):
+            told = "An edge, no pulse: nine of ten tests are meant to lie between both up to 60 ms."
+            remarks = (told, *whole_sentences([estimate]), *estimate.prediction.notes)
+            yield OutgoingPulse(estimate.approach, None, condition, accel[: round(WHOLE_S / DT_S)], remarks, edge)
+
+
 def _unfinished(accel_mps2: FloatArray, condition: Condition) -> tuple[str, ...]:
-    """What a model that goes on after the record has to know about its end."""
     motion = kinematics(accel_mps2, condition.speed_mps, DT_S)
     end, last_g = f"The pulse ends at {accel_mps2.size * DT_S / MS:g} ms", accel_mps2[-1] / G
     if not np.isfinite(motion.t0_s):

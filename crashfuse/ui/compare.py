@@ -31,8 +31,8 @@ from crashfuse.wording import difference, joined
 _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
 _RATINGS_HELP = (
-    "Single draws: 95 % of the ratings of single pulses drawn from the band. A single pulse has oscillations of its "
-    "own, so it rates lower than the expected pulse."
+    "Single draws: 95 % of the ratings of single pulses drawn from the band, which oscillate more than the expected "
+    "one and so rate lower."
 )
 
 

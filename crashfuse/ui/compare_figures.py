@@ -10,6 +10,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting import glossary
+from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.rating_tables import excursions_table, humps_table
@@ -60,8 +61,8 @@ _NETWORKS = {
     "time_domain": ("After: fine-tuned on tests", "What the other tests add to the networks."),
 }
 _EXACT_TUNING = (
-    "The fine-tuning has an exact solution, so there are no epochs, only one choice: how far each test may differ from "
-    "what all share. Taken is the least whose error on left-out tests is within one standard error of the lowest."
+    "The fine-tuning has an exact solution. Chosen is how far each test may differ from what all share: the least "
+    "whose error on left-out tests is within one standard error of the lowest."
 )
 
 
@@ -91,6 +92,7 @@ def show_pulses(comparison: Comparison) -> None:
         lambda: comparison.plot(shown.lower(), curves, corridors=corridors, notes=notes_here), alt, shown, corridors,
         notes_here, comparison.key, curves.key, beside=curves.also, name=curves.named(name, of_test=shown == _MOTION),
     )  # fmt: skip
+    st.caption("".join(whole_sentences(comparison.fold.estimates)))
     if shown == _RESIDUALS:
         st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
     edit_notes(comparison.view, notes)
@@ -173,7 +175,7 @@ def _show_parts(comparison: Comparison) -> None:
         f"What the other {len(comparison.others.tests)} tests predict of the bias in {plain(test)}. Shared: the same "
         "in every test. Ratio: the CAE model's pulse, its trend and its humps, times a factor. Parts can cancel each "
         "other: their sum is better known than each. Of the test's own part, its repeatability, only the size can be "
-        "predicted. The measured bias is drawn for comparison only."
+        "predicted."
     )
 
 
@@ -201,7 +203,7 @@ def show_networks(comparison: Comparison) -> None:
         show_figure(plot("training"), alt="Mean square error over epochs", name="training")
         st.caption(
             f"Mean square error, averaged over the networks ({network['members']}); validation is on the tenth of the "
-            "runs that is not trained on. Both learning curves are also in study.json."
+            "runs that is not trained on."
         )
     exact = "left_out_rmse" in network
     if exact or "tuning_curve" in network:

@@ -17,6 +17,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
+from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report import prediction_report
@@ -243,6 +244,7 @@ def show_pulses(answer: Answer) -> None:
     alt = f"{of} at {display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
     show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)
+    st.caption("".join(whole_sentences(answer.estimates)))
 
 
 def show_metrics(answer: Answer) -> None:

@@ -117,7 +117,8 @@ def test_a_draw_that_creeps_on_leaves_no_doubt_that_the_vehicle_stops(campaign: 
     draws = np.linspace(0.95, 1.05, 400)[:, None] * test.pulse.accel_mps2
     change = float(np.trapezoid(test.pulse.accel_mps2, dx=test.pulse.dt_s))
     draws[::20] = -0.95 * speed / change * test.pulse.accel_mps2
-    found = metric_distributions(Prediction(test.condition, test.pulse.accel_mps2, draws), {})["max_crush"]
+    drawn = drawn_metrics(Prediction(test.condition, test.pulse.accel_mps2, draws))
+    found = metric_distributions(drawn, {})["max_crush"]
     assert found is not None
     assert found.highest == 0.0
     assert found.probability(None, 2 * found.centre) > 0.999

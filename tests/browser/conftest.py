@@ -296,7 +296,8 @@ def bands(user: User) -> dict[str, bool]:
     """The bands of the page's first figure by what they are of, and whether they are filled; others are outlined."""
     asked = "return (document.querySelector('.js-plotly-plot')?.data ?? []).filter(each => each.hoverinfo === 'skip')"
     drawn: list[list[str]] = user.browser.execute_script(f"{asked}.map(each => [each.legendgroup, each.fill ?? ''])")
-    return {name: fill == "toself" for name, fill in drawn}
+    filled = {name.removeprefix("band of "): fill == "toself" for name, fill in drawn}
+    return {name: is_filled for name, is_filled in filled.items() if not name.startswith("whole of ")}
 
 
 def rows(text: str) -> list[dict[str, str]]:

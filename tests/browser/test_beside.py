@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
+from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
 from tests.browser.conftest import FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, press_tool, rows
 
 pytestmark = pytest.mark.slow
@@ -29,12 +30,12 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
     small_server: "Server", user: "User"
 ) -> None:
     """Corridors, another window, another figure and a reload change nothing of it; a CAE run is added by its name."""
-    band = "Displacement domain (95 % band)"
+    shown = ("Displacement domain", POINTWISE, WHOLE)
     user.open(small_server, "compare", **ONE, test="T2")
     user.starts("Predict test T2", FIGURE)
-    shows(user, "Test", band)
+    shows(user, "Test", *shown)
     user.press_inside("Curves", "Test", PILL)
-    shows(user, band)
+    shows(user, *shown)
     user.press("Corridors of the rating", "label")
     user.sees("Corridor of the rating, inner", FIGURE)
     assert "Test" not in legend(user)
@@ -136,14 +137,14 @@ def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(
     user.sees("T3 by Displacement domain, seed 1", FIGURE)
     user.press("Add curves", f"{MAIN} button")
     user.find('input[aria-label^="Also show"]').send_keys("T3 by Displacement domain", Keys.ENTER)
-    seed_0 = "T3 by Displacement domain (95 % band)"
+    seed_0 = "T3 by Displacement domain"
     user.wait(lambda: seed_0 in legend(user))
     user.browser.back()
     user.wait(lambda: legend(user) and seed_0 not in legend(user))
     user.go("Predict")
     user.find('input[aria-label="Impact speed (mph)"]')  # the figure of Data is gone
     user.starts("Predict", FIGURE)
-    seed_1 = "Displacement domain, seed 1 (95 % band)"
+    seed_1 = "Displacement domain, seed 1"
     user.presses_until(lambda: seed_1 in legend(user), "Predict with seed 1")
     user.press("Metrics", f"{MAIN} {PILL}")
     told = user.sees("mph, seed 1", f"{MAIN} {TABLE}")

@@ -59,6 +59,7 @@ def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) ->
     said = {m.name: m for m in estimate_at(campaign, found.matrix.conditions[0], "displacement_domain").metrics}
     for verdict, metric in zip(found.verdicts[0][:2], (said["max_crush"], said["peak"]), strict=True):
         assert (verdict.value, verdict.lower, verdict.upper) == (metric.value, metric.lower, metric.upper)
+        assert verdict.drawn.mean() == pytest.approx(verdict.probability, abs=1 / verdict.drawn.size)
     assert {own.word for own in found.verdicts[2]} == {"outside"}
     for each in (found, found.matrix, found.criteria, found.record, found.verdicts[0][0]):
         assert len(repr(each)) < 200, each
@@ -66,9 +67,11 @@ def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) ->
 
 def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> None:
     """Measured metrics of the test, ratings of the prediction against it; both ways of leaving out."""
-    record = certified(campaign).record
+    found = certified(campaign)
+    record = found.record
     ways = {(trial.held_out, trial.left_out) for trial in record.trials}
     assert ways == {(test, way) for test in campaign.test_ids for way in ("test", "speed group")}
+    whole = []
     for trial in record.trials:
         test, criterion = campaign.test(trial.held_out), trial.verdict.criterion
         if criterion.metric == "rating":
@@ -77,11 +80,18 @@ def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> Non
             rated = rate_windows(test.pulse, Pulse(GRID_S, said.accel_mps2), [60.0])[60.0].overall
             assert trial.measured == pytest.approx(rated)
             assert trial.cae_probability is None
+            band = said.whole_band()
+            if band is not None and (trial.left_out == "test" or len(held_out) > 1):
+                is_inside = (band[0] <= test.pulse.accel_mps2) & (test.pulse.accel_mps2 <= band[1])
+                whole.append((trial.left_out, bool(is_inside[GRID_S < 0.06].all())))
         else:
             measured = metric_values(test.pulse.accel_mps2, test.condition.speed_mps)[criterion.metric]
             assert trial.measured == pytest.approx(float(measured))
             assert trial.cae_probability is not None
     assert len(record.counted) == 3 * (4 + 2)  # the tests at 25 and 26 mph are the only group of more than one
+    assert sorted(record.whole) == sorted(whole)
+    assert {way: n for way, (_, n) in record.whole_pulses.items()} == {"test": 4, "speed group": 2}
+    assert [dict(own.values) for own in facts(found) if own.code == "record.whole"] == [record.whole_pulses]
 
 
 def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> None:
@@ -92,6 +102,7 @@ def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> No
     for one, two in zip(before.trials, after.trials, strict=True):
         if one.held_out == "T3" or (one.held_out == "T2" and one.left_out == "speed group"):
             assert one.verdict == two.verdict
+            np.testing.assert_array_equal(one.verdict.drawn, two.verdict.drawn)
             assert one.cae_probability == two.cae_probability
         else:
             assert one.verdict.probability != two.verdict.probability

@@ -57,7 +57,9 @@ def earlier(later: Certification, rows: Sequence[Row], *known: str, **others: An
     read, first = parse_earlier(certification_json(later)), later.campaign.test_ids[0]
     tests = {test: read.tests[test] for test in known or (first,)}
     same = {"tests": tests, "run": {}, "verdicts": tuple(rows), "digest": "0" * 64, "date": "2026-11-24 12:00 UTC"}
-    return replace(read, **{**same, **others})
+    of = replace(read, **{**same, **others})
+    met = {i for i, row in of.rows.items() if {verdict.word for verdict in row} == {"met"}}
+    return replace(of, waived=tuple(i for i in of.matrix.ids if i in met - of.run.keys()))
 
 
 def compared(before: Earlier, today: Certification) -> Changes:

@@ -33,6 +33,7 @@ RECORD: dict[str, Any] = {
         "A": {"crush": ["met", 0.98, 400.0, 500.0], "good": ["met", 0.92, 0.7, 1.0]},
         "B": {"crush": ["open", 0.6, None, 610.0], "good": ["outside", None, None, None]},
     },
+    "waived": {"A": {"at_least": 0.9, "probability": 0.91, "at_most": 0.92}},
 }
 TRIAL: dict[str, Any] = {
     "test": "T1",

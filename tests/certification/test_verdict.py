@@ -69,13 +69,18 @@ def test_the_probability_that_all_are_met_lies_between_its_bounds(
     chance = np.linspace(0, 1, 10_000, endpoint=False)
     missed = [(chance < 0.05), (chance >= second[0]) & (chance < second[1])]
     found = verdict(campaign, Criterion("crush", "max_crush", at_most=510.0))
-    low, high = all_met([replace(found, probability=1 - float(own.mean())) for own in missed])
+    met = [replace(found, probability=1 - float(own.mean()), drawn=~own) for own in missed]
+    low, probability, high = all_met(met)
     assert (low, high) == pytest.approx((0.93, 0.95))
     both = 1 - float((missed[0] | missed[1]).mean())
+    assert probability == pytest.approx(both, abs=1e-4)
     assert {"least": both == pytest.approx(low), "most": both == pytest.approx(high), "between": low < both < high}[
         inside
     ]
-    assert all_met([replace(found, probability=0.2)] * 3)[0] == 0.0
+    assert all_met([met[0], replace(met[1], drawn=met[1].drawn[:0])]).probability == pytest.approx(low), "no draws"
+    few = all_met([replace(own, drawn=own.drawn[5000:5020]) for own in met]).probability
+    assert few == pytest.approx(min((20 + 20 * 0.95 * 0.98) / 40, high)), "few draws say little"
+    assert all_met([replace(found, probability=0.2)] * 3) == (0.0, 0.0, 0.2)
 
 
 def test_the_reason_gives_value_interval_limit_and_probability(campaign: Campaign) -> None:

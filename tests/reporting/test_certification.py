@@ -1,7 +1,7 @@
 """A certification as facts, tables and the dossier of a review; its sentences are in ``data/golden``."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -84,11 +84,14 @@ def wrong(certification: Certification) -> Certification:
     return replace(certification, record=TrackRecord((said, *rest)))
 
 
-def all_as(certification: Certification, word: Word, probability: float | None = 0.99) -> Rows:
-    """The verdicts with this word everywhere."""
-    return tuple(
-        tuple(replace(verdict, word=word, probability=probability) for verdict in row) for row in certification.verdicts
-    )
+def row_as(row: Sequence[Verdict], word: Word, *p: float | None) -> tuple[Verdict, ...]:
+    """The verdicts on a condition with this word, and these probabilities or one for all."""
+    return tuple(replace(own, word=word, probability=p[i % len(p)]) for i, own in enumerate(row))
+
+
+def all_as(certification: Certification, word: Word, *p: float | None) -> Rows:
+    """The verdicts with this word everywhere, and a probability for each condition or one for all."""
+    return tuple(row_as(row, word, p[i % len(p)]) for i, row in enumerate(certification.verdicts))
 
 
 def with_factors(certification: Certification) -> Certification:
@@ -136,7 +139,7 @@ def variants(certification: Certification, alone: Certification) -> Iterator[tup
         "a wrong verdict, a warning, an own occupant model",
         replace(wrong(certification), campaign=replace(campaign, warnings=("Two tests look alike.",), occupant=olc)),
     )
-    yield "all met", replace(certification, verdicts=all_as(certification, "met"))
+    yield "all met", replace(certification, verdicts=all_as(certification, "met", 0.99))
     yield "each met, all at once uncertain", replace(certification, verdicts=all_as(certification, "met", 0.9))
     missed = tuple(replace(own, word="not met", run={"T3": 1e6}) for own in first)
     yield "run, would miss", replace(certification, verdicts=(missed, tuple(replace(o, run={}) for o in missed), third))
@@ -168,7 +171,7 @@ def test_answers_name_the_conditions_that_have_them(certification: Certification
     """One that would miss a criterion takes another design: a test there, though others are open, tells nothing new."""
     assert values(certification, "answer.outside") == [{"conditions": {"M70": ""}}]
     first, second, third = certification.verdicts
-    met = tuple(replace(own, word="met", probability=p) for own, p in zip(first, (0.9, 0.99, 1), strict=True))
+    met = row_as(first, "met", 0.9, 0.99, 1)
     missed, undecided = replace(first[0], word="not met"), replace(second[1], word="open", probability=0.5)
     rest = tuple(replace(own, word="met") for own in second[2:])
     found = replace(certification, verdicts=(met, (missed, undecided, *rest), third))
@@ -177,8 +180,7 @@ def test_answers_name_the_conditions_that_have_them(certification: Certification
     assert not values(found, "answer.test or redesign")
     found = replace(certification, verdicts=(met, (replace(missed, word="met"), undecided, *rest), third))
     assert values(found, "answer.test or redesign") == [{"conditions": {"M30": "OLC"}}]
-    unknown = tuple(replace(own, word="open", probability=None) for own in second)
-    found = replace(certification, verdicts=(met, unknown, third))
+    found = replace(certification, verdicts=(met, row_as(second, "open", None), third))
     assert values(found, "answer.record for longer") == [{"conditions": {"M30": "crush, OLC, rating"}}]
     assert values(replace(certification, verdicts=(met, met, met)), "matrix.none_needed") == [{}]
 
@@ -186,19 +188,10 @@ def test_answers_name_the_conditions_that_have_them(certification: Certification
 def test_of_many_conditions_the_least_probability_is_told_and_the_table_has_all(certification: Certification) -> None:
     """Neighbours are a range in the summary; the dossier's table of conditions has each."""
     many = matrix(certification.campaign, *(20 + i / 10 for i in range(30)))
-    less, more = (
-        tuple(
-            replace(own, word="met", probability=p)
-            for own, p in zip(certification.verdicts[0], (first, 0.9996, 1), strict=True)
-        )
-        for first in (0.9, 0.95)
-    )
+    less, more = (row_as(certification.verdicts[0], "met", first, 0.9996, 1) for first in (0.9, 0.95))
     found = replace(certification, matrix=many, verdicts=(more, *(less,) * 28, more))
     assert any(sentence.endswith(": M20 to M22.9 (0.900 or more).") for sentence in sentences(found, "summary"))
-    assert SHOWN["conditions"](found, DEFAULT)["All met at once"].value_counts().to_dict() == {
-        "≥ 0.900": 28,
-        "≥ 0.950": 2,
-    }
+    assert SHOWN["conditions"](found, DEFAULT)["All met at once"].tolist() == ["0.950", *["0.900"] * 28, "0.950"]
 
 
 ROWS = [f"M{i:04}" for i in range(1, 2001)]
@@ -233,11 +226,7 @@ def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confid
     certification: Certification,
 ) -> None:
     """Three of 0.93 each leave 0.79 for all, less than the 0.8 asked for; of 0.94 each, 0.82."""
-    ids = certification.matrix.ids
-    rows = tuple(
-        tuple(replace(own, word="met", probability=p) for own in row)
-        for row, p in zip(certification.verdicts, (0.93, 0.94, 0.99), strict=True)
-    )
+    ids, rows = certification.matrix.ids, all_as(certification, "met", 0.93, 0.94, 0.99)
     found = replace(certification, verdicts=rows)
     assert (list(found.uncertain), list(found.waived), found.run_first) == ([ids[0]], [ids[1], ids[2]], None)
     assert values(found, "answer.to be tested") == [{"conditions": {ids[0]: "0.790"}}]
@@ -247,7 +236,7 @@ def test_a_test_is_needed_where_all_criteria_are_not_met_at_once_with_the_confid
 def test_conditions_that_are_one_are_one_test_that_need_not_be_run(certification: Certification) -> None:
     """Or copies would pad what is saved; beside one that was run or takes a test, a copy saves nothing."""
     many = matrix(certification.campaign, 20.0, 20.1, 20.2, 30.0)
-    met = tuple(replace(own, word="met", probability=1.0) for own in certification.verdicts[0])
+    met = row_as(certification.verdicts[0], "met", 1.0)
     found = replace(certification, matrix=many, verdicts=(met,) * 4)
     record = certification_record(found)
     assert (record["saved"], record["counted_once"]) == ({"n": 2, "tests": 2}, {"M20.1": "M20", "M20.2": "M20"})
@@ -255,7 +244,7 @@ def test_conditions_that_are_one_are_one_test_that_need_not_be_run(certification
     ran = tuple(replace(own, run={"T1": 1.0}) for own in met)
     assert replace(found, verdicts=(met, met, ran, met)).saved == (1, 2)
     many = matrix(certification.campaign, 20.0, 20.3, 20.6, 30.0)
-    unsettled = tuple(replace(own, word="open", probability=0.5) for own in met)
+    unsettled = row_as(met, "open", 0.5)
     found = replace(certification, matrix=many, verdicts=(met, unsettled, met, met))
     assert (found.counted_once, found.saved) == ({"M20": "M20.3", "M20.6": "M20.3"}, (1, 2))
     found = replace(certification, matrix=many, verdicts=(ran, unsettled, met, met))
@@ -272,14 +261,11 @@ def test_of_conditions_to_be_tested_the_fastest_is_run_first(certification: Cert
 
     assert first(one, two, three) == ids[2]
     missed = (replace(three[0], word="not met"), *three[1:])
-    for settled in (
-        missed,
-        tuple(replace(own, run={"T01": 1.0}) for own in three),
-        (replace(three[0], probability=None), *three[1:]),
-    ):
+    ran, unknown = (replace(own, run={"T01": 1.0}) for own in three), replace(three[0], probability=None)
+    for settled in (missed, tuple(ran), (unknown, *three[1:])):
         assert first(one, two, settled) == ids[1]
-    assert first(one, tuple(replace(own, word="met", probability=0.99) for own in two), missed) is None
-    assert first(one, tuple(replace(own, word="met", probability=0.9) for own in two), missed) == ids[1]
+    assert first(one, row_as(two, "met", 0.99), missed) is None
+    assert first(one, row_as(two, "met", 0.9), missed) == ids[1]
     assert certification_record(replace(certification, verdicts=(one, two, three)))["run_first"] == ids[2]
 
 
@@ -307,11 +293,8 @@ def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certi
     assert 0 < telling < decided
     kept = certification_record(certification)["track_record"]
     assert isinstance(kept, dict)
-    assert kept["telling"] == {
-        "n": telling,
-        "wrong": 0,
-        "wrong_at_most": pytest.approx(1 - 0.05 ** (1 / telling), abs=1e-4),
-    }
+    at_most = pytest.approx(1 - 0.05 ** (1 / telling), abs=1e-4)
+    assert kept["telling"] == {"n": telling, "wrong": 0, "wrong_at_most": at_most}
     inside, n = record.intervals
     assert kept["intervals"] == {"n": n, "inside": inside}
     assert n > 0
@@ -372,9 +355,8 @@ def test_open_cells_say_how_far_their_limit_is(certification: Certification) -> 
     assert verdict.word == "open"
     assert None not in (verdict.value, verdict.lower, verdict.upper)
     value, lower, upper = (float(end or 0) for end in (verdict.value, verdict.lower, verdict.upper))
-    (row,) = (
-        SHOWN["open"](certification, DEFAULT).query("Condition == 'M30' and Criterion == 'crush'").to_dict("records")
-    )
+    shown = SHOWN["open"](certification, DEFAULT).query("Condition == 'M30' and Criterion == 'crush'")
+    (row,) = shown.to_dict("records")
     assert row["Distance"] == f"{value - 430:.4g}\N{NO-BREAK SPACE}mm"
     assert row["In half widths of the interval"] == f"{(value - 430) / ((upper - lower) / 2):.2f}"
     first, (crush, *others), third = certification.verdicts

@@ -57,7 +57,6 @@ def test_it_stands_beside_that_of_the_study(campaign: Campaign, earlier: Earlier
     own = [Estimate(name, prediction, {}, 0.0) for name, prediction in predictions.items()]
     study = Study(campaign, SHOWN, (Fold.of(test, own, SHOWN.windows_ms),))
     drawn = study.plot("T2", "acceleration", approaches=["fused"], also=[earlier])
-    curves = {name: trace.y for trace in drawn.data if (name := trace.name) and trace.line.width != 0}
-    shown = {name.removesuffix(" (95 % band)"): y for name, y in curves.items()}
+    shown = {name: trace.y for trace in drawn.data if (name := trace.name) and trace.line.width != 0}
     assert shown["Fused"] == pytest.approx(predictions["fused"].accel_mps2 / G)
     assert shown["Fused, seed 1"] == pytest.approx(predictions["fused"].accel_mps2 / 2 / G)

@@ -15,6 +15,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.files.csv_text import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
 from crashfuse.reporting.figure_files import figures_of
+from crashfuse.reporting.plots.curves import WHOLE
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import add_corridors, motion, overlay
@@ -67,7 +68,10 @@ def test_the_table_of_a_drawing_is_its_data(campaign: Campaign, draws: int, seed
     else:
         shown = figure_table(figure)
     names = [f"Fused: Acceleration{end} (g)" for end in ("", ", lower", ", upper")]
+    whole = [f"Fused, {WHOLE}: Acceleration, {end} (g)" for end in ("lower", "upper")]
     written = pulses_table([Estimate("fused", prediction, {}, 0.0)])
+    np.testing.assert_allclose(shown[whole][:750], written[["whole_lower_g", "whole_upper_g"]][:750])
+    assert shown[whole][750:].isna().all(axis=None)
     assert (
         csv_bytes(shown[["Time (ms)", *names]]).splitlines()[1:]
         == (csv_bytes(written[["time_ms", "acceleration_g", "lower_g", "upper_g"]]).splitlines()[1:])
@@ -89,7 +93,7 @@ def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[s
     places = [place for place, trace in enumerate(figure.data) if trace.legendgroup == "cae"]
     assert any(name.startswith("CAE") for name in table(figure))
     assert not any(name.startswith("CAE") for name in table(figure, tuple(places)))
-    figure.update_traces(visible="legendonly", selector={"legendgroup": "fused"})
+    figure.for_each_trace(lambda own: own.update(visible="legendonly") if "fused" in own.legendgroup else None)
     assert set(table(figure)) == {"Time (ms)", "CAE: Acceleration (g)", "Test: Acceleration (g)"}
     corridors = table(add_corridors(overlay(test.pulse, {}), test.pulse))
     half = 0.05 * np.abs(test.pulse.accel_mps2[GRID_S < 60 * MS]).max() / G

@@ -10,6 +10,7 @@ import crashfuse
 from crashfuse import Campaign, Display, Note, PredictedPulse, Study, StudyConfig, UsageError, figure_table
 from crashfuse.condition import Condition
 from crashfuse.reporting.plots import pulses as plots
+from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold
@@ -42,8 +43,8 @@ def elsewhere(study: Study) -> PredictedPulse:
 
 
 def names(figure: go.Figure) -> list[str]:
-    """What the legend lists."""
-    return [trace.name.removesuffix(" (95 % band)") for trace in figure.data if trace.showlegend is not False]
+    """What the legend lists beside bands."""
+    return [t.name for t in figure.data if t.showlegend is not False and t.name not in (POINTWISE, WHOLE)]
 
 
 @pytest.mark.slow

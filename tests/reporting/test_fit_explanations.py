@@ -1,5 +1,6 @@
 """What people are told of fits and bands."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import Calibration, Coverage
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.fit_explanations import coverage_table, fit_sentences, fit_table
+from crashfuse.reporting.fit_explanations import coverage_table, fit_sentences, fit_table, whole_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
@@ -41,6 +42,10 @@ def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -
     found = Study(campaign, config, tuple(folds)).coverage
     assert list(found) == ["displacement_domain"]
     assert found["displacement_domain"].count("peak") == 1
+    counted = [replace(own, state={"band_check": found[own.approach].state}) for own in folds[0].estimates[1:]]
+    (sentence,) = whole_sentences([folds[0].estimates[0], *counted])
+    assert sentence.endswith(": Displacement domain 1 of 2.")
+    assert whole_sentences(folds[0].estimates) == []
 
 
 def test_the_table_of_coverage_says_percent_and_counts() -> None:

@@ -61,14 +61,8 @@ def columns(path: Path) -> FloatArray:
 def asked_of(reader: str, program: str, *paths: Path) -> Any:
     """What a program of others, in a process of its own, prints as JSON; ``paths`` are its arguments."""
     env = {**os.environ, "PYTHONPATH": str(OTHER_READERS)}
-    command = [
-        sys.executable,
-        "-W",
-        "ignore",
-        "-c",
-        f"import json, sys\n{reader}\nprint(json.dumps({program}))",
-        *map(str, paths),
-    ]
+    code = f"import json, sys\n{reader}\nprint(json.dumps({program}))"
+    command = [sys.executable, "-W", "ignore", "-c", code, *map(str, paths)]
     done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
@@ -131,6 +125,19 @@ def test_whole_draws_go_out_and_no_edges_of_the_band(estimates: list[Estimate]) 
         np.testing.assert_array_equal(pulse.accel_mps2, PULSE + SHIFTS[pulse.draw - 1])
     numbers = [[pulse.draw for pulse in outgoing(estimates, 5, seed)] for seed in (3, 4)]
     assert numbers[0] == [pulse.draw for pulse in pulses] != numbers[1]
+
+
+def test_the_corridor_of_a_sled_is_that_of_whole_pulses(
+    campaign: Campaign, estimates: list[Estimate], tmp_path: Path
+) -> None:
+    """A test for each edge, of one channel up to 60 ms; nine of ten draws, all parallel, lie between both."""
+    folder = written(campaign, estimates, tmp_path, PulseExport(("isomme", "lsdyna"), curve=ANY))
+    tests = [read_isomme(folder / f"isomme/fused_33.554mph_corridor_{edge}") for edge in ("lower", "upper")]
+    (lower,), (upper,) = (test.channels for test in tests)
+    assert "Fused, lower edge of the corridor, 33.554 mph" in " ".join(lower.comments)
+    drawn = PULSE[:750] + SHIFTS[:, None]
+    assert ((lower.values <= drawn) & (drawn <= upper.values)).all(axis=1).sum() == 0.9 * N_DRAWS
+    assert len(list((folder / "lsdyna").iterdir())) == len(estimates)
 
 
 def test_more_draws_than_there_are_is_one_sentence(estimates: list[Estimate]) -> None:
@@ -230,7 +237,7 @@ def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_locati
     """A test for each pulse, so that channel codes are those that a program looks for; CFC in code and header."""
     filtered = replace(campaign, channel_filter_class=60.0)
     folder = written(filtered, estimates, tmp_path, PulseExport(draws=3, location="10BPILLERE00")) / "isomme"
-    assert len(list(folder.iterdir())) == 2 + 3
+    assert len(list(folder.iterdir())) == 2 + 3 + 2
     channels = {channel.code: channel for channel in read_isomme(folder / "fused_33.554mph_expected").channels}
     assert {code: channel.unit for code, channel in channels.items()} == {
         "10BPILLERE00ACXD": "m/(s*s)",
@@ -273,13 +280,10 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(
 def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
     """The keyword reader of LS-DYNA's vendor finds one curve, its id and LCINT, and every point."""
     curve = SolverCurve("mm-ms-kg", start_s=0.005, number=77)
-    path = (
-        written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve))
-        / "lsdyna/fused_33.554mph_expected.k"
-    )
+    path = written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve)) / "lsdyna"
     reader = "from ansys.dyna.core import Deck\ndeck = Deck()\ndeck.loads(open(sys.argv[1]).read())"
     program = "[(k.get_title(), k.lcid, k.lcint, k.sfa, k.sfo, k.curves.values.tolist()) for k in deck.keywords]"
-    ((keyword, number, lcint, sfa, sfo, points),) = asked_of(reader, program, path)
+    ((keyword, number, lcint, sfa, sfo, points),) = asked_of(reader, program, path / "fused_33.554mph_expected.k")
     assert keyword == "*DEFINE_CURVE_TITLE"
     assert (number, lcint, sfa, sfo) == (78, len(points), 1.0, 1.0), "the second of two curves for one model"
     pulse = next(iter(outgoing(estimates[1:], 0, 0)))

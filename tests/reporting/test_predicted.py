@@ -60,7 +60,7 @@ def test_how_tests_would_be_left_out_tells_no_predictions_apart(predicted: Predi
     both = replace(predicted, config=StudyConfig(leave_out="both"))
     assert both.config == predicted.config
     drawn = both.plot(also=[replace(both, config=StudyConfig(seed=1))])
-    assert "Displacement domain, seed 1 (95 % band)" in {curve.name for curve in drawn.data}
+    assert "Displacement domain, seed 1" in {curve.name for curve in drawn.data}
 
 
 def test_it_shows_itself(predicted: PredictedPulse) -> None:

@@ -57,6 +57,8 @@ def new_figure(height: int) -> go.Figure:
         "spikethickness": 1,
         "spikecolor": CURSOR,
     }
+    legend = {"x": 0, "y": 1, "yref": "container", "xanchor": "left", "yanchor": "top", "orientation": "h"}
+    legend["tracegroupgap"] = 0  # between rows
     return go.Figure(
         layout={  # all at once: each update is checked anew
             "template": _TEMPLATE,
@@ -69,15 +71,7 @@ def new_figure(height: int) -> go.Figure:
             "modebar": {"orientation": "v", "remove": _UNWANTED_TOOLS, "color": CURSOR, "activecolor": INK},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
-            "legend": {
-                "orientation": "h",
-                "x": 0,
-                "y": 1,
-                "yref": "container",
-                "xanchor": "left",
-                "yanchor": "top",
-                "tracegroupgap": 0,  # between rows
-            },
+            "legend": legend,
             "xaxis": {**axis, **over_time},
             "yaxis": {**axis, "automargin": "left"},  # the names above leave half a line for the uppermost tick
         }
@@ -159,15 +153,18 @@ def add_band(
     *,
     colour: str,
     filled: bool = True,
+    whose: str = "",
     **style: object,
 ) -> None:
     """Shade between two curves, or draw their edges, with a gap where either is unknown (NaN).
 
-    The edges are smooth: few points suffice to draw them; the trace's ``meta`` has all.
+    The edges are smooth: few points suffice to draw them; the trace's ``meta`` has all, and what a table calls them if
+    that is not its name in the legend.
     """
     lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
     is_finite = np.isfinite(lower) & np.isfinite(upper)
-    meta = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}
+    meta: dict[str, Any] = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}
+    meta |= {"name": whose} if whose else {}
     some = band_points(x.size)
     x, lower, upper, known = x[some], lower[some], upper[some], np.flatnonzero(is_finite[some])
     if not known.size:

@@ -59,18 +59,12 @@ def verdict_matrix(
     figure = new_figure(height=above + _BELOW_PX + row_px * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
     answers = answer_texts(certification)
+    codes = np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8)
+    scale = [(end / len(WORDS), VERDICT_COLOURS[w]) for i, w in enumerate(WORDS) for end in (i, i + 1)]
     figure.add_heatmap(
-        z=np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8),
-        x=names,
-        y=labels,
-        colorscale=[(end / len(WORDS), VERDICT_COLOURS[w]) for i, w in enumerate(WORDS) for end in (i, i + 1)],
-        zmin=-0.5,
-        zmax=len(WORDS) - 0.5,
-        xgap=2,
-        ygap=2 if with_words else 0,
-        showscale=False,
-        meta={ANSWER: [answers[i] for i in ids]},
-    )
+        z=codes, x=names, y=labels, colorscale=scale, zmin=-0.5, zmax=len(WORDS) - 0.5, showscale=False,
+        xgap=2, ygap=2 if with_words else 0, meta={ANSWER: [answers[i] for i in ids]},
+    )  # fmt: skip
     if with_words:
         between = " " if in_a_line else "<br>"
         figure.update_traces(
@@ -159,12 +153,9 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
     def draw(name: str, some: Sequence[tuple[str, Condition, str]], marker: dict[str, object]) -> None:
         figure.add_scatter(
             x=[display.speeds(condition.speed_mps) for _, condition, _ in some],
-            y=[display.weights(condition.mass_kg) for _, condition, _ in some],
-            mode="markers",
-            name=name,
-            marker=marker,
-            **_over([f"<b>{i}</b><br>{display.condition(condition)}{more}" for i, condition, more in some]),
-        )
+            y=[display.weights(condition.mass_kg) for _, condition, _ in some], mode="markers", name=name,
+            marker=marker, **_over([f"<b>{i}</b><br>{display.condition(at)}{more}" for i, at, more in some]),
+        )  # fmt: skip
 
     rows = certification.rows.items()
     for word in _WORST_FIRST:
@@ -174,11 +165,8 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
             if worst(row) == word
         ]
         if some:
-            draw(
-                f"Worst verdict: {word} ({len(some)})",
-                some,
-                _marker(VERDICT_COLOURS[word], _SYMBOLS[word], 13, 1.5, INK),
-            )
+            marker = _marker(VERDICT_COLOURS[word], _SYMBOLS[word], 13, 1.5, INK)
+            draw(f"Worst verdict: {word} ({len(some)})", some, marker)
     tests = [(f"Test {test.id}", test.condition, "") for test in campaign.tests]
     draw(f"{len(tests)} tests", tests, _marker(None, "cross-thin", 11, 2, MEASURED_COLOUR))
     figure.update_layout(hovermode="closest")
@@ -211,24 +199,17 @@ def reliability(record: TrackRecord) -> go.Figure:
     ):
         if bins := [each for each in record.reliability if each.holds is holds]:
             probability, met, lower, upper = np.array([(b.probability, b.met, b.lower, b.upper) for b in bins]).T
+            texts = [
+                f"said {b.low:.2f} to {b.high:.2f}, {b.probability:.3f} on average<br>{round(b.met * b.n)} of "
+                f"{b.n} met: {b.met:.3f} (95 %: {b.lower:.3f} to {b.upper:.3f})"
+                for b in bins
+            ]
             figure.add_scatter(
-                x=probability,
-                y=met,
+                x=probability, y=met, mode="markers+text", cliponaxis=False, name=name,
                 error_y={"array": upper - met, "arrayminus": met - lower, "thickness": 1.5, "width": 4},
-                text=[f"n = {each.n}" for each in bins],
-                textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins],
-                mode="markers+text",
-                cliponaxis=False,
-                name=name,
-                marker=_marker(colour, symbol, 11, 2, colour),
-                **_over(
-                    [
-                        f"said {b.low:.2f} to {b.high:.2f}, {b.probability:.3f} on average<br>{round(b.met * b.n)} of "
-                        f"{b.n} met: {b.met:.3f} (95 %: {b.lower:.3f} to {b.upper:.3f})"
-                        for b in bins
-                    ]
-                ),
-            )
+                text=[f"n = {each.n}" for each in bins], marker=_marker(colour, symbol, 11, 2, colour),
+                textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins], **_over(texts),
+            )  # fmt: skip
     figure.update_layout(hovermode="closest", showlegend=True)
     axis = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
     figure.update_xaxes({**axis, "title": "Probability given in advance"}, showspikes=False, unifiedhovertitle=None)
@@ -279,21 +260,14 @@ def _in_order(record: TrackRecord) -> list[Criterion]:
 def _draw_trials(
     figure: go.Figure, trials: Sequence[Trial], criterion: Criterion, tests: list[str], row: int, display: Display
 ) -> None:
-    """One row of the record: predictions with intervals, measured values, rings around wrong verdicts, limits."""
     factor = display.units.factor(criterion.unit)
 
     def draw(some: Sequence[Trial], values: FloatArray, **look: object) -> None:
         figure.add_scatter(
-            x=[tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14) for trial in some],
-            meta={"x": [trial.held_out for trial in some]},
-            y=values,
-            mode="markers",
-            showlegend=False,
-            row=row,
-            col=1,
-            **look,
+            x=[tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14) for trial in some], y=values,
+            meta={"x": [trial.held_out for trial in some]}, mode="markers", showlegend=False, row=row, col=1, **look,
             **_over([_told(trial, display) for trial in some]),
-        )
+        )  # fmt: skip
 
     for left_out, symbol in (("test", "square"), ("speed group", "diamond")):
         own = [trial for trial in trials if trial.left_out == left_out and trial.verdict.value is not None]
@@ -337,7 +311,6 @@ def _marker(color: object, symbol: str, size: int, width: float, line: str | Non
 
 
 def _over(texts: Sequence[object]) -> dict[str, object]:
-    """What stands beside the mouse over each mark."""
     return {"hovertext": texts, "hovertemplate": "%{hovertext}<extra></extra>"}
 
 

@@ -88,19 +88,13 @@ def _draw_tests(
     ):
         if chosen:
             figure.add_scatter(
-                x=points[chosen, 0],
-                y=points[chosen, row],
-                mode="markers+text",
-                cliponaxis=False,
-                name=name,
-                legendgroup=name,
-                text=[tests[i].id for i in chosen],
-                textposition=[sides[i] for i in chosen],
+                x=points[chosen, 0], y=points[chosen, row], mode="markers+text", cliponaxis=False, legendgroup=name,
+                text=[tests[i].id for i in chosen], textposition=[sides[i] for i in chosen], name=name,
                 marker={"color": MEASURED_COLOUR, "symbol": symbol, "size": 10, "line": {"width": 2}},
                 customdata=[["<br>".join(map(display.words, (tests[i].condition, *notes[i])))] for i in chosen],
                 hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>",
                 **{**place, "showlegend": name not in {trace.name for trace in figure.data}},
-            )
+            )  # fmt: skip
     for i in [i for i, test in enumerate(tests) if test.id == held_out]:
         figure.add_scatter(
             x=points[[i], 0], y=points[[i], row], mode="markers",

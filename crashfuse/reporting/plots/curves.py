@@ -19,19 +19,21 @@ from crashfuse.signals.pulse import FloatArray
 
 TEST = "test"
 """Key of the measured curve among those of the approaches."""
-
+POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside as a whole, 0–60 ms"
+"""Names of the band that is filled and of the dashed one."""
 
 Band = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Curve:
-    """Values over an axis, in the figure's units; its 95 % band (positions, lower, upper), and what its name adds."""
+    """Values over an axis, in the figure's units; its bands (positions, lower, upper), and what its name adds."""
 
     x: FloatArray
     y: FloatArray
     band: Band | None = None
     remark: str = ""
+    whole: Band | None = None
 
 
 def draw_curves(
@@ -39,17 +41,24 @@ def draw_curves(
 ) -> None:
     """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else, under its name.
 
-    The last is on top, above all bands. One band is filled, by default that of the preferred approach; of the others
-    the edges are drawn. ``yaxis`` is ``"y2"`` for the second of stacked plots; the style applies to all lines.
+    The last is on top, above all bands. One band is filled and in the legend, by default that of the preferred
+    approach, whose band of whole pulses is dashed; of the others the edges are drawn. ``yaxis`` is ``"y2"`` for the
+    second of stacked plots; the style applies to all lines.
     """
     lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
-    bands = {name: curve.band for name, curve in curves.items() if curve.band is not None}
     filled = with_filled_band(curves, filled)
-    for name, band in bands.items():
-        add_band(
-            figure, *band, colour=lines[name]["color"], name=labels[name], legendgroup=name,
-            showlegend=False, yaxis=yaxis, filled=name == filled,
-        )  # fmt: skip
+    for name, curve in curves.items():
+        colour: str = lines[name]["color"]
+        key: dict[str, Any] = {"name": labels[name], "legendgroup": name, "showlegend": False}
+        listed = {"legendrank": 2000, "showlegend": style.get("showlegend", True)}  # behind all curves
+        if name == filled:
+            key = {"name": POINTWISE, "legendgroup": f"band of {name}", "whose": labels[name], **listed}
+        if curve.band is not None:
+            add_band(figure, *curve.band, colour=colour, filled=name == filled, yaxis=yaxis, **key)
+        if curve.whole is not None:
+            key = {"name": WHOLE, "legendgroup": f"whole of {name}", "whose": f"{labels[name]}, {WHOLE}", **listed}
+            dashed = {"width": 1.5, "dash": "dash", "color": colour}
+            add_band(figure, *curve.whole, colour=colour, filled=False, line=dashed, yaxis=yaxis, **key)
     ranks = {name: rank for rank, name in enumerate((TEST, *LABELS))}
     for number, (name, curve) in enumerate(curves.items()):
         add_line(
@@ -103,7 +112,7 @@ def by_speed(
 
 def _label(name: str, curve: Curve) -> str:
     label = "Test" if name == TEST else LABELS.get(name, name)
-    return f"{label}{' (95 % band)' if curve.band else ''}{curve.remark}"
+    return f"{label}{curve.remark}"
 
 
 _WIDTH, _LINES = 36, 2  # characters and lines of a mark's text; all of it is in the list of notes

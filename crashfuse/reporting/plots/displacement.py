@@ -166,7 +166,6 @@ def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, crush: 
 
 
 def _band_of(draws: Sequence[LoadingPhase]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Displacements, and the central 95 % there of the draws that reach them."""
     grid = np.arange(0.0, np.median([draw.crush_m for draw in draws]), _STEP_M)
     accel = np.array([np.interp(grid, d.displacement_m, d.accel_mps2, right=np.nan) for d in draws])
     lower, upper = np.nanquantile(accel, [0.025, 0.975], axis=0)

@@ -95,7 +95,6 @@ def _expect(figure: go.Figure, curve: LearningCurve) -> None:
 
 
 def _label_axes(figure: go.Figure, n: int, lower: dict[str, str]) -> None:
-    """Label the axes; below the ratings lie further panels, by axis with their titles."""
     figure.update_layout(hovermode="closest", margin={"t": 64})
     figure.update_xaxes(
         title="Number of tests learned from", range=[-0.4, n + 1.5], dtick=1 if n < 16 else 5, showspikes=False,

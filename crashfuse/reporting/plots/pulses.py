@@ -1,12 +1,13 @@
 """Figures over time: a test and its predictions, their residuals, all tests, the CAE library."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.colors import hex_to_rgb
 
-from crashfuse.approaches.base import Prediction, central_interval
+from crashfuse.approaches.base import WHOLE_S, Prediction, central_interval
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
 from crashfuse.importing.pulse_conversion import Settled
@@ -24,7 +25,7 @@ from crashfuse.reporting.plots.curves import TEST, Band, Curve, by_speed, curve_
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import INNER_CORRIDOR, OUTER_CORRIDOR
 from crashfuse.units import MS
 from crashfuse.wording import number
@@ -46,7 +47,7 @@ def overlay(
     The band that is ``filled`` is by default that of the preferred approach; of the others the edges are drawn.
     """
     figure = new_figure(height=460 + room_for_names(predictions))
-    draw_curves(figure, _accelerations(measured, predictions, display), filled=filled)
+    draw_curves(figure, _accelerations(measured, predictions, display, filled), filled=filled)
     figure.update_yaxes(title=display.accel_title)
     if measured is not None:
         shade_window(figure, display.window_ms)
@@ -66,7 +67,7 @@ def motion(
     Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
     """
     figure = new_figure(height=820 + room_for_names(predictions))
-    accelerations = _accelerations(measured, predictions, display)
+    accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
     velocities, displacements = _integrals(measured, predictions, speed_mps, display)
     for yaxis, curves in (("y2", velocities), ("y3", displacements)):
@@ -94,7 +95,7 @@ def residuals(
     Arguments as for :func:`overlay`; the root mean square in the legend is over the rated window.
     """
     figure = new_figure(height=460 + room_for_names(predictions))
-    draw_curves(figure, _accelerations(None, predictions, display, minus=measured), filled=filled)
+    draw_curves(figure, _accelerations(None, predictions, display, filled, minus=measured), filled=filled)
     figure.add_hline(y=0, line={"color": CURSOR, "width": 1})
     figure.update_yaxes(title=f"Prediction − test ({display.unit})")
     shade_window(figure, display.window_ms)
@@ -177,18 +178,30 @@ def library_band(
 
 
 def _accelerations(
-    measured: Pulse | None, predictions: Mapping[str, Prediction], display: Display, *, minus: Pulse | None = None
+    measured: Pulse | None,
+    predictions: Mapping[str, Prediction],
+    display: Display,
+    filled: str | None = None,
+    *,
+    minus: Pulse | None = None,
 ) -> dict[str, Curve]:
     """Curves of a(t), or of the residuals from a test, then with their root mean square in the rated window."""
     curves = {}
     base, scale = np.zeros_like(_GRID_MS) if minus is None else minus.accel_mps2, display.accel_scale
+
+    def ends(band: tuple[FloatArray, FloatArray] | None, until: int = N_SAMPLES) -> Band | None:
+        if band is None:
+            return None
+        lower, upper = ((edge - base)[:until] * scale for edge in band)
+        return _GRID_MS[:until], lower, upper
+
     for name, prediction in predictions.items():
-        accel, ends = (prediction.accel_mps2 - base) * scale, None
-        if (band := prediction.band()) is not None:
-            lower, upper = ((edge - base) * scale for edge in band)
-            ends = _GRID_MS, lower, upper
+        accel = (prediction.accel_mps2 - base) * scale
         rms = np.sqrt(np.mean(accel[display.window_ms > _GRID_MS] ** 2))
-        curves[name] = Curve(_GRID_MS, accel, ends, "" if minus is None else f", RMS {rms:.1f} {display.unit}")
+        remark = "" if minus is None else f", RMS {rms:.1f} {display.unit}"
+        curves[name] = Curve(_GRID_MS, accel, ends(prediction.band()), remark)
+    if (first := with_filled_band(curves, filled)) is not None:
+        curves[first] = replace(curves[first], whole=ends(predictions[first].whole_band(), round(WHOLE_S / DT_S)))
     if measured is not None:
         curves[TEST] = Curve(measured.time_s / MS, measured.accel_mps2 * scale)
     return curves
@@ -197,7 +210,6 @@ def _accelerations(
 def _integrals(
     measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, display: Display
 ) -> tuple[dict[str, Curve], dict[str, Curve]]:
-    """Curves of velocity in the reader's unit and displacement in mm, each with the band of its draws."""
     velocities, displacements = {}, {}
     for name, prediction in predictions.items():
         v_band = s_band = None

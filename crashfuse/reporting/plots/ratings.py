@@ -50,20 +50,10 @@ def rating_heatmap(
     text = [["" if np.isnan(value) else graded(value) for value in row] for row in z]
     figure = new_figure(height=_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     figure.add_heatmap(
-        z=z,
-        x=names,
-        y=rows,
-        text=text,
-        texttemplate="%{text}",
+        z=z, x=names, y=rows, text=text, texttemplate="%{text}", hoverinfo="skip", colorscale=_grade_scale(),
+        zmin=0, zmax=1, xgap=2, ygap=2, showscale=False,
         textfont={"color": MEASURED_COLOUR, "size": 12},  # without a size, words shrink with their cells
-        hoverinfo="skip",
-        colorscale=_grade_scale(),
-        zmin=0,
-        zmax=1,
-        xgap=2,
-        ygap=2,
-        showscale=False,
-    )
+    )  # fmt: skip
     columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
     clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
     heads = [name.replace("<br>", " ") for name in names]
@@ -250,7 +240,6 @@ def _draw(figure: go.Figure, curves: Compared, approach: str, scale: float, row:
 
 
 def _number_humps(figure: go.Figure, explanation: RatingExplanation, approach: str, scale: float) -> None:
-    """Number the test's humps outside its curve, and the same humps of the prediction on the other side."""
     curves = explanation.compared
     outwards = -np.sign(curves.reference.sum() * scale)  # of the screen, where y runs down
     for number, hump in enumerate(explanation.humps, start=1):

@@ -100,6 +100,8 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
     weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
     wide, units = 1 / display.units.in_si("g"), display.units
+    sizes = [11 if rank <= BEST else 7 for rank, _ in by_speed]
+    symbols = ["circle-open" if c.extrapolation else "circle" for _, c in by_speed]
     figure.add_scatter(
         x=[display.speeds(c.condition.speed_mps) for _, c in by_speed],
         y=[100 * c.gain for _, c in by_speed],
@@ -107,31 +109,20 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
         customdata=[
             [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
         ],
-        name="Candidates, the best numbered",
+        name="Candidates, the best numbered", line={"color": colour, "width": 2},
         mode="lines+markers+text" if all(own == weights[0] for own in weights) else "markers+text",
-        textposition="top center",
-        cliponaxis=False,
-        textfont={"size": 14},
-        line={"color": colour, "width": 2},
-        marker={
-            "color": colour,
-            "size": [11 if rank <= BEST else 7 for rank, _ in by_speed],
-            "symbol": ["circle-open" if c.extrapolation else "circle" for _, c in by_speed],
-            "line": {"width": 1.5},
-        },
+        textposition="top center", cliponaxis=False, textfont={"size": 14},
+        marker={"color": colour, "size": sizes, "symbol": symbols, "line": {"width": 1.5}},
         hovertemplate=f"%{{x:.1f}} {units.speed}, front %{{customdata[0]:.0f}} {units.weight}, "
         f"rear %{{customdata[1]:.0f}} {units.weight}<br>band ± %{{customdata[2]:.2f}} {units.acceleration} now, "
         f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
-    )
+    )  # fmt: skip
     figure.add_scatter(
-        x=[display.speeds(test.condition.speed_mps) for test in tests],
-        y=[0.0] * len(tests),
-        text=[test.id for test in tests],
-        name="Tests that were run",
-        mode="markers",
+        x=[display.speeds(test.condition.speed_mps) for test in tests], y=[0.0] * len(tests),
+        text=[test.id for test in tests], name="Tests that were run", mode="markers",
         marker={"color": MEASURED_COLOUR, "symbol": "line-ns-open", "size": 16, "line": {"width": 2}},
         hovertemplate=f"%{{text}}, %{{x:.1f}} {units.speed}<extra></extra>",
-    )
+    )  # fmt: skip
     if any(test.extrapolation for test in ranked):
         figure.add_scatter(
             x=[None], y=[None], name="Outside the CAE runs", mode="markers",

@@ -40,14 +40,12 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         for table, file in [(make(certification, display), _FILES.get(name, "certification.csv"))]
         for left in [len(table) - _MOST_ROWS]
     }
+    command = certify_command(certification.config, display.system, since=since is not None)
+    origin = campaign, certification.config, command, display, campaign.test_ids
     return render(
         "certification",
         "certification by analysis",
-        campaign,
-        certification.config,
-        certify_command(certification.config, display.system, since=since is not None),
-        display,
-        campaign.test_ids,
+        *origin,
         date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         words=WORDS,
         said={place: sentences(certification, place) for place in ("summary", "domain", "record", "changes")},
@@ -68,7 +66,6 @@ def certification_report(certification: Certification, display: Display = DEFAUL
 
 
 def _occupant(certification: Certification) -> list[str]:
-    """The occupant model behind limits on OLC and VPI, if there are any."""
     occupant, metrics = certification.campaign.occupant, {own.metric for own in certification.criteria.items}
     olc = f"OLC: free flight of {occupant.olc_free_flight_mm:g} mm, restraint over {occupant.olc_restraint_mm:g} mm."
     vpi = f"VPI: slack of {occupant.vpi_slack_mm:g} mm, spring of {occupant.vpi_stiffness_npm:g} N/m for 1 kg."
@@ -85,7 +82,6 @@ def _matrix_figures(certification: Certification, display: Display) -> Iterator[
 
 
 def _record_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
-    """The record in parts of some criteria each."""
     record, criteria = certification.record, certification.criteria.items
     for i in range(0, len(criteria), _CRITERIA_A_FIGURE):
         some = criteria[i : i + _CRITERIA_A_FIGURE]

@@ -49,13 +49,12 @@ def prediction_report(
     prediction = PredictedPulse(campaign, tuple(estimates), config)
     advice = recommend_for(estimates, campaign, condition)
     whole = one_of("form of a report", form, {"whole": True, "short": False})
+    commands = [prediction_command(own.condition, own.config, display.system) for own in (prediction, *beside)]
+    title, origin = f"prediction at {display.condition(condition)}", (campaign, config, "; ".join(commands), display)
     return render(
         "prediction" if whole else "short_prediction",
-        f"prediction at {display.condition(condition)}",
-        campaign,
-        config,
-        "; ".join(prediction_command(own.condition, own.config, display.system) for own in (prediction, *beside)),
-        display,
+        title,
+        *origin,
         condition=condition,
         verdict=advice.sentences,
         nearest=nearest_sentences(campaign, condition),
@@ -84,31 +83,21 @@ def sweep_report(sweep: SpeedSweep, display: Display = DEFAULT) -> str:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
     campaign, sweeps, config = sweep.campaign, sweep.sweeps, sweep.config
     condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
-    return render(
-        "sweep",
-        "pulse metrics over impact speed",
-        campaign,
-        config,
-        sweep_command(condition, speeds, config, display.system),
-        display,
-        weights=weights_sentence(condition, campaign.tests),
-        metrics=[
-            (METRIC_LABELS[name], sweep.plot(name, display=display), missing_over_speed(sweeps, name))
-            for name in MAIN_METRICS
-        ],
-    )
+    origin = campaign, config, sweep_command(condition, speeds, config, display.system), display
+    shown = [(name, sweep.plot(name, display=display), missing_over_speed(sweeps, name)) for name in MAIN_METRICS]
+    metrics = [(METRIC_LABELS[name], figure, missing) for name, figure, missing in shown]
+    weights = weights_sentence(condition, campaign.tests)
+    return render("sweep", "pulse metrics over impact speed", *origin, weights=weights, metrics=metrics)
 
 
 def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
     """HTML report of a ranking of next tests."""
     over, config = ranking.over, ranking.config
+    origin = ranking.campaign, config, next_test_command(over.low, over.high, config, display.system), display
     return render(
         "next_test",
         "which test next",
-        ranking.campaign,
-        config,
-        next_test_command(over.low, over.high, config, display.system),
-        display,
+        *origin,
         over=over,
         meaning=NEXT_TEST_MEANING,
         drawn=ranking.plot(display=display),
@@ -130,14 +119,12 @@ ONE_MORE_MEANING = (
 
 def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, display: Display = DEFAULT) -> str:
     """HTML report of a learning curve; with the cost of a test, also what a hundredth of rating costs."""
+    command = learning_curve_command(curve.config, curve.repeats, str(cost or ""), display.system)
+    origin = curve.campaign, curve.config, command, display, curve.campaign.test_ids
     return render(
         "learning_curve",
         "how many tests are enough",
-        curve.campaign,
-        curve.config,
-        learning_curve_command(curve.config, curve.repeats, str(cost or ""), display.system),
-        display,
-        curve.campaign.test_ids,
+        *origin,
         verdict=sentences(curve, cost),
         meaning=LEARNING_CURVE_MEANING,
         law=ONE_MORE_MEANING,

@@ -120,7 +120,6 @@ def _by_approach(ratings: pd.DataFrame) -> pd.DataFrame:
 
 
 def _shown(ratings: pd.DataFrame) -> pd.DataFrame:
-    """Ratings to three digits, the best in bold, with the index as the first columns."""
     cells = [
         [
             Markup("<b>%.3f</b>") % value if is_best else "–" if np.isnan(value) else f"{value:.3f}"

@@ -9,13 +9,7 @@ import pandas as pd
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from crashfuse.certification.criteria import (
-    CONFIDENCE,
-    RATING,
-    Criteria,
-    criteria_of,
-    read_criteria,
-)
+from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, criteria_of, read_criteria
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
@@ -27,10 +21,7 @@ from crashfuse.ui.kit.text import plain
 _FILE, _EDITOR = "criteria.toml", "editor of criteria"
 _LIMIT_HELP = "In the unit beside the metric; shown to four digits."
 _COLUMNS = {"name": "str", "metric": "str", "window_ms": "float", "at_least": "float", "at_most": "float"}
-_METRICS = {
-    **metric_headings(),
-    RATING: f"{STANDARD} rating against a test there",
-}
+_METRICS = {**metric_headings(), RATING: f"{STANDARD} rating against a test there"}
 _EXAMPLE = f"""confidence = {CONFIDENCE}
 
 [[criterion]]
@@ -100,8 +91,8 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     )  # fmt: skip
     with help_in.popover("How criteria are declared, or brought as a file", icon=":material/help:"):
         st.markdown(
-            "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside it. "
-            f"In `{_FILE}`, in the campaign folder or uploaded here, by the names and in the units of `metrics.csv`: "
+            f"One row a criterion, with limits in the unit beside its metric. `{_FILE}`, in the campaign folder or "
+            "uploaded here, has the names and units of `metrics.csv`: "
             f"{', '.join(f'`{name}` ({METRIC_UNITS[name]})' for name in MAIN_METRICS)} and others."
         )
         _show_upload(view)

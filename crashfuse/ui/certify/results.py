@@ -40,11 +40,11 @@ from crashfuse.ui.predict import fill_in
 _CELL = "cell"
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
 _NUMBERS = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
-_COLOURS = "So many conditions have colours alone: point at a cell for its verdict. All are in certification.csv."
+_COLOURS = "Many conditions have colours alone: point at a cell for its verdict. All are in certification.csv."
 _MEANINGS = {
-    "met": "A test there would meet the criterion, with the confidence asked for.",
-    "not met": "A test there would miss it, with the same confidence.",
-    "open": "Neither can be said with confidence: test it if it was not run yet, or redesign.",
+    "met": "A test there would meet it, with the confidence asked for.",
+    "not met": "A test there would miss it, as surely.",
+    "open": "Neither is sure: test it if it was not run yet, or redesign.",
     "outside": "Beyond what the campaign's own tests check.",
 }
 _RECORD = {
@@ -56,8 +56,7 @@ _RECORD = {
     "Are the probabilities right?": (
         "reliability",
         "Share of left-out tests that met a criterion over the probability given, with exact bounds",
-        "Verdicts on left-out tests inside what the others check, in bins of probability; n is their number, the lines "
-        "are exact 95 % bounds (Clopper and Pearson).",
+        "Verdicts in bins of probability; n is their number, lines are exact 95 % bounds (Clopper and Pearson).",
     ),
 }
 
@@ -125,14 +124,10 @@ def show(judgement: Judgement) -> None:
     _show_numbers(certification)
     with st.container(height=_MANY_PX if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(
-            lambda: verdicts.plot(display=display),
-            "Verdicts by condition and criterion; the same words are in the table below",
-            lambda cell: st.session_state.update({_CELL: cell}),
-            "verdict matrix",
-            judgement.key,
-            display,
+            lambda: verdicts.plot(display=display), "Verdicts by condition and criterion, as in the table below",
+            lambda cell: st.session_state.update({_CELL: cell}), "verdict matrix", judgement.key, display,
             name="verdicts",
-        )
+        )  # fmt: skip
     st.caption(_NUMBERS if n <= MOST_WORDS else _COLOURS)
     _show_cell(certification)
     judgement.show_sentences("matrix")
@@ -149,13 +144,12 @@ def _show_numbers(certification: Certification) -> None:
     shown = {
         "Need not be run": (
             f"{saved} of {of}", f"confidence {certification.criteria.confidence:g}",
-            "Conditions at which a test would meet all criteria at once, with the confidence asked for; those that are "
-            "one to within 1 km/h and 2 % of each weight are counted once.",
+            "A test there would meet all criteria at once, with the confidence asked for. Conditions within 1 km/h and "
+            "2 % of each weight count once.",
         ),
         "Wrong so far": (
             f"{missed} of {told}" if told else "–", at_most(missed, told) if told else None,
-            "Of tests that need not have been run by what was said without them, those that missed a criterion; with "
-            "the exact one-sided 95 % bound of their share.",
+            "Tests that need not have been run and missed a criterion, with the exact 95 % bound of their share.",
         ),
         **{
             word.capitalize(): (f"{n:,}", f"{100 * n / len(certification.cells):.0f} %", _MEANINGS[word])

@@ -45,7 +45,7 @@ _HOLDS = {
     "metrics.csv": "The pulse metrics with their 95 % intervals.",
     "models.zip": "The fitted approaches: unpack it for crashfuse predict --models.",
     "next_tests.csv": "Every test that could be run next, with what it would gain.",
-    "pulses.csv": "The predicted pulses over time, with their 95 % bands.",
+    "pulses.csv": "Predicted pulses over time, with both bands.",
     "pulses.parquet": "As pulses.csv, for programs that read Parquet.",
     "scores.csv": "The ratings, and the four scores of each, by test, approach and window.",
     "side_by_side.csv": "The metrics of this prediction and of those beside it, with their differences.",

@@ -45,17 +45,8 @@ def certification(
         )
         for condition, row in zip(conditions, words.values(), strict=True)
     )
-    return Certification(
-        campaign,
-        Criteria((CRUSH, RATING)),
-        Matrix(tuple(words), tuple(conditions)),
-        StudyConfig(approaches=("fused",)),
-        Domain.of(campaign),
-        verdicts,
-        verdicts,
-        TrackRecord(()),
-        {},
-    )
+    asked = Criteria((CRUSH, RATING)), Matrix(tuple(words), tuple(conditions)), StudyConfig(approaches=("fused",))
+    return Certification(campaign, *asked, Domain.of(campaign), verdicts, verdicts, TrackRecord(()), {})
 
 
 @pytest.fixture
@@ -171,13 +162,11 @@ def test_the_domain_shows_each_condition_by_its_worst_verdict(three: Certificati
     figure = validated_domain(three)
     shown = {trace.name: trace for trace in figure.data}
     weight = three.matrix.conditions[0].mass_kg / LB
-    for name, speed in (
-        ("Worst verdict: not met (1)", 30.0),
-        ("Worst verdict: met (1)", 20.0),
-        ("Worst verdict: outside (1)", 70.0),
-    ):
-        np.testing.assert_allclose([*shown[name].x, *shown[name].y], [speed, weight], rtol=1e-6)
-        assert shown[name].marker.color == VERDICT_COLOURS[name.split(": ")[1].split(" (")[0]]
+    speeds: dict[Word, float] = {"not met": 30.0, "met": 20.0, "outside": 70.0}
+    for word, speed in speeds.items():
+        worst = shown[f"Worst verdict: {word} (1)"]
+        np.testing.assert_allclose([*worst.x, *worst.y], [speed, weight], rtol=1e-6)
+        assert worst.marker.color == VERDICT_COLOURS[word]
     assert len({trace.marker.symbol for name, trace in shown.items() if name.startswith("Worst")}) == 3
     np.testing.assert_allclose(shown["4 tests"].x, [15, 25, 26, 35], rtol=1e-6)
 
@@ -190,12 +179,7 @@ def test_what_is_shaded_is_what_is_not_outside(three: Certification) -> None:
     assert len(shaded) == len(domain.speed_ranges_mps) == 1
     for speed, mass in rng.uniform([1.0, 3000.0], [45.0, 4200.0], (400, 2)).tolist():
         scale = mass * LB / here.mass_kg
-        condition = replace(
-            here,
-            speed_mps=speed * MPH,
-            front_weight_kg=here.front_weight_kg * scale,
-            rear_weight_kg=here.rear_weight_kg * scale,
-        )
+        condition = Condition.of_vector(here.vector * [1.0, scale, scale] + [speed * MPH - here.speed_mps, 0.0, 0.0])
         inside = any(min(t.x) <= speed <= max(t.x) and min(t.y) <= mass <= max(t.y) for t in shaded)
         said = domain.exceeded_by(condition)
         if not any("weight" in sentence for sentence in said):  # one axle alone is not in this figure
@@ -234,9 +218,8 @@ def test_shares_that_met_stand_over_the_probability_with_exact_bounds() -> None:
 
 def test_a_bin_whose_probability_is_beyond_its_bounds_is_drawn_open() -> None:
     """None of twenty met what was said with 0.9 to be met."""
-    _, agrees, disagrees = reliability(
-        TrackRecord((*(trial(f"A{i}", 600.0, 0.9) for i in range(20)), trial("B", 400.0, 0.3)))
-    ).data
+    trials = [*(trial(f"A{i}", 600.0, 0.9) for i in range(20)), trial("B", 400.0, 0.3)]
+    _, agrees, disagrees = reliability(TrackRecord(tuple(trials))).data
     assert (agrees.name, disagrees.name) == ("Within its bounds", "Outside its bounds")
     assert (list(agrees.x), list(disagrees.x)) == ([0.3], [pytest.approx(0.9)])
     assert (agrees.marker.symbol, disagrees.marker.symbol) == ("circle", "circle-open")
@@ -244,22 +227,15 @@ def test_a_bin_whose_probability_is_beyond_its_bounds_is_drawn_open() -> None:
 
 def test_predictions_have_intervals_and_verdicts_measured_values_and_limits() -> None:
     """By test in order of speed, left out alone on the left of its speed group; a wrong verdict has a ring."""
-    record = TrackRecord(
-        (
-            trial("fast", 510.0, speed_mps=15.0),
-            trial("slow", 440.0, speed_mps=5.0),
-            trial("slow", 440.0, word="open", speed_mps=5.0, left_out="speed group", said=(480.0, 400.0, 560.0)),
-        )
-    )
+    group = trial("slow", 440.0, word="open", speed_mps=5.0, left_out="speed group", said=(480.0, 400.0, 560.0))
+    record = TrackRecord((trial("fast", 510.0, speed_mps=15.0), trial("slow", 440.0, speed_mps=5.0), group))
     figure = record_figure(record)
-    alone, group, measured, wrong = figure.data[:4]
+    alone, apart, measured, wrong = figure.data[:4]
     assert list(figure.layout.xaxis.ticktext) == ["slow", "fast"]
-    assert alone.x[0] < 0 < group.x[0] < 0.5 < alone.x[1] < 1
+    assert alone.x[0] < 0 < apart.x[0] < 0.5 < alone.x[1] < 1
     np.testing.assert_allclose(alone.y, [450.0, 450.0])
-    np.testing.assert_allclose(
-        [group.y[0] - group.error_y.arrayminus[0], group.y[0] + group.error_y.array[0]], [400, 560]
-    )
-    assert list(group.marker.color) == [VERDICT_COLOURS["open"]]
+    np.testing.assert_allclose(apart.y[0] + [-apart.error_y.arrayminus[0], apart.error_y.array[0]], [400, 560])
+    assert list(apart.marker.color) == [VERDICT_COLOURS["open"]]
     np.testing.assert_allclose(sorted(measured.y), [440.0, 440.0, 510.0])
     np.testing.assert_allclose([*wrong.x, *wrong.y], [alone.x[1], 510.0])
     assert [(shape.y0, shape.y1) for shape in figure.layout.shapes] == [(500.0, 500.0)]

@@ -5,7 +5,7 @@ import numpy as np
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.reporting.plots.canvas import new_figure
-from crashfuse.reporting.plots.curves import TEST, Curve, add_marks, by_speed, draw_curves
+from crashfuse.reporting.plots.curves import POINTWISE, TEST, Curve, add_marks, by_speed, draw_curves
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
 from crashfuse.reporting.plots.pulses import motion
 
@@ -20,7 +20,7 @@ def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
     band, cae, fused, test = figure.data
     assert band.fill == "toself"
     assert not band.showlegend
-    assert [trace.name for trace in (cae, fused, test)] == ["CAE", "Fused (95 % band), RMS 1.0 g", "Test"]
+    assert [trace.name for trace in (cae, fused, test)] == ["CAE", "Fused, RMS 1.0 g", "Test"]
     assert [trace.line.color for trace in (cae, fused, test)] == [COLOURS["cae"], COLOURS["fused"], MEASURED_COLOUR]
     assert {trace.yaxis for trace in figure.data} == {"y2"}
     assert test.legendrank < cae.legendrank < fused.legendrank
@@ -33,9 +33,9 @@ def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
         figure = new_figure(300)
         draw_curves(figure, curves, filled=asked)
         bands = {trace.legendgroup: trace for trace in figure.data[:3]}
-        assert [name for name, band in bands.items() if band.fill] == [filled]
-        assert bands[filled].line.width == 0
-        (edges, _) = [band for name, band in bands.items() if name != filled]
+        assert [(name, band.name) for name, band in bands.items() if band.fill] == [(f"band of {filled}", POINTWISE)]
+        assert bands[f"band of {filled}"].line.width == 0
+        (edges, _) = [band for name, band in bands.items() if not band.fill]
         np.testing.assert_array_equal(edges.y, [-1, 0, np.nan, 2, 1])
         assert edges.line.width == 1
 

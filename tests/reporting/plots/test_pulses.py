@@ -13,6 +13,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.importing import settle
 from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.curves import WHOLE
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import imported_pulse
 from crashfuse.signals.filters import cfc_filter
@@ -76,8 +77,9 @@ def test_each_curve_has_one_point_a_sample_and_bands_fewer(test: CrashTest, pred
     """Curves lose nothing, and both ends of the record are there."""
     for curve in plots.motion(test.pulse, predictions, test.condition.speed_mps).data:
         assert curve.x.size == curve.y.size
-        assert curve.x.size < N_SAMPLES if curve.fill == "toself" else curve.x.size == N_SAMPLES
-        assert (curve.x.min(), curve.x.max()) == (0, pytest.approx(GRID_S[-1] * 1e3))
+        assert curve.x.size < N_SAMPLES if curve.meta else curve.x.size == N_SAMPLES
+        end = pytest.approx(60 if curve.name == WHOLE else 100, abs=0.1)
+        assert (np.nanmin(curve.x), np.nanmax(curve.x)) == (0, end)
 
 
 def test_velocity_and_displacement_are_those_of_the_closed_form(
@@ -187,8 +189,8 @@ def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -
     accel = test.pulse.accel_mps2 - 2 * G
     draws = accel + np.linspace(-1, 1, 401)[:, None] * G / 0.95
     figure = plots.residuals(test.pulse, {"fused": Prediction(test.condition, accel, draws)})
-    band, line = figure.data
-    assert line.name == "Fused (95 % band), RMS 2.0 g"
+    band, _, line = figure.data
+    assert line.name == "Fused, RMS 2.0 g"
     np.testing.assert_allclose(line.y, -2.0, atol=1e-4)
     assert (band.y.min(), band.y.max()) == pytest.approx((-3.0, -1.0), abs=1e-4)
 
@@ -209,7 +211,7 @@ def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(te
     """Each draw integrated over all of its samples, then the central 95 % at each point of the band."""
     draws, speed = np.random.default_rng(0).normal(-150, 80, (40, N_SAMPLES)), test.condition.speed_mps
     figure = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed)
-    _, *bands = [own for own in figure.data if own.meta]
+    _, _, *bands = [own for own in figure.data if own.meta]
     for band, drawn, unit in zip(bands, motion(draws, speed, DT_S), (MPH, 1e-3), strict=True):
         lower, upper = np.quantile(drawn, [0.025, 0.975], axis=0) / unit
         np.testing.assert_allclose(band.meta["lower"], lower)

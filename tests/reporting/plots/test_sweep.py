@@ -50,7 +50,7 @@ def test_the_band_is_drawn_where_both_ends_are_known(figure: Figure) -> None:
     (band,) = [trace for trace in figure.data if trace.fill == "toself"]
     np.testing.assert_allclose(band.x, [10, 20, 30, 30, 20, 10])
     np.testing.assert_allclose(band.y, [8, 18, 28, 32, 22, 12])
-    assert band.legendgroup == "fused"
+    assert band.legendgroup == "band of fused"
     assert band.fillcolor == "rgba(0, 158, 115, 0.18)"
 
 
