@@ -13,7 +13,7 @@ from crashfuse.certification.verdict import Verdict
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import Sentence, joined, read_out
+from crashfuse.wording import Sentence, joined, probability_text, read_out
 
 Rows = tuple[tuple[Verdict, ...], ...]
 
@@ -48,8 +48,14 @@ def hold(
         if verdict.run:
             verdict = beside_tests(verdict, *_measured(verdict, record))
         if apart:
-            caveat = "{} stands apart at about this speed: another test may fold as it did."
-            verdict = _with_reason(verdict, Sentence(caveat, read_out(apart)))
+            caveat = Sentence("{} stands apart at about this speed: another test may fold as it did.", read_out(apart))
+            if verdict.folds:
+                alike, otherwise = (probability_text(share, criteria.confidence) for share in verdict.folds)
+                text = (
+                    "{} stands apart at about this speed: met with probability {} if a test folds as it did, else {}."
+                )
+                caveat = Sentence(text, read_out(apart), otherwise, alike)
+            verdict = _with_reason(verdict, caveat)
         return _beside_removed(verdict, removed)
 
     found = []

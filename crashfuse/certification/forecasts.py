@@ -1,8 +1,8 @@
 """Forecasts of many conditions by approaches that learned from parts of the tests: computed side by side, and kept."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import astuple, dataclass, field, fields
+from dataclasses import astuple, dataclass, field, fields, replace
 from functools import partial
 from typing import NamedTuple, Self
 
@@ -50,6 +50,10 @@ class Forecast:
         The share of draws that each is above, in the order of the first distributions, those of metrics.
     whole_mps2 : ndarray, shape (2, 1250)
         The band of whole pulses; without rows if there is none.
+    folds : ndarray, shape (2, n_metrics, n_fields)
+        Distributions if a test folds as most near the condition do, and as one that stands apart; empty without one.
+    apart_share : float
+        The share of draws that fold as that one.
     """
 
     accel_mps2: FloatArray
@@ -57,6 +61,17 @@ class Forecast:
     distributions: dict[str, Distribution | None]
     ranks: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     whole_mps2: FloatArray = field(default_factory=lambda: np.empty((0, N_SAMPLES)))
+    folds: FloatArray = field(default_factory=lambda: np.empty((2, 0, len(_UNKNOWN))))
+    apart_share: float = 0.0
+
+    def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
+        """Probability of meeting a criterion if a test folds as most do, and as the one that stands apart, if any."""
+        place = list(self.distributions).index(quantity(criterion))
+        if place >= self.folds.shape[1] or np.isnan(self.folds[:, place]).any():
+            return None
+        alike, apart = (Distribution(*row) for row in self.folds[:, place].tolist())
+        limits = criterion.at_least, criterion.at_most
+        return alike.probability(*limits), apart.probability(*limits)
 
     def drawn(self, criterion: Criterion) -> npt.NDArray[np.bool_]:
         """Which draws meet a criterion by their ranks; none of a rating, or without draws."""
@@ -83,6 +98,7 @@ class Forecast:
             for name, own in self.distributions.items()
         ]
         bands = {"accel_mps2": self.accel_mps2, "whole_mps2": self.whole_mps2}
+        bands |= {"folds": self.folds, "apart_share": np.array(self.apart_share)}
         return {**bands, "names": np.array(list(self.values)), "numbers": np.array(rows), "ranks": self.ranks}
 
     @classmethod
@@ -95,7 +111,8 @@ class Forecast:
             kind = RatingDistribution if name.startswith(RATING) else Distribution
             distributions[name] = None if np.isnan(own[0]) else kind(*own)
         ranks, whole = finite(entry, "ranks", None, None), finite(entry, "whole_mps2", None, N_SAMPLES)
-        return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions, ranks, whole)
+        folds, share = numbers(entry, "folds", 2, None, len(_UNKNOWN)), float(finite(entry, "apart_share"))
+        return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions, ranks, whole, folds, share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +149,18 @@ class Forecaster:
             name = f"{RATING} {window:g}"
             found[name], known[name] = rating, None if rating is None else rating.median
         whole = np.array(prediction.whole_band() or np.empty((0, N_SAMPLES)))
-        return Forecast(prediction.accel_mps2, known, found, _ranks(np.array(list(drawn.values()))), whole)
+        forecast = Forecast(prediction.accel_mps2, known, found, _ranks(np.array(list(drawn.values()))), whole)
+        return forecast if prediction.apart is None else self._with_folds(forecast, drawn, prediction.apart)
+
+    def _with_folds(
+        self, forecast: Forecast, drawn: Mapping[str, FloatArray], apart: npt.NDArray[np.bool_]
+    ) -> Forecast:
+        folds = [
+            metric_distributions({name: values[fold] for name, values in drawn.items()}, self.fit.metric_errors)
+            for fold in (~apart, apart)
+        ]
+        rows = [[_UNKNOWN if own is None else astuple(own) for own in fold.values()] for fold in folds]
+        return replace(forecast, folds=np.array(rows, dtype=np.float64), apart_share=float(apart.mean()))
 
 
 def _ranks(drawn: FloatArray) -> FloatArray:

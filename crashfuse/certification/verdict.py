@@ -34,6 +34,8 @@ class Verdict:
         That a test there meets the criterion; None if the record is too short to tell.
     run : mapping of str to float or None
         What tests at this condition measured, by id: the metric, or the rating of the prediction made without the test.
+    folds : tuple of float, optional
+        The probability if a test folds as most near the condition do, and as the one that stands apart, if any.
     drawn : ndarray, shape (n_draws,)
         Which draws of the prediction meet it; empty where it has none, and of a rating.
     """
@@ -48,6 +50,7 @@ class Verdict:
     reason: str
     run: Mapping[str, float | None] = field(default_factory=dict)
     drawn: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool), compare=False, repr=False)
+    folds: tuple[float, float] | None = None
 
     def __repr__(self) -> str:
         return f"<Verdict {self.word}: {self.criterion.name} {self.criterion.limits} at {self.condition}>"
@@ -134,9 +137,13 @@ def judge(
         if distribution is not None:
             lower, upper = distribution.interval
             probability = distribution.probability(criterion.at_least, criterion.at_most)
+        if folds := forecast.by_fold(criterion):
+            probability = float(np.average(folds, weights=(1 - forecast.apart_share, forecast.apart_share)))
         word: Word = "outside" if outside else _word(probability, criteria.confidence)
         run, drawn = dict.fromkeys(tests), forecast.drawn(criterion)
-        verdict = Verdict(condition, criterion, value, lower, upper, probability, word, joined(outside), run, drawn)
+        verdict = Verdict(
+            condition, criterion, value, lower, upper, probability, word, joined(outside), run, drawn, folds
+        )
         verdicts.append(verdict if outside else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
 

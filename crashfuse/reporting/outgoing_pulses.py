@@ -36,6 +36,10 @@ PulseFiles = Mapping[PulseFormat, Mapping[str, bytes]]
 LOCATION = "10VEHC000000"
 """Test object 1, no position, the vehicle, no fine location: the first 12 characters of an ISO-MME channel code."""
 
+_EXPECTED = "The expected pulse, an average: softer than any test."
+_REPRESENTATIVE = (
+    "A whole pulse as a test shows it: peak, SM25, OLC and crush are in the middle of what tests here show."
+)
 _REST_G = 0.5  # more at the end of the record is worth a remark
 _LOCATION = re.compile(r"[0-9A-Z]{12}")
 
@@ -118,23 +122,27 @@ class OutgoingPulse:
     """A whole pulse of a prediction, or an edge of its corridor, with its name and what has to be said about it."""
 
     approach: str
-    draw: int | None
+    which: str  # ``expected``, ``representative``, ``draw_037``, ``corridor_lower`` or ``corridor_upper``
     condition: Condition
     accel_mps2: FloatArray = field(repr=False)
     remarks: tuple[str, ...] = ()
-    edge: str = ""
+
+    @property
+    def edge(self) -> bool:
+        """Whether it is an edge, which no vehicle moves by."""
+        return self.which.startswith("corridor")
 
     @property
     def name(self) -> str:
-        """Name for files: ``fused_56kph_expected``, ``fused_56kph_draw_037``, or ``fused_56kph_corridor_lower``."""
-        which = f"corridor_{self.edge}" if self.edge else "expected" if self.draw is None else f"draw_{self.draw:03d}"
-        return f"{self.approach}_{self.condition.speed_name}_{which}"
+        """Name for files: ``fused_56kph_expected``."""
+        return f"{self.approach}_{self.condition.speed_name}_{self.which}"
 
     @property
     def title(self) -> str:
         """Name for a reader."""
-        which = "expected pulse" if self.draw is None else f"draw {self.draw}"
-        which = f"{self.edge} edge of the corridor" if self.edge else which
+        kind, _, rest = self.which.partition("_")
+        titles = {"draw": f"draw {rest.lstrip('0')}", "corridor": f"{rest} edge of the corridor"}
+        which = titles.get(kind, f"{kind} pulse")
         return f"{LABELS[self.approach]}, {which}, {self.condition.stated.partition(',')[0]}"
 
     @property
@@ -145,7 +153,7 @@ class OutgoingPulse:
 
 
 def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
-    """The expected pulse of each approach, then this many of its draws, chosen at random by the seed.
+    """The expected pulse of each approach, a representative one, and this many draws, chosen at random by the seed.
 
     Raises UsageError if an approach has fewer draws than asked for, or no approach has any.
     """
@@ -153,18 +161,22 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
         names = ", ".join(estimate.approach for estimate in estimates)
         raise UsageError(f"There are no draws of {names}: no band.")
     for estimate in estimates:
-        prediction, drawn = estimate.prediction, estimate.prediction.draws_mps2
-        pulses: list[tuple[int | None, FloatArray, str]] = [(None, prediction.accel_mps2, "The expected pulse.")]
-        if draws and drawn is not None:
-            if draws > len(drawn):
-                raise UsageError(f"The approach {estimate.approach} has {len(drawn)} draws; ask for at most these.")
-            chosen = np.sort(np.random.default_rng(seed).choice(len(drawn), draws, replace=False))
-            remark = f"One of {len(drawn)} whole pulses, all equally likely."
-            pulses += [(int(number) + 1, drawn[number], remark) for number in chosen]
-        for draw, pulse, remark in pulses:
-            accel = np.asarray(pulse, dtype=np.float64)
+        prediction = estimate.prediction
+        pulses = {"expected": (prediction.accel_mps2, _EXPECTED)}
+        if prediction.draws_mps2 is not None:
+            n = len(prediction.draws_mps2)
+            if draws > n:
+                raise UsageError(f"The approach {estimate.approach} has {n} draws; ask for at most these.")
+            chosen = np.sort(np.random.default_rng(seed).choice(n, draws, replace=False))
+            representative, *drawn = estimate.representative_pulses(chosen.tolist())
+            pulses["representative"] = representative, _REPRESENTATIVE
+            remark = (
+                f"One of {n} whole pulses, all equally likely, with peak, SM25, OLC and crush spread as errors are."
+            )
+            pulses |= {f"draw_{number + 1:03d}": (pulse, remark) for number, pulse in zip(chosen, drawn, strict=True)}
+        for which, (accel, remark) in pulses.items():
             remarks = (remark, *_unfinished(accel, prediction.condition), *prediction.notes)
-            yield OutgoingPulse(estimate.approach, draw, prediction.condition, accel, remarks)
+            yield OutgoingPulse(estimate.approach, which, prediction.condition, accel, remarks)
 
 
 def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
@@ -174,7 +186,8 @@ def corridors(estimates: Iterable[Estimate]) -> Iterator[OutgoingPulse]:
         for edge, accel in zip(("lower", "upper"), band or (), strict=False):
             told = "An edge, no pulse: nine of ten tests are meant to lie between both up to 60 ms."
             remarks = (told, *whole_sentences([estimate]), *estimate.prediction.notes)
-            yield OutgoingPulse(estimate.approach, None, condition, accel[: round(WHOLE_S / DT_S)], remarks, edge)
+            until = accel[: round(WHOLE_S / DT_S)]
+            yield OutgoingPulse(estimate.approach, f"corridor_{edge}", condition, until, remarks)
 
 
 def _unfinished(accel_mps2: FloatArray, condition: Condition) -> tuple[str, ...]:

@@ -32,6 +32,7 @@ from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.units import KPH
 
 _MM = 1e-3
+_WITH_WHOLE_PULSES = ("motion", "acceleration")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,6 +141,8 @@ class PredictedPulse:
         estimates = chosen({each.approach: each for each in self.estimates}, approaches, band)
         others = [other.beside(self) if isinstance(other, PredictedPulse) else other for other in several(also)]
         further = beside(self.campaign, others, shown)
+        if figure in _WITH_WHOLE_PULSES and (lead := estimates.get(band or next(iter(by_preference(estimates)), ""))):
+            further = {**lead.representative, **further}
         return Curves(None, estimates | further, self.condition, band).draw(figure, shown)
 
     def write(

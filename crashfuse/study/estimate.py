@@ -68,6 +68,13 @@ class Estimate:
         """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
         return calibrated_metrics(self.prediction, self.metric_errors, self.occupant)
 
+    @cached_property
+    def representative(self) -> dict[str, Prediction]:
+        """A pulse that looks like a test, under its name in figures; none without draws."""
+        if self.prediction.draws_mps2 is None:
+            return {}
+        return {"Representative pulse": Prediction(self.prediction.condition, self.representative_pulses()[0])}
+
     def representative_pulses(self, draws: Sequence[int] = ()) -> FloatArray:
         """A pulse that looks like a test, then draws as single tests, shape (1 + n, 1250)."""
         return representative_pulses(self.prediction, self.metric_errors, draws, self.occupant)

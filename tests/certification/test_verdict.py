@@ -1,6 +1,6 @@
 """A verdict follows from the probability and the confidence, and says why."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pandas as pd
@@ -41,6 +41,19 @@ def test_the_word_changes_where_the_probability_crosses_the_confidence(
 ) -> None:
     """1.645 standard deviations from the limit on either side."""
     assert verdict(campaign, Criterion("crush", "max_crush", at_most=at_most)).word == word
+
+
+def test_where_tests_fold_in_two_ways_the_probability_weighs_both(campaign: Campaign) -> None:
+    """Crush of 500 mm in seven of ten draws, 540 mm in three; kept in the cache and found again."""
+    ways = np.array([[astuple(Distribution(crush, 1.0, FREE))] for crush in (500.0, 540.0)])
+    crush = {"max_crush": Distribution(512.0, 20.0, FREE)}
+    forecast = Forecast(np.zeros(1250), {"max_crush": 505.0}, crush, folds=ways, apart_share=0.3)
+    limit = Criterion("crush", "max_crush", at_most=520.0)
+    for own in (forecast, Forecast.restored(forecast.entry)):
+        [found] = judge(own, campaign.tests[1].condition, Criteria((limit,), 0.95), ())
+        assert found.folds == pytest.approx((1.0, 0.0))
+        assert found.probability == pytest.approx(0.7)
+        assert found.word == "open"
 
 
 def test_a_probability_is_never_shown_to_reach_a_confidence_that_it_does_not(campaign: Campaign) -> None:

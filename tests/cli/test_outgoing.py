@@ -32,8 +32,8 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
     said = capsys.readouterr().out
     assert said.endswith("metrics.csv, report.html, isomme/, lsdyna/, radioss/, prediction.json\n")
     for folder, suffix in (("lsdyna", ".k"), ("radioss", ".inc")):
-        assert len([name for name in names(tmp_path / folder) if name.endswith(suffix)]) == 3
-    assert len(list((tmp_path / "isomme").iterdir())) == 3 + 2
+        assert len([name for name in names(tmp_path / folder) if name.endswith(suffix)]) == 4
+    assert len(list((tmp_path / "isomme").iterdir())) == 4 + 2
     assert "11SEATLERE00ACXS" in next((tmp_path / "isomme").rglob("*.001")).read_text(encoding="latin-1")
 
     lines = (tmp_path / "lsdyna" / "displacement_domain_30mph_expected.k").read_text(encoding="ascii").splitlines()
@@ -44,7 +44,7 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
     np.testing.assert_allclose(points[:-2, 1], -table["acceleration_g"] * G * MS, rtol=1e-4, atol=1e-8)
 
     assert cli.main([*command, *LSDYNA]) == cli.DONE
-    assert names(tmp_path / "lsdyna") == {"displacement_domain_30mph_expected.k"}
+    assert names(tmp_path / "lsdyna") == {f"displacement_domain_30mph_{p}.k" for p in ("expected", "representative")}
     assert not (tmp_path / "radioss").exists()
     assert not (tmp_path / "isomme").exists()
     assert "radioss" not in capsys.readouterr().out

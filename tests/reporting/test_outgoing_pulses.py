@@ -115,16 +115,16 @@ def test_a_curve_that_makes_no_sense_is_refused(wrong: dict[str, Any], sentence:
 
 
 def test_whole_draws_go_out_and_no_edges_of_the_band(estimates: list[Estimate]) -> None:
-    """Each pulse but the expected ones is one of the draws, and bears its number; the seed decides which."""
-    pulses = list(outgoing(estimates, 5, seed=3))
-    assert [pulse.name for pulse in pulses[:2]] == ["cae_33.554mph_expected", "fused_33.554mph_expected"]
-    drawn = [pulse for pulse in pulses if pulse.draw]
-    assert len(drawn) == len({pulse.draw for pulse in drawn}) == 5
-    for pulse in drawn:
-        assert pulse.draw is not None
-        np.testing.assert_array_equal(pulse.accel_mps2, PULSE + SHIFTS[pulse.draw - 1])
-    numbers = [[pulse.draw for pulse in outgoing(estimates, 5, seed)] for seed in (3, 4)]
-    assert numbers[0] == [pulse.draw for pulse in pulses] != numbers[1]
+    """Each draw bears its number; all differ by a shift alone, so do these, in their order; the seed decides which."""
+    cae, expected, representative, *drawn = outgoing(estimates, 5, seed=3)
+    assert [p.which for p in (cae, expected, representative)] == ["expected", "expected", "representative"]
+    assert (cae.name, expected.name) == ("cae_33.554mph_expected", "fused_33.554mph_expected")
+    numbers = [int(pulse.which.removeprefix("draw_")) for pulse in drawn]
+    assert len(set(numbers)) == 5
+    shifts = np.array([pulse.accel_mps2 - PULSE for pulse in (representative, *drawn)])
+    np.testing.assert_allclose(np.ptp(shifts, axis=1), 0.0, atol=1e-9)
+    np.testing.assert_array_equal(np.argsort(shifts[1:, 0]), np.argsort([SHIFTS[n - 1] for n in numbers]))
+    assert [pulse.which for pulse in outgoing(estimates, 5, 4)][3:] != [pulse.which for pulse in drawn]
 
 
 def test_the_corridor_of_a_sled_is_that_of_whole_pulses(
@@ -137,7 +137,7 @@ def test_the_corridor_of_a_sled_is_that_of_whole_pulses(
     assert "Fused, lower edge of the corridor, 33.554 mph" in " ".join(lower.comments)
     drawn = PULSE[:750] + SHIFTS[:, None]
     assert ((lower.values <= drawn) & (drawn <= upper.values)).all(axis=1).sum() == 0.9 * N_DRAWS
-    assert len(list((folder / "lsdyna").iterdir())) == len(estimates)
+    assert len(list((folder / "lsdyna").iterdir())) == len(estimates) + 1
 
 
 def test_more_draws_than_there_are_is_one_sentence(estimates: list[Estimate]) -> None:
@@ -171,7 +171,7 @@ def test_an_include_holds_one_curve_in_columns_of_twenty(
     """Each has an id of its own, so that all fit into one model; the numbers are exact to 12 digits."""
     curve = SolverCurve("mm-s-t", start_s=0.01, number=4711)
     folder = written(campaign, estimates, tmp_path, PulseExport((kind,), draws=2, curve=curve)) / kind
-    assert len(list(folder.iterdir())) == 4
+    assert len(list(folder.iterdir())) == 2 + 1 + 2
     for place, pulse in enumerate(outgoing(estimates, 2, 0)):
         path = folder / f"{pulse.name}.{suffix}"
         np.testing.assert_allclose(columns(path), curve.points(pulse.accel_mps2), rtol=1e-12, atol=1e-12)
@@ -237,7 +237,7 @@ def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_locati
     """A test for each pulse, so that channel codes are those that a program looks for; CFC in code and header."""
     filtered = replace(campaign, channel_filter_class=60.0)
     folder = written(filtered, estimates, tmp_path, PulseExport(draws=3, location="10BPILLERE00")) / "isomme"
-    assert len(list(folder.iterdir())) == 2 + 3 + 2
+    assert len(list(folder.iterdir())) == 2 + 1 + 3 + 2
     channels = {channel.code: channel for channel in read_isomme(folder / "fused_33.554mph_expected").channels}
     assert {code: channel.unit for code, channel in channels.items()} == {
         "10BPILLERE00ACXD": "m/(s*s)",

@@ -6,10 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
+from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
-from crashfuse.study.outliers import Departure, departure, departures
+from crashfuse.study.outliers import Departure, departure, departures, with_both_folds
+from crashfuse.units import G
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +92,27 @@ def test_both_the_bias_and_the_pulse_have_to_differ() -> None:
     assert alike.apart
     assert not replace(alike, ratings=(0.5, 0.6, 0.85)).apart
     assert not replace(alike, bias_mps2=(2.0, 4.0, 5.0)).apart
+
+
+def test_near_a_test_apart_draws_show_both_ways_to_fold_and_the_average_the_usual_one() -> None:
+    """A fit that learned half of the difference: what it learned is taken out, then 1.5 of 5 draws have all of it."""
+    usual, rng = -20 * G * np.sin(np.pi * np.clip(GRID_S / 0.07, 0, 1)), np.random.default_rng(1)
+    difference = -6 * G * np.exp(-(((GRID_S - 0.04) / 0.005) ** 2))
+    condition = Condition.of(speed_mps=14.0, front_weight_kg=900, rear_weight_kg=700)
+    odd = CrashTest("S4", condition, Pulse(GRID_S, usual + difference))
+    apart = Departure("S4", ("S1", "S2", "S3"), 14.0, 60.0, (9.0,) * 3, (1.0,) * 3, (0.5,) * 3, (0.9,) * 3)
+    fitted = usual + 0.5 * difference
+    faster = replace(condition, speed_mps=1.02 * 14.0)
+    noise = G * rng.standard_normal((200, 1))
+    prediction = Prediction(faster, 1.02 * fitted, 1.02 * fitted + noise - noise.mean())
+    both = with_both_folds(prediction, apart, odd, usual, fitted)
+    assert both.apart is not None
+    assert both.draws_mps2 is not None
+    assert both.apart.sum() == 60
+    np.testing.assert_allclose(both.accel_mps2, 1.02 * usual, atol=1e-9)
+    moved = both.draws_mps2 - (noise - noise.mean())
+    np.testing.assert_allclose(moved[~both.apart], np.tile(1.02 * usual, (140, 1)), atol=1e-9)
+    np.testing.assert_allclose(moved[both.apart], np.tile(1.02 * (usual + difference), (60, 1)), atol=1e-9)
+    assert "as S1, S2 and S3" in both.notes[-1]
+    alone = replace(prediction, draws_mps2=None)
+    assert with_both_folds(alone, apart, odd, usual, fitted) is alone

@@ -202,7 +202,9 @@ def offer_pulses(
 ) -> None:
     """Ask which pulses go out and how; remarks go into the files."""
     with st.expander("Pulse for an occupant model", icon=":material/airline_seat_recline_normal:"):
-        st.markdown("The expected pulse, and whole draws from its band: an include file each, or an ISO-MME test each.")
+        st.markdown(
+            "The expected pulse, a representative one, and whole draws: an include file each, or an ISO-MME test each."
+        )
         form: PulseFormat = st.segmented_control(
             "Format", PULSE_FORMATS[1:] + PULSE_FORMATS[:1], default="lsdyna", required=True,
             format_func=_PULSE_LABELS.__getitem__, key="export format", persist_state="session",
