@@ -25,6 +25,10 @@ LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from
 HeldOutPredictor = Callable[[float], FloatArray]
 """Pulses predicted for a test without some tests, as a function of their widening: the expected one, then draws."""
 
+DECAYS: FloatArray = np.array([0.0, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0])
+"""Powers of the nearness to tests that a correction may be multiplied by, see :func:`decay_over_speed`."""
+
+_PRICE = 0.02  # least gain in log error by a unit of decay: on random vehicles a bias carries over
 _DRAWS = 100
 _TINY = 1e-9  # m/s²
 _MOST_CHECKED = 20  # tests; more would not change the widening
@@ -238,6 +242,18 @@ def widening_far(measured_mps2: FloatArray, speeds_mps: FloatArray, left_out: Le
     return WIDENINGS[-1] if reach else 1.0
 
 
+def decay_over_speed(log_errors: Mapping[tuple[int, ...], Sequence[FloatArray]]) -> float:
+    """How fast a correction ceases with the distance in speed to tests: 0 if it carries over to any speed.
+
+    Of :data:`DECAYS` it is that with the least error of speed groups, predicted from other speeds, among those with
+    which no group is predicted worse. ``log_errors`` are those of the tests of each group, shape (n_decays,).
+    """
+    changes = np.array([np.mean(rows, axis=0) for rows in log_errors.values()]).reshape(-1, DECAYS.size)
+    changes -= changes[:, :1]
+    total = np.where((changes <= 0).all(axis=0), changes.sum(axis=0), np.inf)
+    return float(DECAYS[(total + _PRICE * DECAYS).argmin()])
+
+
 class BandedApproach(Approach):
     """An approach whose band is calibrated on left-out tests.
 
@@ -264,19 +280,23 @@ class BandedApproach(Approach):
         self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
 
 
+def checked(campaign: Campaign) -> list[int]:
+    """Numbers of the tests that a band is checked on."""
+    n = len(campaign.tests)
+    return sorted(set(np.linspace(0, n - 1, min(n, _MOST_CHECKED)).astype(int).tolist()))
+
+
 def check_band(
-    campaign: Campaign, without: Callable[[int, Sequence[int]], HeldOutPredictor], watch: Watch
+    campaign: Campaign, without: Callable[[int, tuple[int, ...]], HeldOutPredictor], watch: Watch
 ) -> tuple[Calibration, LeftOut, LeftOut]:
     """Widen a band until it holds on left-out tests; also their predictions without them, and without their speeds.
 
     ``without`` takes a test's number and those left out with it.
     """
-    tests = campaign.tests
-    numbers = np.unique(np.linspace(0, len(tests) - 1, min(len(tests), _MOST_CHECKED)).astype(int)).tolist()
-    predictors = {}
+    tests, numbers, predictors = campaign.tests, checked(campaign), {}
     for done, number in enumerate(numbers):
         watch.report(_STEP, done, len(numbers))
-        predictors[number] = without(number, [number])
+        predictors[number] = without(number, (number,))
     alone: dict[int, FloatArray] = {}
 
     def check(widening: float) -> list[Coverage]:
@@ -307,7 +327,7 @@ def check_band_far(
     calibration = replace(near, far=far)
 
     def further(left_out: Sequence[Sequence[int]]) -> dict[int, float]:
-        nearest = (nearness(speeds[number], np.delete(speeds, out)) for number, out in enumerate(left_out))
+        nearest = (nearness(speeds[number], speeds, out) for number, out in enumerate(left_out))
         return {number: calibration.further(near_by) for number, near_by in enumerate(nearest)}
 
     singly = [(number,) for number in range(len(speeds))]

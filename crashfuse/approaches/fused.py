@@ -6,24 +6,13 @@ from typing import Self
 
 import numpy as np
 
+from crashfuse.approaches import calibration as bands
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.calibration import (
-    STRIDE,
-    WIDENINGS,
-    Calibration,
-    Coverage,
-    calibrate,
-    predicted,
-    speed_groups,
-    widening_far,
-)
+from crashfuse.approaches.calibration import STRIDE, WIDENINGS, Calibration, Coverage
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.mixture import (
     COMPONENTS,
-    PRIOR,
-    SPREAD,
-    STRENGTH,
     AboutFused,
     Component,
     HeldOut,
@@ -34,6 +23,7 @@ from crashfuse.approaches.mixture import (
     spread,
     thinned_out,
 )
+from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.pretrained import Pretrained
 from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
@@ -54,8 +44,7 @@ class Fused(AboutFused):
 
     The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.mixture.Pool`; each whole
     pulse of the band is drawn from one component. The CAE's draws are its pulse plus the error that it had in some
-    test, with either sign. It always uses the fast forms, as the paper has no fused approach; the cache keeps their
-    fits.
+    test, with either sign. It always uses the fast forms, as the paper has no fused approach.
     """
 
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
@@ -94,7 +83,7 @@ class Fused(AboutFused):
         self.pretrained_, _ = fitted(pretrained, campaign, self.cache, watch)
         campaign = self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
-        groups = speed_groups(campaign)
+        groups = bands.speed_groups(campaign)
         alone = self._alone()
         apart = self._tests.held_out([part.left_out_groups_ for part in self._learning], groups)
         learned_from = alone + [left_out for left_out in apart if len(groups[left_out.number]) > 1]
@@ -110,10 +99,10 @@ class Fused(AboutFused):
             return [Coverage.of(test, mixture.widened(widening), whole=False) for test, mixture in mixtures]
 
         # A mixture of valid bands is wider than necessary where the components agree: beside tests it may be narrowed.
-        near = calibrate(check, _WIDENINGS) if mixtures else Calibration(1.0, ())
+        near = bands.calibrate(check, _WIDENINGS) if mixtures else Calibration(1.0, ())
         near = near.with_whole((test, mixture.widened(near.widening)) for test, mixture in mixtures)
         of_others = {left_out.number: self._mixed(left_out.components) for left_out in apart}
-        far = widening_far(measured, self._tests.speeds_mps, thinned_out(of_others))
+        far = bands.widening_far(measured, self._tests.speeds_mps, thinned_out(of_others))
         self.calibration_ = replace(near, far=max(far / near.widening, 1.0))
         watch.report("Weights of the mixture", 1, 1)
         return self
@@ -121,7 +110,7 @@ class Fused(AboutFused):
     def _begin(self, campaign: Campaign) -> Campaign:
         campaign = self._thinned(campaign)
         self._tests = Tests.of(campaign, self.displacement_domain_.model_)
-        self.pool_ = Pool(PRIOR, spread=SPREAD, strength=STRENGTH)
+        self.pool_ = Pool()
         return campaign
 
     def _alone(self) -> list[HeldOut]:
@@ -146,30 +135,30 @@ class Fused(AboutFused):
 
     def predict_from(self, condition: Condition, parts: Sequence[Prediction]) -> Prediction:
         """Mix the predictions of both parts with those of the pre-trained network and the raw CAE."""
-        speed, cae = condition.speed_mps, self.displacement_domain_.model_.pulse(condition).accel_mps2
+        speed_mps, cae = condition.speed_mps, self.displacement_domain_.model_.pulse(condition).accel_mps2
         predictions = (*parts, self.pretrained_.predict(condition))
         components = [Component(p.accel_mps2, p.draws_mps2) for p in predictions if p.draws_mps2 is not None]
-        components.append(self._tests.raw(cae, speed))
-        nearness = self._tests.nearness(speed)
+        components.append(self._tests.raw(cae, speed_mps))
         weights = self._weights([part.draws[:, ::STRIDE] for part in components])
         mixture = mixed(components, weights, _N_DRAWS, self.seed)
         notes = dict.fromkeys(
             (self._reason(condition, weights), *self._thinning, *(n for part in parts for n in part.notes))
         )
-        return Prediction(condition, mixture.mean, mixture.widened(self._widening(nearness)), tuple(notes))
+        near = nearness(speed_mps, self._tests.speeds_mps)
+        return Prediction(condition, mixture.mean, mixture.widened(self._widening(near)), tuple(notes))
 
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Predictions of the approaches for left-out tests, mixed with the learned weights."""
         self._require("calibration_")
         tests = campaign.evenly_over_speed(MOST_TESTS).tests
         predictions = {}
-        for number, components, nearness in self._alone():
+        for number, components, near in self._alone():
             mixture, test = self._mixed(components), tests[number]
-            predictions[test.id] = predicted(test, mixture.mean, mixture.widened(self._widening(nearness)))
+            predictions[test.id] = bands.predicted(test, mixture.mean, mixture.widened(self._widening(near)))
         return predictions
 
-    def _widening(self, nearness: float) -> float:
-        return self.calibration_.widening * self.calibration_.further(nearness)
+    def _widening(self, near: float) -> float:
+        return self.calibration_.widening * self.calibration_.further(near)
 
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
         away = speed(float(np.abs(self._tests.speeds_mps - condition.speed_mps).min()))
@@ -205,8 +194,5 @@ class Fused(AboutFused):
         if not hasattr(self, "calibration_"):
             return {}
         weights = self.pool_.weights(np.ones(len(COMPONENTS))).round(4).tolist()
-        check = self.calibration_
-        return {
-            **({"band_check": check.state} if check.tests else {}),
-            "weights_at_equal_bands": dict(zip(COMPONENTS, weights, strict=True)),
-        }
+        check = {"band_check": self.calibration_.state} if self.calibration_.tests else {}
+        return {**check, "weights_at_equal_bands": dict(zip(COMPONENTS, weights, strict=True))}

@@ -52,7 +52,7 @@ class AboutFused(Approach):
     in_words = "the fused prediction"
     description = (
         "time domain, displacement domain, a network pre-trained on simulated vehicles and raw CAE, averaged with "
-        "weights that left-out tests decide (by CRPS) and narrow bands increase; the band is the mixture's."
+        "weights that left-out tests decide (by CRPS) and narrow bands increase."
     )
     colour = "#009E73"
     preference = 10
@@ -94,10 +94,6 @@ class Tests:
         measured = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         return cls(speeds, measured, np.array([model.pulse(test.condition).accel_mps2 for test in campaign.tests]))
 
-    def nearness(self, speed_mps: float, without: Sequence[int] = ()) -> float:
-        """Nearness in speed to the other tests."""
-        return nearness(speed_mps, np.delete(self.speeds_mps, without))
-
     def raw(self, cae_mps2: FloatArray, speed_mps: float, without: Sequence[int] = ()) -> Component:
         """The CAE pulse; its draws have the errors of the other tests, scaled with speed, with either sign."""
         ratios = speed_mps / np.delete(self.speeds_mps, without)[:, None]
@@ -119,7 +115,7 @@ class Tests:
             speed = float(self.speeds_mps[number])
             raw = self.raw(self.cae_mps2[number], speed, out)
             components.append(Component(raw.mean[::STRIDE], raw.draws[:, ::STRIDE]))
-            tests.append(HeldOut(number, components, self.nearness(speed, out)))
+            tests.append(HeldOut(number, components, nearness(speed, self.speeds_mps, out)))
         return tests
 
 
@@ -191,9 +187,6 @@ def spread(draws: FloatArray) -> float:
 class Pool:
     """Component weights: a softmax of logits, linear in log ratios of the components' spreads.
 
-    Of the approaches those with narrow bands count for more, and the last component, the raw CAE, the less the narrower
-    they are beside it. How much is learned.
-
     Parameters
     ----------
     prior : ndarray, shape (n_components, n_components + 1)
@@ -205,7 +198,9 @@ class Pool:
         Nats per test that a score improved by 100 % counts against the prior.
     """
 
-    def __init__(self, prior: FloatArray, *, spread: float | FloatArray, strength: float) -> None:
+    def __init__(
+        self, prior: FloatArray = PRIOR, *, spread: float | FloatArray = SPREAD, strength: float = STRENGTH
+    ) -> None:
         self.prior, self.spread, self.strength = prior, spread, strength
 
     def fit(self, scores: Sequence[Scores]) -> Self:

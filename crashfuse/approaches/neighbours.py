@@ -15,9 +15,10 @@ from crashfuse.wording import Sentence, joined, speed, weight
 _REACH_MPS = 3 * MPH  # speed difference at which a test is neither near nor far
 
 
-def nearness(speed_mps: float, tests_mps: FloatArray) -> float:
+def nearness(speed_mps: float, tests_mps: FloatArray, without: Sequence[int] = ()) -> float:
     """Nearness in speed to the nearest test: 0 far from all, 1 beside one."""
-    return float(np.exp(-np.abs(tests_mps - speed_mps).min() / _REACH_MPS)) if tests_mps.size else 0.0
+    away = np.abs(np.delete(tests_mps, without) - speed_mps)
+    return float(np.exp(-away.min() / _REACH_MPS)) if away.size else 0.0
 
 
 @dataclass(frozen=True, slots=True)

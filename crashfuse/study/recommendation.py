@@ -105,9 +105,9 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
         CLASSES[name].in_words,
         speed(away),
     )
-    unknown = "What rating to expect is not known: no test was left out under these settings."
-    if len(campaign.tests) == 1:
-        unknown = "What rating to expect is not known: there is only one test, which cannot be left out."
+    alone = len(campaign.tests) == 1
+    why = "there is only one test, which cannot be left out" if alone else "no test was left out under these settings"
+    unknown = f"What rating to expect is not known: {why}."
     return Recommendation(name, (reason, unknown, *campaign.cae.extrapolation(condition)))
 
 
@@ -171,6 +171,12 @@ def _recommendation(study: Study) -> Recommendation:
         without_group = _ratings(study.speed_groups, name, window_ms)
         sentences.append(
             Sentence("Where no test of about the same speed was left to learn from: mean {}", without_group)
+        )
+    decays = [bool(own.state.get("decay_over_speed")) for fold in study.folds for own in fold.estimates]
+    if any(decays):
+        fits = f"in {sum(decays)} of {len(study.folds)} fits"
+        sentences.append(
+            f"Away from tested speeds the displacement domain falls back towards the raw CAE model, {fits}."
         )
     return Recommendation(name, tuple(sentences))
 

@@ -99,10 +99,8 @@ def test_each_curve_has_to_lie_inside_for_95_percent_of_the_time(name: str) -> N
     """On average over the tests, and to either side of the limit; the others don't make up for it."""
 
     def check(*shares: float) -> Calibration:
-        curves = {"accel": 1.0, "velocity": 1.0, "rebound": 1.0}
-        return Calibration(
-            1.0, tuple(Coverage(**{**curves, name: one}, crush=True, peak=True, whole=True) for one in shares)
-        )
+        curves = [{"accel": 1.0, "velocity": 1.0, "rebound": 1.0, name: share} for share in shares]
+        return Calibration(1.0, tuple(Coverage(**each, crush=True, peak=True, whole=True) for each in curves))
 
     assert not check(0.945 - 0.04, 0.945 + 0.04).holds
     assert check(0.951 - 0.04, 0.951 + 0.04).holds
@@ -123,29 +121,17 @@ def test_one_test_in_twenty_may_lie_outside_rounded_up(name: str, n: int, most: 
 
 def test_what_is_kept_of_a_check_is_the_check() -> None:
     """A row of six numbers a test, and the factors, give it back; what it tells is plain and rounded."""
-    tests = (
-        Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False),
-        Coverage(0.93, 1.0, 0.5, False, True, False),
-    )
+    first = Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False)
+    tests = (first, Coverage(0.93, 1.0, 0.5, False, True, False))
     check = Calibration(1.3, tests, 1.5, 1.25)
-    learned = check.learned()
-    np.testing.assert_array_equal(
-        learned.arrays["inside"], [[0.91, 0.97236, np.nan, 1, 0, 1], [0.93, 1.0, 0.5, 0, 1, 0]]
-    )
+    learned, rows = check.learned(), [[0.91, 0.97236, np.nan, 1, 0, 1], [0.93, 1.0, 0.5, 0, 1, 0]]
+    np.testing.assert_array_equal(learned.arrays["inside"], rows)
     again = Calibration.restored(learned)
     assert (again.widening, again.late_widening) == (1.3, 1.5)
     assert again.state == check.state == {
-        "widening": 1.3,
-        "late_widening": 1.5,
-        "far": 1.25,
-        "left_out_tests": 2,
-        "holds": False,
-        "accel_inside": 0.92,
-        "velocity_inside": 0.986,
-        "rebound_inside": 0.5,
-        "crush_inside": 1,
-        "peak_inside": 1,
-        "whole_inside": 1,
+        "widening": 1.3, "late_widening": 1.5, "far": 1.25, "left_out_tests": 2, "holds": False,
+        "accel_inside": 0.92, "velocity_inside": 0.986, "rebound_inside": 0.5,
+        "crush_inside": 1, "peak_inside": 1, "whole_inside": 1,
     }  # fmt: skip
     assert list(again.state)[-3:] == ["crush_inside", "peak_inside", "whole_inside"]
     nothing = Calibration.restored(Calibration(1.0, ()).learned())

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from crashfuse.approaches.calibration import DECAYS, decay_over_speed
 from crashfuse.approaches.neighbours import doubtful_tests, nearest_tests
 from crashfuse.campaign import Campaign
 from crashfuse.signals.sensor_faults import SensorFault
@@ -36,3 +37,12 @@ def test_a_test_whose_sensor_failed_is_named_where_it_is_near(campaign: Campaign
     assert "saturated, flat at −20.0 g between 30.0 and 50.0 ms" in sentence
     assert doubtful_tests(doubtful, others[-1].condition) == ()
     assert doubtful_tests(campaign, slowest.condition) == ()
+
+
+def test_a_correction_decays_over_speed_only_where_no_speed_left_out_is_worse_for_it() -> None:
+    """Two groups that ask for a decay of 1 and of 0.5 get what is best in all; one that asks for none has its way."""
+    one, half, none = 2 * abs(DECAYS - 1), abs(DECAYS - 0.5), 0.1 * DECAYS
+    assert decay_over_speed({(0,): [one], (1, 2): [half - 0.1, half + 0.1]}) == 1.0
+    assert decay_over_speed({(0,): [one], (1,): [half], (3,): [none]}) == 0.0
+    assert decay_over_speed({(0,): [one - one[0]], (1,): [0 * one]}) == 1.0
+    assert decay_over_speed({(0,): [-0.01 * DECAYS]}) == decay_over_speed({}) == 0.0, "too little to be worth it"

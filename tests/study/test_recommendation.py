@@ -81,6 +81,15 @@ def test_harm_against_the_raw_model_is_named_with_its_test(campaign: Campaign) -
     assert f"better than this in T1 (by up to {harm:.3f})" in text
 
 
+def test_a_correction_that_ceases_away_from_tests_is_named(campaign: Campaign) -> None:
+    """With the number of fits in which it does; where it carries over to all speeds, nothing is."""
+    whole = study(campaign, {"displacement_domain": 0.97})
+    first, *others = whole.folds
+    less = replace(first, estimates=(replace(first.estimates[0], state={"decay_over_speed": 0.5}),))
+    last = [recommend(replace(whole, folds=(fold, *others))).sentences[-1] for fold in (first, less)]
+    assert ["towards the raw CAE model, in 1 of 4 fits." in sentence for sentence in last] == [False, True]
+
+
 def test_of_a_single_test_no_rating_is_expected(campaign: Campaign) -> None:
     """Nothing was left out, so nothing is known: the paper's advice decides, and a mixture is not taken."""
     single, other = campaign.without(["T1", "T2", "T3"]), campaign.test("T1")

@@ -17,6 +17,7 @@ from crashfuse.signals.pulse import FloatArray
 _STEP_M = 0.005
 _SMOOTH_M = 0.08  # standard deviation: folds, 0.05 to 0.15 m long, are smoothed away; a stiffer engine bay is not
 _REACH = 4.0  # in standard deviations; farther points have no weight
+_ERRORS = 17_290  # seed: apart from the draws of the bias
 
 
 class CaeForce(NamedTuple):
@@ -67,10 +68,19 @@ class BiasDraws:
     over_displacement_mps2: FloatArray  # shape (1 + n_draws, n_displacements)
     over_speed_mps2: FloatArray  # shape (1 + n_draws, n_shares): added while the vehicle stops, over v / v0
 
-    def widened(self, factor: float) -> "BiasDraws":
-        """The same draws with their deviations from the mean multiplied by this factor."""
+    def widened(self, factor: float, share: float = 1.0) -> "BiasDraws":
+        """Draws with their deviations from the mean multiplied by a factor, of the mean a share that carries over.
+
+        What the mean loses is an error of either sign, so that the mean square of draws stays, but for the factor.
+        """
         both = self.over_displacement_mps2, self.over_speed_mps2
-        return BiasDraws(*(functions[:1] + factor * (functions - functions[:1]) for functions in both))
+        lost = np.sqrt(1 - share**2) * np.random.default_rng(_ERRORS).standard_normal((len(both[0]) - 1, 1))
+        kept = share + factor * np.vstack([[0.0], lost])
+        return BiasDraws(*(kept * functions[:1] + factor * (functions - functions[:1]) for functions in both))
+
+    def expected(self, shares: FloatArray) -> "BiasDraws":
+        """The mean times these shares."""
+        return BiasDraws(*(shares[:, None] * mean[:1] for mean in (self.over_displacement_mps2, self.over_speed_mps2)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -83,16 +83,13 @@ def scatter_parts(
 class HierarchicalBias:
     """δ(s, x, k) = (f0(s) + f1(s, v0) + f2(s, weights) + r_k(s)) m̄/m + ρ(s) Ḡ(s, x) + η(s) (G_a - Ḡ) + stop + noise.
 
-    f0 is common to all tests, f1 and f2 vary with the condition, ρ is proportional to the trend of the CAE model's
-    force (a stiffer material, say), η to its humps, which may be elsewhere in tests, and r_k is specific to test k, its
-    repeatability. They are forces, so they accelerate a vehicle heavier than the tests' mean m̄ less, by m̄/m. Near a
-    stop acceleration changes over hardly any displacement, so stopping is modelled over velocity, with one part that
-    varies with speed and one specific to each test. Where similar tests contradict each other, r_k grows and a
-    prediction shrinks to the CAE model. A new test has specific parts too, so its band includes them.
+    f0 is common to all tests, f1 and f2 vary with the condition, ρ multiplies the trend of the CAE model's force, η its
+    humps, and r_k is specific to test k. They are forces, so they accelerate a vehicle heavier than the tests' mean m̄
+    less. The stop, over velocity, has a part that varies with speed and one specific to test k. Where similar tests
+    contradict each other, r_k grows and a prediction shrinks to the CAE model. A new test has specific parts too.
 
-    A factor of the tests table (powertrain, say) adds a function of displacement for each of its values, if including
-    it makes the tests more probable when each is predicted from the others: ``densities_`` are their log densities for
-    every set of factors compared.
+    A factor adds a function of displacement for each of its values, if the tests, each predicted from the others, are
+    more probable with it: ``densities_`` are their log densities for every set of factors compared.
     """
 
     end_share: ClassVar[float] = 0.25
@@ -185,14 +182,9 @@ class HierarchicalBias:
         return np.column_stack([points.displacement_m, x, trend, humps, share, stopping, alike])
 
     def sample(
-        self,
-        condition: Condition,
-        displacement_m: FloatArray,
-        cae: CaeForce,
-        stop: CaeStop,
-        n_draws: int,
+        self, condition: Condition, displacement_m: FloatArray, cae: CaeForce, stop: CaeStop, n_draws: int,
         rng: np.random.Generator,
-    ) -> BiasDraws:
+    ) -> BiasDraws:  # fmt: skip
         """Mean and draws (Student's t) of a new test's bias with its specific deviation and stop, without noise."""
         moving = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)

@@ -29,10 +29,9 @@ _DEAD = 0.05  # nats per point over noise alone; below this a fit explains nothi
 class Table4Bias:
     """A constant times Matérn-3/2 on (s, v0, front weight, rear weight), each standardised (Eqs. 23 to 27).
 
-    The bias is in m/s², unscaled as by scikit-learn's default: alpha and the bounds of Table 4 apply to (m/s²)². The
-    paper does not state this unit, the Matérn's order or the scaling of the inputs. From most starts the fit ends in an
-    optimum that explains no more than noise; the result of the settings is kept, and a note says so (``dead_``).
-    ``restarts`` are Table 4's training repeats: further starts after the one at 2.
+    The bias is in m/s², unscaled: alpha and the bounds of Table 4 apply to (m/s²)². The paper does not state this unit,
+    the Matérn's order or the scaling of the inputs. From most starts the fit explains no more than noise, and a note
+    says so (``dead_``). ``restarts`` are Table 4's training repeats: further starts after the one at 2.
     """
 
     end_share: ClassVar[float] = 0.0  # the paper follows a CAE pulse over displacement to its end
@@ -94,14 +93,9 @@ class Table4Bias:
         self.dead_ = bool(self.process_.log_marginal_likelihood_value_ < noise_alone + _DEAD * y.size)
 
     def sample(
-        self,
-        condition: Condition,
-        displacement_m: FloatArray,
-        cae: CaeForce,  # noqa: ARG002 - common to all bias models
-        stop: CaeStop,
-        n_draws: int,
+        self, condition: Condition, displacement_m: FloatArray, cae: CaeForce, stop: CaeStop, n_draws: int,  # noqa: ARG002
         rng: np.random.Generator,
-    ) -> BiasDraws:
+    ) -> BiasDraws:  # fmt: skip
         """Mean and draws at displacements (Eqs. 26 and 27); zero over velocity, which is not in Table 4."""
         x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)

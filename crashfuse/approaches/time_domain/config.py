@@ -90,7 +90,7 @@ class AboutTimeDomain(Approach):
     description = (
         "the multi-fidelity (MF) networks: those of the LF TCN with increments of their weights learned from the "
         "tests (Eq. 6); under the fast preset in closed form, their strength chosen by leaving tests out, with the "
-        "posterior, widened until it holds on left-out tests, as the band."
+        "posterior as the band."
     )
     colour, dark_colour = "#0072B2", "#2E93D6"
     preference = 30

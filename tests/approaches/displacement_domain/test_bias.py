@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crashfuse.approaches.displacement_domain.bias import CaeForce, bijective_projection, uniform_points
+from crashfuse.approaches.displacement_domain.bias import BiasDraws, CaeForce, bijective_projection, uniform_points
 from crashfuse.cae.model import LoadingCurve
 from crashfuse.condition import Condition
 from crashfuse.signals.loading_phase import LoadingPhase, loading_phase
@@ -38,6 +38,17 @@ def test_the_trend_at_a_displacement_does_not_depend_on_the_others_asked_for() -
     all_along = CaeForce.at(S, dented).trend_mps2
     np.testing.assert_allclose(CaeForce.at(S[:50], dented).trend_mps2, all_along[:50], rtol=0.003)
     assert CaeForce.at(np.array([0.3]), dented).trend_mps2[0] == pytest.approx(all_along[60], rel=0.003)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
+def test_what_a_mean_bias_loses_its_draws_have_as_an_error(share: float) -> None:
+    """The mean square of the draws stays, mean² + variance, while the mean is multiplied by the share."""
+    draws = 30.0 * np.sin(S / 0.1) + 4.0 * np.random.default_rng(0).standard_normal((20_000, S.size))
+    functions = np.vstack([30.0 * np.sin(S / 0.1), draws])
+    carried = BiasDraws(functions, functions[:, :3]).widened(1.0, share).over_displacement_mps2
+    np.testing.assert_allclose(carried[0], share * functions[0])
+    np.testing.assert_allclose(carried[1:].mean(axis=0), share * functions[0], atol=1.0)
+    np.testing.assert_allclose((carried[1:] ** 2).mean(axis=0), functions[0] ** 2 + 16, rtol=0.04)
 
 
 def constant(accel_mps2: float) -> LoadingPhase:

@@ -104,9 +104,8 @@ def test_the_parts_add_up_to_what_is_expected() -> None:
     model = fit({v: v / 10 * shared(S) + 0.1 * cae(v) for v in (6.0, 8.0, 12.0, 14.0)})
     *parts, total = model.parts(condition(10.0), S, force(10.0))
     assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "humps", "own"]
-    draws = model.sample(
-        condition(10.0), S, force(10.0), NO_HUMP, 8000, np.random.default_rng(0)
-    ).over_displacement_mps2
+    rng = np.random.default_rng(0)
+    draws = model.sample(condition(10.0), S, force(10.0), NO_HUMP, 8000, rng).over_displacement_mps2
     np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), draws[0], atol=1e-6)
     np.testing.assert_allclose(total.mean_mps2, draws[0], atol=1e-9)
     lower, upper = np.quantile(draws[1:], [0.025, 0.975], axis=0)
