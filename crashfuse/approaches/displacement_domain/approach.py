@@ -275,10 +275,11 @@ class DisplacementDomain(BandedApproach):
         log_errors = defaultdict[tuple[int, ...], list[FloatArray]](list)
         for number in bands.checked(campaign):
             if len(group := groups[number]) < len(campaign.tests):
+                watch.report("Check of the band", 0, 1)  # makes it cancellable
                 measured = campaign.tests[number].pulse.accel_mps2[:: bands.CHECK_STRIDE]
                 errors = np.abs(without(number, group)(0.0, _CARRIED) - measured)[:, _JUDGED].mean(axis=1)
                 shares = nearness(self._speeds_mps[number], self._speeds_mps, group) ** bands.DECAYS
-                log_errors[group].append(np.log(np.interp(shares, _CARRIED, errors)))
+                log_errors[group].append(np.log(1e-9 + np.interp(shares, _CARRIED, errors)))
         self.decay_ = bands.decay_over_speed(log_errors)
         calibration, self.left_out_, self.left_out_groups_ = bands.check_band(campaign, without, watch)
         return calibration
