@@ -184,7 +184,7 @@ def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch:
     parts = [SimpleNamespace(left_out_=said(), left_out_groups_=said(), model_=model) for _ in range(3)]
     taken = iter(parts)
     monkeypatch.setattr("crashfuse.approaches.fused.fitted", lambda *_: (next(taken), 0.0))
-    monkeypatch.setattr("crashfuse.approaches.fused.widening_far", lambda *_: 2.3)
+    monkeypatch.setattr("crashfuse.approaches.fused.bands.widening_far", lambda *_: 2.3)
     fused = Fused().fit(campaign)
     alone, groups = ([getattr(part, name) for part in parts] for name in ("left_out_", "left_out_groups_"))
     heard = [_heard(campaign, model, alone, i, [i])[0] for i in range(4)]

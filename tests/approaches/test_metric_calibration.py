@@ -230,7 +230,7 @@ def test_draws_as_single_tests_are_spread_as_errors_are() -> None:
     errors = {name: np.tile([0.3, -0.3], 20) for name in MATCHED}
     pulses = representative_pulses(prediction, errors, range(200))[1:]
     reached, drawn = metric_values(pulses, 12.0), drawn_metrics(prediction)
-    distributions = metric_distributions(prediction, errors)
+    distributions = metric_distributions(drawn, errors)
     for name in MATCHED:
         distribution = distributions[name]
         assert distribution is not None
@@ -247,6 +247,6 @@ def test_without_draws_or_where_some_never_stop_nothing_is_made_up() -> None:
     fast = replace(prediction, condition=replace(prediction.condition, speed_mps=40.0))  # none stops in the record
     pulse = representative_pulses(fast, {})[0]
     assert np.isfinite(pulse).all()
-    peak = metric_distributions(fast, {})["peak"]
+    peak = metric_distributions(drawn_metrics(fast), {})["peak"]
     assert peak is not None
     assert metric_values(pulse, 40.0)["peak"] == pytest.approx(peak.median, rel=2e-3)

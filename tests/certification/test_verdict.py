@@ -46,7 +46,7 @@ def test_the_word_changes_where_the_probability_crosses_the_confidence(
 def test_where_tests_fold_in_two_ways_the_probability_weighs_both(campaign: Campaign) -> None:
     """Crush of 500 mm in seven of ten draws, 540 mm in three; kept in the cache and found again."""
     ways = np.array([[astuple(Distribution(crush, 1.0, FREE))] for crush in (500.0, 540.0)])
-    crush = {"max_crush": Distribution(512.0, 20.0, FREE)}
+    crush: dict[str, Distribution | None] = {"max_crush": Distribution(512.0, 20.0, FREE)}
     forecast = Forecast(np.zeros(1250), {"max_crush": 505.0}, crush, folds=ways, apart_share=0.3)
     limit = Criterion("crush", "max_crush", at_most=520.0)
     for own in (forecast, Forecast.restored(forecast.entry)):

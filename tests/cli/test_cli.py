@@ -326,7 +326,8 @@ def test_predict_writes_pulses_metrics_and_report(campaign_on_disk: Path, tmp_pa
     assert len(pulses) == 2 * GRID_S.size
     assert pulses["held_out"].isna().all()
     assert {path.stem for path in out.rglob("*.mme")} == {"cae_30mph_expected"} | {
-        f"displacement_domain_30mph_{which}" for which in ("expected", "corridor_lower", "corridor_upper")
+        f"displacement_domain_30mph_{which}"
+        for which in ("expected", "representative", "corridor_lower", "corridor_upper")
     }
     record, printed = json.loads((out / "prediction.json").read_text()), capsys.readouterr().out
     assert record["condition"]["speed_mps"] == pytest.approx(30 * 0.44704)

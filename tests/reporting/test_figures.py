@@ -77,7 +77,8 @@ def test_every_figure_of_a_campaign_is_one_call(campaign: Campaign, name: str) -
 def test_every_figure_of_a_prediction_is_one_call(elsewhere: PredictedPulse, name: str) -> None:
     """Without a test; one may be put beside it."""
     drawn = elsewhere.plot(name, also=["T3"])
-    assert names(drawn) == ["Fused", "T3 · 26.0 mph"]
+    representative = ["Representative pulse"] if name in ("motion", "acceleration") else []
+    assert names(drawn) == ["Fused", *representative, "T3 · 26.0 mph"]
     assert "T3 · 26.0 mph" in figure_table(drawn).to_csv()
 
 

@@ -209,7 +209,10 @@ def test_a_page_hands_out_curves_as_they_are_chosen(made: list[tuple[str, dict[s
     app = AppTest.from_function(page).run()
     assert not app.exception
     name, files = made[-1]
-    assert (name, set(files)) == ("fused-15mph-lsdyna.zip", {"fused_15mph_expected.k"})
+    assert (name, set(files)) == (
+        "fused-15mph-lsdyna.zip",
+        {f"fused_15mph_{p}.k" for p in ("expected", "representative")},
+    )
     assert "Units mm-ms-kg" in files["fused_15mph_expected.k"]
     assert "Test T1 was left out." in files["fused_15mph_expected.k"]
     app.selectbox(key="export units").set_value("mm-s-t")
