@@ -38,6 +38,8 @@ needs_other_readers = pytest.mark.skipif(
 )
 """Skips a test that uses them, and says so."""
 
+Capture = pytest.CaptureFixture[str]
+
 
 settings.register_profile("ours", deadline=None)  # machines are noisy: speed is a benchmark's matter
 settings.load_profile("ours")

@@ -30,7 +30,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import KPH, LB, MPH
-from tests.conftest import content_of
+from tests.conftest import Capture, content_of
 
 CONDITION = Condition.of_vector([30 * MPH, 2050 * LB, 1500 * LB], (("drive", "AWD"), ("colour", "red")))
 
@@ -456,7 +456,7 @@ def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
     assert "T01" not in load_campaign(tmp_path / "copy").test_ids
 
 
-def test_the_command_line_edits_and_undoes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_edits_and_undoes(folder: Path, capsys: Capture) -> None:
     """Each change is said, listed and taken back; wrong usage ends with 2, nothing to undo with 1."""
     folder = folder.rename(folder.with_name("$(touch x) it's mine"))
     untouched = shutil.copytree(folder, folder.with_name("untouched"))
