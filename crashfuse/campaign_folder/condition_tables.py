@@ -158,10 +158,7 @@ def find_column(
 def numbers_in(
     cells: pd.Series, column: str, where: str, rows: RowNumbers, problems: list[Problem], largest: float
 ) -> FloatArray:
-    """Convert cells to float64; a cell that is not a number, or is beyond ``largest``, is a problem and becomes NaN.
-
-    Consecutive empty cells are one problem.
-    """
+    """Cells as float64; one that is no number, or beyond ``largest``, is a problem and NaN, empty ones in a row one."""
     numbers = _as_numbers(cells)
     bad = np.flatnonzero(~(np.abs(numbers) <= largest))
     wrong, rows_of = cells.iloc[bad], rows[bad]
@@ -193,10 +190,9 @@ def id_trouble(run_id: str) -> tuple[str, str, str] | None:
     if not run_id:
         return "an id in each row", "an empty cell", "name the row"
     found = repr(printable(run_id, 60))
-    if unsafe := _UNSAFE.search(run_id):
-        return "an id that can name a file", f"{found}, with {unsafe[0]}", "rename it"
-    if trouble := name_trouble(run_id):
-        return "an id that can name a file", f"{found}, {trouble[1]}", "rename it"
+    unsafe, trouble = _UNSAFE.search(run_id), name_trouble(run_id)
+    if wrong := f"with {unsafe[0]}" if unsafe else trouble and trouble[1]:
+        return "an id that can name a file", f"{found}, {wrong}", "rename it"
     if run_id.startswith(_FORMULA):
         return "an id that no spreadsheet takes for a formula", found, "let it begin with a letter or a digit"
     return None

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeVar
 
@@ -19,19 +20,10 @@ Result = TypeVar("Result")
 def opened_members(
     path: Path, wanted: Callable[[PurePath], bool], kind: str, limits: Limits
 ) -> Iterator[tuple[list[Member], Budget]]:
-    """Open the wanted files of a source; return them with the budget for reading them.
+    """Open the files of a source (a folder, a file in it, or a zip) that are ``wanted``, and the budget for reading them.
 
-    A DataError says that the path does not exist, is a file of another kind, contains an unreadable folder, or has too
-    many files.
-
-    Parameters
-    ----------
-    path : Path
-        A folder, a file in it, or a zip.
-    wanted : callable
-        Tells from a file's path whether it belongs to the format; no other file is opened.
-    kind : str
-        The expected source in messages ("an ISO-MME folder or zip").
+    ``kind`` is the expected source in messages ("an ISO-MME folder or zip"). A DataError says that the path does not
+    exist, is a file of another kind, contains an unreadable folder, or has too many files.
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         with path.open("rb") as stream:
@@ -46,7 +38,8 @@ def opened_members(
     members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():
-            members.append(_on_disk(file, folder))
+            inside = PurePosixPath(file.relative_to(folder).as_posix())
+            members.append(Member(inside, str(inside), partial(file.open, "rb")))
             size += file.stat().st_size
             if len(members) > limits.members:
                 raise too_many(path.name, len(members), limits)
@@ -87,8 +80,3 @@ def is_numbered(path: PurePath) -> bool:
     """Whether a name ends in the number of a channel, as ``T1.001`` does."""
     number = path.suffix[1:]
     return len(number) >= 3 and number.isascii() and number.isdecimal()
-
-
-def _on_disk(path: Path, folder: Path) -> Member:
-    inside = PurePosixPath(path.relative_to(folder).as_posix())
-    return Member(inside, str(inside), lambda: path.open("rb"))

@@ -195,6 +195,11 @@ def _by_axis(speeds: FloatArray, per_mps: float | None) -> str:
     return f"{speeds_text} {'in the unit of the file' if per_mps is None else 'm/s'}"
 
 
+def note_of_kept(kept: int, total: int) -> list[str]:
+    """That not all nodes are kept, if so."""
+    return [f"{kept} of {total} nodes are kept, those with a title first."] if kept < total else []
+
+
 def vehicle_mass_kg(mass: float) -> float | None:
     """A mass in kg if it is that of a vehicle in t, kg or g; its size tells which."""
     return next((kg for unit in (1.0, 1e3, 1e-3) if 300 <= (kg := mass * unit) <= 60_000), None)

@@ -9,6 +9,7 @@ from crashfuse.study.estimate import Estimate
 
 LEFT_OUT = {"test": "left out alone", "speed group": "all at its speed left out"}
 """What was left out with a test, in few words."""
+WITH_GROUP = "left out with its speed group"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,11 @@ class EarlierPrediction:
     def curve(self, _: Display | None = None) -> tuple[str, Estimate]:
         """Its name in a legend, and itself."""
         return earlier_name(self.estimate.approach, self.config, self.shown, self.of), self.estimate
+
+
+def how_left_out(way: str) -> str:
+    """How a test was left out: alone, or with its speed group."""
+    return LEFT_OUT["test"] if way == "test" else WITH_GROUP
 
 
 def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig, of: str = "") -> str:

@@ -33,6 +33,9 @@ Draw = Callable[[], go.Figure]
 RUN = "cae:"
 """What may stand before the id of a CAE run, and must where a test has the same id."""
 
+ONE_PROCESS = "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
+"""Why there are no parts of the bias to draw."""
+
 _STEP_M = 0.004  # grid of the parts of a bias
 _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it
 _ACCELERATIONS = ("motion", "acceleration")  # figures that begin with acceleration over time
@@ -225,9 +228,7 @@ def _rated(study: Study, display: Display) -> float:
 def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -> go.Figure:
     config, test = study.config, fold.test
     if config.preset == "paper":
-        raise UsageError(
-            "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
-        )
+        raise UsageError(ONE_PROCESS)
     unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=config.seed, cache=Cache())
     domain, _ = fitted(unfitted, config.training_campaign(study.campaign, test.id), Cache())
     grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).phase.crush_m, _STEP_M)

@@ -121,16 +121,13 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
 def _range(
     column: DeltaGenerator, axis: _Axis, view: View, runs: np.ndarray, tests: Sequence[float]
 ) -> tuple[float, float]:
-    """Slider for the ends of a range in SI, at first that of the tests.
-
-    The session and the address have the ends with the unit that they were chosen in, such as ``20:35 mph``: they stay
-    the same when another unit is chosen.
-    """
+    """Slider for the ends of a range in SI, at first that of the tests; kept as they were chosen, ``20:35 mph``."""
     own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
     state, step = st.session_state, axis.step
     own_in_si, in_si = IN_SI[own_unit], IN_SI[unit]
     least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
-    low, high = _down(max(least / in_si, step), step), _up(most / in_si, step)
+    low = step * int(max(least / in_si, step) / step + 1e-6)
+    high = -step * int(-most / in_si / step - 1 + 1e-6)
     if not _lies_in(state[axis.key], least / 2, 2 * most):  # nothing yet, a link that was cut, or another campaign's
         state[axis.key] = None
     address.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
@@ -162,11 +159,3 @@ def _lies_in(text: str | None, least: float, most: float) -> bool:
     except (ValueError, KeyError):
         return False
     return least <= first <= last <= most
-
-
-def _down(value: float, step: float) -> float:
-    return step * int(value / step + 1e-6)
-
-
-def _up(value: float, step: float) -> float:
-    return -step * int(-value / step - 1 + 1e-6)

@@ -93,8 +93,7 @@ def fill_in(campaign: Campaign, condition: Condition) -> None:
 def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs: np.ndarray) -> float:
     """Slider over the CAE runs' range, and a number field for values beyond it; returns SI.
 
-    The session and the address have the value in mph or lb, whatever the reader's unit is: so it stays the same when
-    the unit is changed.
+    The session and the address have it in mph or lb: so it stays the same when the unit is changed.
     """
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
     label, shown = display.title(field.label, field.unit), 1 / display.units.in_si(field.unit)

@@ -162,7 +162,6 @@ def _show_numbers(certification: Certification) -> None:
 
 
 def _show_table(certification: Certification, display: Display) -> None:
-    """Show verdicts of chosen kinds, one row a condition and criterion."""
     words = st.pills("Verdicts", WORDS, selection_mode="multi", key="verdicts", persist_state="session")
     table, heading = SHOWN["verdicts"](certification, display), display.title("Speed", "mph")
     table.insert(1, heading, [display.speeds(verdict.condition.speed_mps) for _, verdict in certification.cells])

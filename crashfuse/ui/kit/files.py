@@ -60,7 +60,7 @@ _OF_STUDY = (
 )
 _DRAWS_HELP = (
     "Whole pulses drawn from the band, all equally likely: run the occupant model with each to see how much of the "
-    "band reaches the occupant. The edges of the band are no pulses and do not go out."
+    "band reaches the occupant."
 )
 _PULSE_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
 
