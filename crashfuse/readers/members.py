@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeVar
 
@@ -20,7 +19,7 @@ Result = TypeVar("Result")
 def opened_members(
     path: Path, wanted: Callable[[PurePath], bool], kind: str, limits: Limits
 ) -> Iterator[tuple[list[Member], Budget]]:
-    """Open the files of a source (a folder, a file in it, or a zip) that are ``wanted``, and the budget for reading them.
+    """Open the files of a folder, a zip, or beside a file that are ``wanted``; and the budget for reading them.
 
     ``kind`` is the expected source in messages ("an ISO-MME folder or zip"). A DataError says that the path does not
     exist, is a file of another kind, contains an unreadable folder, or has too many files.
@@ -38,8 +37,7 @@ def opened_members(
     members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():
-            inside = PurePosixPath(file.relative_to(folder).as_posix())
-            members.append(Member(inside, str(inside), partial(file.open, "rb")))
+            members.append(_on_disk(file, folder))
             size += file.stat().st_size
             if len(members) > limits.members:
                 raise too_many(path.name, len(members), limits)
@@ -80,3 +78,8 @@ def is_numbered(path: PurePath) -> bool:
     """Whether a name ends in the number of a channel, as ``T1.001`` does."""
     number = path.suffix[1:]
     return len(number) >= 3 and number.isascii() and number.isdecimal()
+
+
+def _on_disk(path: Path, folder: Path) -> Member:
+    inside = PurePosixPath(path.relative_to(folder).as_posix())
+    return Member(inside, str(inside), lambda: path.open("rb"))

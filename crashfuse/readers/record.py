@@ -95,8 +95,8 @@ def _other_axle(mass: float | None, one: float, share: float | None) -> float | 
 class PartialCondition:
     """The condition as far as a file states it; None where it does not.
 
-    ``mass_kg`` is that of the whole vehicle, for files without axle weights; ``factors`` are anything else worth keeping
-    (make, model, barrier).
+    ``mass_kg`` is that of the whole vehicle, for files without axle weights; ``factors`` are what else is worth
+    keeping (make, model, barrier).
     """
 
     speed_mps: float | None = None

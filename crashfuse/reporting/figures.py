@@ -58,15 +58,12 @@ Further = str | OtherPrediction
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What a figure of pulses shows: the measured one, if any, and estimates by approach, then whatever is beside them.
-
-    The band of the approach ``band`` is filled; None for the preferred one.
-    """
+    """What a figure of pulses shows: the measured one, if any, and estimates by approach, then whatever is beside."""
 
     measured: Pulse | None
     shown: Mapping[str, Estimate | Prediction]
     condition: Condition
-    band: str | None = None
+    band: str | None = None  # the approach whose band is filled, by default the preferred one
 
     @property
     def predictions(self) -> dict[str, Prediction]:
@@ -256,10 +253,7 @@ def _losses(curve: dict[str, list[float]], value: str, step: str) -> go.Figure:
 
 
 def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str | None = None) -> dict[str, T]:
-    """What is known by approach, of those that are asked for, by default all.
-
-    A UsageError if one of them did not predict, or that whose band is to be filled, shown or not.
-    """
+    """What is known by approach, of those asked for, by default all; a UsageError for one that did not predict."""
     if band is not None:
         one_of("prediction by", band, known)
     names = known if approaches is None else several(approaches)

@@ -56,10 +56,7 @@ def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) 
 
 
 def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
-    """One row per prediction, approach and metric, with its difference from that of the first; for files.
-
-    Predictions are numbered, and their conditions in the columns of ``matrix.csv``.
-    """
+    """One row per prediction, approach and metric, with its difference from that of the first; for files."""
     first = {(own.approach, m.name): m.value for own in predictions[0].estimates for m in own.metrics}
     conditions = tuple(prediction.condition for prediction in predictions)
     matrix = Matrix(tuple(str(number + 1) for number in range(len(conditions))), conditions)

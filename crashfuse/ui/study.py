@@ -113,9 +113,9 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         if approach:
             st.session_state["explained"] = approach
 
-    alt = f"Ratings of each test, {how_left_out(leave_out)}, by approach, with their mean; the same numbers are in the tables"
-    draw, name = partial(study.plot, display=outcome.view.display), f"ratings {how_left_out(leave_out)}"
-    clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=name)
+    left_out, draw = how_left_out(leave_out), partial(study.plot, display=outcome.view.display)
+    alt = f"Ratings of each test, {left_out}, by approach, with their mean; the same numbers are in the tables"
+    clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=f"ratings {left_out}")
     with st.container(horizontal=True, vertical_alignment="center"):
         st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")
         chosen = st.selectbox(

@@ -121,10 +121,7 @@ _BEHIND = "rgba(255, 255, 255, 0.7)"
 
 
 def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
-    """Draw the notes that have a time into every row of a figure over time; returns the same figure.
-
-    Their texts stand in the last row, off its zero line.
-    """
+    """Draw the notes that have a time into every row of a figure over time; returns the same figure."""
     marks = sorted((note for note in notes if note.start_ms is not None), key=lambda note: note.start_ms or 0.0)
     rows = sorted({trace.yaxis or "y" for trace in figure.data})
     if not (marks and rows):

@@ -41,10 +41,7 @@ _CAPTIONS = (
 
 
 def study_report(study: Study, display: Display = DEFAULT, options: ReportOptions = ReportOptions()) -> str:
-    """HTML report of a study; a UsageError if a test that is to be shown was not left out.
-
-    Means are over all tests of the study, whichever are shown one by one.
-    """
+    """HTML report of a study, means over all its tests; a UsageError if one to be shown was not left out."""
     require_a(Study, study, "crashfuse.run_study(campaign)")
     require_a(ReportOptions, options, "crashfuse.ReportOptions('short')")
     campaign, config = study.campaign, study.config
@@ -131,10 +128,7 @@ def _shown(ratings: pd.DataFrame) -> pd.DataFrame:
 
 
 def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) -> Mapping[str, object]:
-    """The recommendation made for a test before it was run, and the actual outcome; its notes and marks.
-
-    Of a study of one test the report begins with the recommendation.
-    """
+    """The recommendation made for a test before it was run, and the actual outcome; its notes and marks."""
     test, window = study.campaign.test(fold.held_out), display.window_ms
     notes = [note for note in options.notes if note.test == test.id]
     advice, repeat = recommend_without(study, fold, window), study.repeats(window).get(test.id)

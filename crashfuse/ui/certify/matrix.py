@@ -38,14 +38,14 @@ def choose_matrix(view: View) -> Matrix | None:
     with left:
         st.caption("Conditions from")
         source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)
+    matrix: Matrix | None
+    matrix: Matrix | None
     try:
         with right:
-            if source == _GRID:
-                matrix = _grid(view.campaign, view.display)
-            elif source == _UPLOAD:
-                matrix = _uploaded(view.campaign)
-            else:
+            if source == _OWN:
                 matrix = _read(own, campaigns.stamp(own), view.campaign.fingerprint, view.campaign)
+            else:
+                matrix = _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display)
     except CrashfuseError as error:
         show_wrong(error)
         return None

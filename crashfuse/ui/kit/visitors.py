@@ -137,10 +137,7 @@ def insist_on_login() -> None:
 
 
 def require_login(page: str) -> None:
-    """On a server that asks for a log-in, show nothing but that to whoever has not logged in.
-
-    A link to a page is remembered, and followed once they have.
-    """
+    """On a server that asks for a log-in, show nothing else before it; a link to a page is followed after it."""
     auth = _asked_for()
     if not (auth or _insisted.is_set()):
         return
