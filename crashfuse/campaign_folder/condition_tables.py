@@ -46,16 +46,13 @@ def has_table(folder: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ConditionTable:
-    """The rows of a condition table, each with its row number in the file (the header is row 1).
-
-    ``quality`` is what the solver says of each, empty if the table says nothing; ``units`` are those of the columns.
-    """
+    """The rows of a condition table, each with its row number in the file (the header is row 1)."""
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
     rows: tuple[int, ...]
-    quality: tuple[RunQuality, ...] = ()
-    units: UnitSystem = MPH_LB
+    quality: tuple[RunQuality, ...] = ()  # what the solver says of each; empty if the table says nothing
+    units: UnitSystem = MPH_LB  # of the columns
 
     @property
     def speeds_mps(self) -> FloatArray:

@@ -331,10 +331,7 @@ def confirmed_faults(
     *,
     is_comparable: bool = True,
 ) -> dict[str, tuple[SensorFault, ...]]:
-    """The faults of sensors that a record shows alone, and the likely ones that the other tests do not show.
-
-    Tests are not comparable if the CAE runs begin before the barrier.
-    """
+    """The faults of sensors that a record shows alone, and likely ones that other, comparable tests do not show."""
     confirmed_of = {}
     for test_id, likely in faults.items():
         row = tables["tests"].ids.index(test_id)

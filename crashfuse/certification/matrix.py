@@ -123,10 +123,7 @@ class Matrix:
         factors: Mapping[str, Sequence[str]],
         units: tuple[str, str, str] = FILE_UNITS,
     ) -> Self:
-        """Every combination of speeds, weights and values of factors, numbered from ``M001``; ``units`` as given.
-
-        A UsageError if a value is given twice or beyond any barrier test, or there are too many combinations.
-        """
+        """Every combination of these values, numbered from ``M001``; a UsageError for one given twice, or too many."""
         for name, values in {
             "speed": speeds_mps,
             "front weight": front_weights_kg,

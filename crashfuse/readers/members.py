@@ -66,6 +66,9 @@ def files_below(folder: Path) -> Iterator[Path]:
         yield from (Path(home, name) for name in names)
 
 
+OTHER_KIND, CUT_SHORT, COPY_AGAIN = "another kind of file", "one that was cut short", "copy it again from the run"
+
+
 def as_text(content: bytes) -> str:
     """Decode text in any of the usual Western encodings."""
     for encoding in ("utf-8-sig", "cp1252"):

@@ -146,11 +146,7 @@ def initial_speed(nodes: Sequence[History]) -> float:
 
 
 def departure(
-    nodes: Sequence[History],
-    units: Units,
-    motion: tuple[FloatArray, FloatArray],
-    travel: Travel | None,
-    source: str,
+    nodes: Sequence[History], units: Units, motion: tuple[FloatArray, FloatArray], travel: Travel | None, source: str
 ) -> tuple[float | None, str, str]:
     """The speed in m/s at which the nodes set out, why it is unknown, and a sentence on their direction.
 

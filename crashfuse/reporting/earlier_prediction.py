@@ -14,20 +14,12 @@ WITH_GROUP = "left out with its speed group"
 
 @dataclass(frozen=True, eq=False)
 class EarlierPrediction:
-    """What an approach estimated with some settings, to be put beside those with others, or beside tests.
-
-    Attributes
-    ----------
-    config, shown : StudyConfig
-        Its settings, and those of the figure that it is put into: its name says in what the first differ from them.
-    of : str
-        The held-out test that it is of, where the figure is not of that alone.
-    """
+    """What an approach estimated with some settings, to be put beside those with others, or beside tests."""
 
     estimate: Estimate
     config: StudyConfig
-    shown: StudyConfig
-    of: str = ""
+    shown: StudyConfig  # of the figure that it is put into: its name says in what its own differ from them
+    of: str = ""  # the held-out test, where the figure is not of that alone
 
     @property
     def text(self) -> str:

@@ -22,20 +22,12 @@ from crashfuse.units import MS
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Preview:
-    """A record of foreign files, and what comes of it.
-
-    Attributes
-    ----------
-    settled : Settled or None
-        With the pulse, the condition, and every step from the record to them; None if there are problems.
-    problems : tuple of Problem
-        What has to be given or corrected first.
-    """
+    """A record of foreign files, and what comes of it."""
 
     record: Record
     choices: Choices
-    settled: Settled | None
-    problems: tuple[Problem, ...] = ()
+    settled: Settled | None  # with every step from the record to it; None if there are problems
+    problems: tuple[Problem, ...] = ()  # what has to be given or corrected first
 
     def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
         """The pulse over the channels that it is made of, as the page shows it that imports.

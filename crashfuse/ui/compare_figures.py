@@ -139,7 +139,8 @@ def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account: 
 def show_over_displacement(comparison: Comparison) -> None:
     """Show test, CAE model and its correction over displacement, in the figure that the user picks."""
     with _row():
-        figures = [_CURVES, "Energy", _BIAS, _PARTS, "Check of the integration"]
+        energy, check = list(_OF_CURVES)[1:]
+        figures = [_CURVES, energy, _BIAS, _PARTS, check]
         choice = choose("Figure", figures, key="over_displacement")
         curves = comparison.choose_curves() if choice in _OF_CURVES else None
     if curves is None:

@@ -1,7 +1,6 @@
 """Planning on the page Predict: pulse metrics over impact speed, and which test to run next."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import streamlit as st
@@ -27,24 +26,13 @@ from crashfuse.ui.kit.files import download_report, download_table
 from crashfuse.ui.kit.progress import result_or_none
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.predict import DECIMALS, Answer
+from crashfuse.ui.predict import DECIMALS, Answer, Field
 from crashfuse.wording import IN_SI
 
-
-@dataclass(frozen=True)
-class _Axis:
-    """A quantity of which a range is chosen; the step is in any unit."""
-
-    label: str
-    key: str
-    unit: str
-    step: float
-
-
 _AXES = (
-    _Axis("Speeds", "speed_range", "mph", 0.5),
-    _Axis("Front weights", "front_range", "lb", 10.0),
-    _Axis("Rear weights", "rear_range", "lb", 10.0),
+    Field("Speeds", "speed_range", "mph", 0.5),
+    Field("Front weights", "front_range", "lb", 10.0),
+    Field("Rear weights", "rear_range", "lb", 10.0),
 )
 
 
@@ -119,7 +107,7 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
 
 
 def _range(
-    column: DeltaGenerator, axis: _Axis, view: View, runs: np.ndarray, tests: Sequence[float]
+    column: DeltaGenerator, axis: Field, view: View, runs: np.ndarray, tests: Sequence[float]
 ) -> tuple[float, float]:
     """Slider for the ends of a range in SI, at first that of the tests; kept as they were chosen, ``20:35 mph``."""
     own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))

@@ -143,8 +143,7 @@ def show_bands(outcome: Outcome) -> None:
     alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
     show("draws", alt, "ratings of draws")
     st.caption(
-        "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
-        "single pulse has oscillations of its own, so it rates lower. Grey: where a repeat of the test would rate."
+        f"Marks: rating of the expected pulse. Lines: {glossary.DRAWS} Grey: where a repeat of the test would rate."
     )
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     show_table(coverage_table(study.coverage), "coverage")

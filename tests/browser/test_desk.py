@@ -105,9 +105,7 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     user.sees("secret-car", "h1")
 
 
-def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
-    user: User, campaign_on_disk: Path, tmp_path: Path
-) -> None:
+def test_a_server_with_a_log_in_shows_nothing_before(user: User, campaign_on_disk: Path, tmp_path: Path) -> None:
     """No name of a campaign; then the page of the link with its choices, who it is, and the same after a reload.
 
     No folder outside the roots opens. Logged out, one sees nothing again, and another may log in.

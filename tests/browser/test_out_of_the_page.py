@@ -25,9 +25,7 @@ pytestmark = pytest.mark.slow
 BANDED = ("time_domain", "displacement_domain", "fused")
 
 
-def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
-    engineer: User, campaign_on_disk: "Path"
-) -> None:
+def test_the_numbers_of_a_figure_are_those_of_visible_curves(engineer: User, campaign_on_disk: "Path") -> None:
     """A curve is taken out, corridors are added: the file has what is left, as the library has it."""
     engineer.press("Corridors of the rating", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)

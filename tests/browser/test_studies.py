@@ -92,9 +92,7 @@ def test_a_test_is_opened_by_keyboard(small_server: Server, user: User) -> None:
     assert user.browser.execute_script("return document.querySelector('[data-testid=stMain]').scrollTop") == 0
 
 
-def test_the_report_of_a_study_shows_the_chosen_tests_in_the_units_of_the_page(
-    small_server: Server, user: User
-) -> None:
+def test_a_study_report_shows_the_chosen_tests_in_the_units_of_the_page(small_server: Server, user: User) -> None:
     """Short, of one test, in kg and m/s²; bands, and what they are worth."""
     study(user, small_server)
     user.press("km/h, kg", f"{SIDEBAR} button")

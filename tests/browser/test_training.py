@@ -11,9 +11,7 @@ from tests.browser.conftest import Server, User
 pytestmark = pytest.mark.slow
 
 
-def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it_any_more(
-    small_server: Server, user: User
-) -> None:
+def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it(small_server: Server, user: User) -> None:
     """A second tab finds it, another browser sees whose it is and asks for it, too; it goes on until both cancel.
 
     What waits behind it can be cancelled at once.

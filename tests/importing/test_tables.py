@@ -246,9 +246,7 @@ def test_two_columns_of_one_quantity_are_a_question(tmp_path: Path, pair: str, r
         ),  # an hour, the moment of ignition and a peak are no pulse
     ],
 )
-def test_conditions_are_read_whatever_stands_beside_them(
-    tmp_path: Path, text: str, speed_kph: float, front_kg: float
-) -> None:
+def test_conditions_are_read_whatever_is_beside(tmp_path: Path, text: str, speed_kph: float, front_kg: float) -> None:
     """A share in per cent or not; the hour of a test is not the time of a pulse."""
     path = tmp_path / "c.csv"
     path.write_text(text)

@@ -193,9 +193,7 @@ def test_without_criteria_the_page_says_how_to_declare_them(visit: Visit) -> Non
         ("matrix.csv", MATRIX + "M4,20,2050,1500\n", "found that of M1 a second time"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_a_sentence(
-    asking: Path, visit: Visit, name: str, content: str, sentence: str
-) -> None:
+def test_a_fault_in_a_file_is_a_sentence(asking: Path, visit: Visit, name: str, content: str, sentence: str) -> None:
     """Of the campaign's own criteria or matrix; nothing can be computed from them."""
     (asking / name).write_text(content)
     session = visit("certify", **LINK)

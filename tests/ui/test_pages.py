@@ -367,7 +367,7 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
 def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     """Alone and by speed group: means, heat maps, the paper's tables, spread, calibration, and files."""
     session = start("study")
-    assert not session.charts
+    assert not session.app.get("plotly_chart")
     session.press("Leave out each of 4 tests").finish()
     assert session.charts == 1
     (heat_map,) = session.app.get("plotly_chart")

@@ -106,9 +106,7 @@ def test_pages_open_what_is_inside_the_root_and_nothing_else(root: Path, campaig
             campaigns.allowed(Path(way))
 
 
-def test_a_folder_that_leads_elsewhere_by_a_link_in_it_is_refused(
-    root: Path, campaign_folder: Path, tmp_path: Path
-) -> None:
+def test_a_folder_that_leads_elsewhere_by_a_link_is_refused(root: Path, campaign_folder: Path, tmp_path: Path) -> None:
     """A pulse outside is not read by a link; a link to another place inside is fine."""
     inside = root / "car"
     campaign_folder.rename(inside)

@@ -92,10 +92,7 @@ def by_speed(
     display: Display = DEFAULT,
     among: Sequence[CrashTest] = (),
 ) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
-    """Tests by increasing speed, each with the name and style of its line; the highlighted one is thick.
-
-    Styles are those that they have ``among`` all tests, so that they stay whichever are shown.
-    """
+    """Tests by increasing speed, each with the name and style that it has ``among`` all; the highlight is thick."""
     styles = speed_lines(among or tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight

@@ -156,10 +156,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
 
 
 def _why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> dict[str, object]:
-    """How the expectation came out, what the rating of the recommended approach is made of, and its curves.
-
-    These are drawn for the worst test, and for those that came out below what was expected.
-    """
+    """How the expectation came out, what the rating of the recommended approach is made of, and its curves."""
     window, expected = display.window_ms, advice.expected
     rating, explanation = fold.ratings[advice.approach][window].overall, fold.explained(advice.approach, window)
     missed = expected is not None and expected.is_missed_by(rating)

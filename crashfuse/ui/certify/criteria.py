@@ -38,10 +38,7 @@ at_least = …"""
 
 @dataclass
 class _Editor:
-    """The table as the browser's editor began with it, and what it said last.
-
-    It begins anew when something else is asked for than it said: by a link, by Back, by a file.
-    """
+    """The table as the browser's editor began with it, and what it said last; another one begins anew."""
 
     begun: pd.DataFrame
     said: list[str] | None = None

@@ -39,7 +39,6 @@ def choose_matrix(view: View) -> Matrix | None:
         st.caption("Conditions from")
         source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)
     matrix: Matrix | None
-    matrix: Matrix | None
     try:
         with right:
             if source == _OWN:

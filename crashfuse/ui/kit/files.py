@@ -74,10 +74,7 @@ class Caption(NamedTuple):
 
 
 def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Caption:
-    """The caption of a figure on the open page.
-
-    The alternative text up to its semicolon is the title, and the name unless it is given what is ``drawn``.
-    """
+    """The caption of a figure on the open page, named by its alternative text unless told what is ``drawn``."""
     page, title, state = address.here().page, alt.partition(";")[0], st.session_state
     names, details = [drawn or title], list[str]()
     elsewhere = page == "history" or (page == "data" and state.get("import"))  # of any campaign, or of none
