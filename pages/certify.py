@@ -9,7 +9,7 @@ from crashfuse.certification.certify import APPROACH
 from crashfuse.ui.certify import earlier, results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import JUDGED, choose_matrix
-from crashfuse.ui.certify.results import CertificationRequest, Judgement
+from crashfuse.ui.certify.results import Judgement, judge
 from crashfuse.ui.kit import address, frame
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.editing import notes_of
@@ -45,7 +45,7 @@ with st.expander("Criteria and conditions", icon=":material/tune:", expanded=not
 verdicts = None
 if criteria is not None and matrix is not None:
     config = replace(chosen_config(), approaches=(approach,), leave_out="test")
-    request = CertificationRequest(campaign, criteria, matrix, config)
+    request = judge(campaign, criteria, matrix, config)
     verdicts = result_or_none(
         request,
         invitation="These conditions have not been judged yet. "

@@ -15,6 +15,7 @@ from hypothesis import settings
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import Campaign
+from crashfuse.errors import DataError, Problem
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.testing import small_campaign
 from crashfuse.units import LB, MPH, MS, G
@@ -37,6 +38,15 @@ needs_other_readers = pytest.mark.skipif(
     not OTHER_READERS.is_dir(), reason=f"needs the programs of tests/other_readers.txt in {OTHER_READERS}"
 )
 """Skips a test that uses them, and says so."""
+
+Capture = pytest.CaptureFixture[str]
+
+
+def problems_of(call: Callable[[], object]) -> tuple[Problem, ...]:
+    """All that a call is refused for."""
+    with pytest.raises(DataError) as refused:
+        call()
+    return tuple(refused.value.problems)
 
 
 settings.register_profile("ours", deadline=None)  # machines are noisy: speed is a benchmark's matter

@@ -46,16 +46,13 @@ def has_table(folder: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ConditionTable:
-    """The rows of a condition table, each with its row number in the file (the header is row 1).
-
-    ``quality`` is what the solver says of each, empty if the table says nothing; ``units`` are those of the columns.
-    """
+    """The rows of a condition table, each with its row number in the file (the header is row 1)."""
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
     rows: tuple[int, ...]
-    quality: tuple[RunQuality, ...] = ()
-    units: UnitSystem = MPH_LB
+    quality: tuple[RunQuality, ...] = ()  # what the solver says of each; empty if the table says nothing
+    units: UnitSystem = MPH_LB  # of the columns
 
     @property
     def speeds_mps(self) -> FloatArray:
@@ -158,10 +155,7 @@ def find_column(
 def numbers_in(
     cells: pd.Series, column: str, where: str, rows: RowNumbers, problems: list[Problem], largest: float
 ) -> FloatArray:
-    """Convert cells to float64; a cell that is not a number, or is beyond ``largest``, is a problem and becomes NaN.
-
-    Consecutive empty cells are one problem.
-    """
+    """Cells as float64; one that is no number, or beyond ``largest``, is a problem and NaN, empty ones in a row one."""
     numbers = _as_numbers(cells)
     bad = np.flatnonzero(~(np.abs(numbers) <= largest))
     wrong, rows_of = cells.iloc[bad], rows[bad]
@@ -193,10 +187,9 @@ def id_trouble(run_id: str) -> tuple[str, str, str] | None:
     if not run_id:
         return "an id in each row", "an empty cell", "name the row"
     found = repr(printable(run_id, 60))
-    if unsafe := _UNSAFE.search(run_id):
-        return "an id that can name a file", f"{found}, with {unsafe[0]}", "rename it"
-    if trouble := name_trouble(run_id):
-        return "an id that can name a file", f"{found}, {trouble[1]}", "rename it"
+    unsafe, trouble = _UNSAFE.search(run_id), name_trouble(run_id)
+    if wrong := f"with {unsafe[0]}" if unsafe else trouble and trouble[1]:
+        return "an id that can name a file", f"{found}, {wrong}", "rename it"
     if run_id.startswith(_FORMULA):
         return "an id that no spreadsheet takes for a formula", found, "let it begin with a letter or a digit"
     return None

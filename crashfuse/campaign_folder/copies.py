@@ -72,10 +72,7 @@ def _pairs(pairs: Sequence[str]) -> str:
 
 
 def similar_tests(records: Sequence[FloatArray]) -> dict[tuple[int, int], float]:
-    """Places of tests that may be copies of each other, the lower first, with the share in which they differ.
-
-    The records, in 12.5 kHz from contact on, may be of different lengths.
-    """
+    """Places of tests that may be copies of each other, the lower first, with the share in which they differ."""
     shares = {(one, other): _unlike_tests(records[one], records[other]) for one, other in _alike(records)}
     return {pair: share for pair, share in shares.items() if share < _ALIKE_TESTS}
 
@@ -124,10 +121,7 @@ def _smooth_difference(one: FloatArray, other: FloatArray) -> float:
 
 
 def _best_shift(one: FloatArray, other: FloatArray, reach_s: float) -> tuple[int, float]:
-    """The shift in samples at which a line through the other pulse explains the most of one, and the share of power.
-
-    Correlations at all shifts come from one Fourier transform, sums over the overlaps from running sums.
-    """
+    """The shift in samples at which a line through the other pulse explains the most, and the share of power."""
     size = 1 << int(one.size + other.size - 1).bit_length()
     shift = np.arange(-round(reach_s / DT_S), round(reach_s / DT_S) + 1)
     products = np.fft.irfft(np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size)), size)[shift]

@@ -31,7 +31,7 @@ from crashfuse.campaign_folder.copies import check_tests_differ
 from crashfuse.campaign_folder.history import changing, is_vacant, settle, taking_turns
 from crashfuse.campaign_folder.load import FILES
 from crashfuse.campaign_folder.pulse_files import PulseFiles
-from crashfuse.campaign_folder.settings import read_settings, reason
+from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
 from crashfuse.campaign_folder.writer import append_to_table, check_ids, pulse_csv, quality_columns, table_row
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, shortened
@@ -159,10 +159,7 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
 
 
 def copy_campaign(folder: Path, to: Path) -> None:
-    """Copy the files of a campaign folder, byte for byte, into a new one.
-
-    Raises a DataError if there is something in it already, an OSError if that fails; nothing is left behind then.
-    """
+    """Copy the files of a campaign folder, byte for byte, into a new one; nothing is left behind if that fails."""
     settle(folder)
     pulses = [name for role in WHAT for end in _ENDINGS for name in (f"{role}_pulses.{end}", f"{role}/*.{end}")]
     with new_folder(to) as home:
@@ -316,9 +313,7 @@ def _refuse(problems: Sequence[Problem]) -> None:
 def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
     """The ids of all tests in the folder, whatever is wrong with their data, and why some are left out of use."""
     problems: list[Problem] = []
-    settings = read_settings(folder, problems, [])
-    if problems:
-        raise DataError(problems)
+    settings = sound_settings(folder)
     table = read_lenient(folder / "tests.csv", "tests", problems)
     if table is None:
         raise DataError(shortened(problems))

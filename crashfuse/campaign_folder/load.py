@@ -178,10 +178,7 @@ def _without_unused(
 def _check_pulses(
     role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles, tests: tuple[FloatArray, FloatArray] | None
 ) -> plausibility.Gap | None:
-    """Check every pulse that could be read against its condition, and tests against each other.
-
-    Returns the gap of CAE runs before the barrier, if they have one by the speeds and pulses of ``tests``.
-    """
+    """Check every pulse against its condition, and tests against each other; returns the gap of CAE runs, if any."""
     if reader.unread:
         table, accel = table.without(reader.unread), np.delete(accel, reader.unread, axis=0)
     gap = None

@@ -28,6 +28,7 @@ Faults = Mapping[str, tuple[SensorFault, ...]]
 
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
 """Limits of ΔV/v0. Tests: from "not yet stopped at 100 ms" to more rebound than any car has; one CAE run may be odd."""
+LONG_ENOUGH = "a record that lasts until the vehicle has stopped, or 100 ms"
 MOVING = 0.05
 """Residual share of the impact speed at the end of a record: 0.25 % of the energy is left."""
 CREEP_MPS = 1.0
@@ -63,10 +64,7 @@ _FEWEST_OTHERS = 2  # fewer do not tell which of the tests is odd: the CAE runs 
 def check_physics(
     role: str, table: ConditionTable, accel: FloatArray, faults: Faults, problems: list[Problem], advice: str = ""
 ) -> None:
-    """Compare each pulse's change of velocity with its stated impact speed, as far as that is known (not NaN).
-
-    ``advice`` is what to do where one cause explains all of them.
-    """
+    """Compare changes of velocity with impact speeds, where known; ``advice`` is for a cause that explains them all."""
     low, high = STOPS[role]
     speed, biggest = table.speeds_mps, _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
@@ -145,10 +143,9 @@ def check_ends(
         velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
         if velocity > MOVING * speed:
             found = f"{_speed_text(velocity)} at its end, {time_text(end)}"
-            expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             place, number = f"id {run_id}", table.rows[row]
             advice = fault_advice(run_id, faults.get(run_id, ())) or "export a longer record"
-            problems.append(Problem(f"{role}.csv", expected, found, advice, place, number))
+            problems.append(Problem(f"{role}.csv", LONG_ENOUGH, found, advice, place, number))
 
 
 def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
@@ -334,10 +331,7 @@ def confirmed_faults(
     *,
     is_comparable: bool = True,
 ) -> dict[str, tuple[SensorFault, ...]]:
-    """The faults of sensors that a record shows alone, and the likely ones that the other tests do not show.
-
-    Tests are not comparable if the CAE runs begin before the barrier.
-    """
+    """The faults of sensors that a record shows alone, and likely ones that other, comparable tests do not show."""
     confirmed_of = {}
     for test_id, likely in faults.items():
         row = tables["tests"].ids.index(test_id)

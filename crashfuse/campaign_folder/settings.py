@@ -105,13 +105,18 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     return settings
 
 
-def own_filter_class(folder: Path) -> float | None:
-    """The channel filter class that a campaign applies to its records on reading; None if it has none."""
+def sound_settings(folder: Path) -> Settings:
+    """Read ``campaign.toml``; raise a DataError with its problems."""
     problems: list[Problem] = []
     settings = read_settings(folder, problems, [])
     if problems:
         raise DataError(problems)
-    return settings.channel_filter_class
+    return settings
+
+
+def own_filter_class(folder: Path) -> float | None:
+    """The channel filter class that a campaign applies to its records on reading; None if it has none."""
+    return sound_settings(folder).channel_filter_class
 
 
 def reason(text: str) -> str:

@@ -170,11 +170,7 @@ def certify_matrix(
     """Judge every criterion at every condition of a matrix, and keep the record of the tests, left out in turn.
 
     The first approach of the settings is judged. Forecasts are kept in the cache: other limits then take no time.
-
-    Raises
-    ------
-    UsageError, DataError, Cancelled
-        If there is no test, a record is shorter than the window of a rating, or the watch was told to stop.
+    Raises a UsageError without tests, a DataError if a record is shorter than the window of a rating.
     """
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")

@@ -21,15 +21,10 @@ _DIGITS = 5  # of m/s and kg: conditions go through mph and lb
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One criterion at one condition, by both certifications or by one of them.
+    """One criterion at one condition, by both certifications or by one of them, with the condition's id in each.
 
-    Attributes
-    ----------
-    earlier_id, later_id : str or None
-        The condition's id in each that has it.
-    measured : mapping of str to float or None
-        What tests that the earlier one did not know measured there, by their ids. Empty of a rating: it would be that
-        of another prediction.
+    ``measured`` is by tests that the earlier one did not know, by their ids; of a rating, it would be that of another
+    prediction, and is empty.
     """
 
     earlier_id: str | None

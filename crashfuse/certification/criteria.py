@@ -124,13 +124,7 @@ _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
 
 def read_criteria(path: Path) -> Criteria:
-    """Read ``criteria.toml``.
-
-    Raises
-    ------
-    DataError
-        If it is not such a file, or a criterion cannot be judged; with every problem.
-    """
+    """Read ``criteria.toml``; a DataError has every problem of it."""
     if not path.is_file():
         raise DataError(Problem(path.name, "this file", "no such file", "declare the acceptance criteria in it"))
     values = read_toml(path, 1, "keep the criteria alone")

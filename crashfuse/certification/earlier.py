@@ -64,7 +64,7 @@ class Earlier:
     waived_before : mapping of str to Outcomes
         Of conditions that needed no test by those before it, what tests there showed.
     gone : tuple of RemovedTest
-        Tests of certifications before it that it did not use any more.
+        Tests of certifications before it, not used any more.
     run : mapping of str to mapping
         What tests at its conditions showed: by condition, test and criterion.
     verdicts : tuple of tuple of EarlierVerdict

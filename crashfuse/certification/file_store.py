@@ -28,13 +28,7 @@ _NAME = re.compile(r"[0-9a-f]{24}")
 
 
 def keep(content: bytes, file: str) -> str:
-    """Keep the content of such a file, which could be read; returns the name that a link has for it.
-
-    Raises
-    ------
-    DataError
-        If it is too large, or cannot be written.
-    """
+    """Keep the content of a file that could be read; returns its name in links. A DataError if it is too large."""
     if len(content) > LARGEST:
         expected, found = f"at most {LARGEST >> 20} MB", f"{len(content) / 2**20:.1f} MB"
         raise DataError(Problem(file, expected, found, "leave out some conditions"))

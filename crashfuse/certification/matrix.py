@@ -27,13 +27,7 @@ relative difference in weight of a repeat."""
 
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """Conditions with unique ids, none of them twice.
-
-    Raises
-    ------
-    UsageError
-        If there is none, or more than 10,000.
-    """
+    """Conditions with unique ids, none of them twice; a UsageError if there is none, or more than 10,000."""
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
@@ -92,13 +86,7 @@ class Matrix:
 
     @classmethod
     def read(cls, path: Path, factors: Mapping[str, Sequence[str]]) -> Self:
-        """Read ``matrix.csv``, a table like ``tests.csv``; ``factors`` are those of the campaign.
-
-        Raises
-        ------
-        DataError
-            With every problem of the table.
-        """
+        """Read ``matrix.csv``, a table like ``tests.csv``, by the campaign's factors; a DataError has every problem."""
         table, file = read_conditions(path, by_hand=True), path.name
         if len(table.ids) > _MOST:
             expected, advice = f"at most {_MOST:,} conditions", "split the table"
@@ -135,13 +123,7 @@ class Matrix:
         factors: Mapping[str, Sequence[str]],
         units: tuple[str, str, str] = FILE_UNITS,
     ) -> Self:
-        """Every combination of speeds, weights and values of factors, numbered from ``M001``; ``units`` as given.
-
-        Raises
-        ------
-        UsageError
-            If a value is given twice, is not above 0 or beyond any barrier test, or there are too many combinations.
-        """
+        """Every combination of these values, numbered from ``M001``; a UsageError for one given twice, or too many."""
         for name, values in {
             "speed": speeds_mps,
             "front weight": front_weights_kg,

@@ -11,6 +11,7 @@ from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
 
 T = TypeVar("T")
+_SEVERAL = "; several separated by commas"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -185,19 +186,15 @@ def _add_approaches(parser: argparse.ArgumentParser, usual: str) -> None:
 
 
 def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    preset, more = _one_of("fast", "paper"), "; several separated by commas" if several else ""
-    parser.add_argument(
-        "--preset",
-        type=_listed(preset) if several else preset,
-        metavar="fast|paper",
-        help=f"settings: ours (default) or the paper's{more}",
-    )
+    preset, more = _one_of("fast", "paper"), _SEVERAL if several else ""
+    kind, help_ = _listed(preset) if several else preset, f"settings: ours (default) or the paper's{more}"
+    parser.add_argument("--preset", type=kind, metavar="fast|paper", help=help_)
     _add_seed(parser, several=several)
     _add_device(parser)
 
 
 def _add_seed(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    seed, more = whole(0, 2**32 - 1), "; several separated by commas" if several else ""
+    seed, more = whole(0, 2**32 - 1), _SEVERAL if several else ""
     parser.add_argument(
         "--seed", type=_listed(seed) if several else seed, help=f"seed of everything random (default: 0){more}"
     )

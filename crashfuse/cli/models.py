@@ -112,7 +112,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")
     print(next_tests_table(ranking.ranked[:BEST], display.units).to_string(index=False))
-    say_written(arguments.out, "ranking of next tests")
+    say_written(arguments.out, ranking.kind)
 
 
 def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:

@@ -25,10 +25,7 @@ _claimed: dict[Path, ExitStack] = {}
 
 
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
-    """Claim a folder for this command.
-
-    Refuses one in a campaign, with results of another kind, that is not writable, or that another command writes to.
-    """
+    """Claim a folder; refuses one in a campaign, with other results, not writable, or written to by another."""
     from crashfuse.campaign_folder.condition_tables import has_table
     from crashfuse.reporting.results import RESULT_FILES
 

@@ -29,7 +29,11 @@ def rate(arguments: argparse.Namespace) -> None:
         rows = table.drop(columns=[name for name in table if (table[name] == "").all()]).to_dict("records")
         for row, own in zip(rows, explained, strict=bool(explained)):
             row["explanation"] = own
-        print(json.dumps([{name: _plain(value) for name, value in row.items()} for row in rows], indent=2))
+        print(
+            json.dumps(
+                [{name: None if value != value else value for name, value in row.items()} for row in rows], indent=2
+            )
+        )
     elif arguments.csv:
         print(csv_bytes(table).decode(), end="")
     else:
@@ -124,7 +128,3 @@ def _print(table: "pd.DataFrame") -> None:
     for row in table[table["note"] != ""].drop_duplicates([*varying, "note"]).to_dict("records"):
         what = "Not rated" if row["overall"] != row["overall"] else "Careful"
         print(": ".join([what, *filter(None, (row[name] for name in varying)), row["note"]]))
-
-
-def _plain(value: object) -> object:
-    return None if value != value else value

@@ -22,10 +22,7 @@ def _glibc() -> ctypes.CDLL | None:
 
 
 def share_one_heap() -> None:
-    """Let all further threads allocate from the first one's heap.
-
-    What was freed would otherwise stay with glibc, a third of a process that trains networks.
-    """
+    """Let all threads allocate from the first one's heap: freed memory stays with glibc, a third of one that trains."""
     if (library := _glibc()) is not None:
         library.mallopt(_ARENA_MAX, 1)
 

@@ -86,6 +86,7 @@ _MOST_PADDING = 5_000_000  # empty cells of a block whose lines are shorter than
 MOST_ROWS = 200_000  # of a condition table: twice the largest library
 _MOST_WIDE = 20  # lines with more cells than the header that are told
 _COMMA, _POINT = re.compile(r"\s*[+-]?\d+,\d+\s*"), re.compile(r"\s*[+-]?\d+\.\d+\s*")
+_LESS = "leave out what is not needed"
 _AGAIN = "export it again as comma-separated text in UTF-8"
 
 
@@ -177,7 +178,7 @@ def read_rows(
             for number, cells in enumerate(reader, start=2):
                 is_blank = not any(map(str.strip, cells))
                 if number > _MOST_LINES or (len(rows) == most and not is_blank):
-                    expected, advice = f"at most {most:,} rows in {len(names)} columns", "leave out what is not needed"
+                    expected, advice = f"at most {most:,} rows in {len(names)} columns", _LESS
                     raise DataError(Problem(where, expected, "more", advice))
                 if not is_blank:
                     if any(map(str.strip, cells[len(names) :])) and len(wide) < _MOST_WIDE:
@@ -198,7 +199,7 @@ def _lines(stream: TextIO, where: str) -> Iterator[str]:
         line = stream.readline(_LONGEST_LINE + 1)
         size += len(line)
         if size > _LARGEST_TABLE:
-            raise DataError(Problem(where, "a table of at most 32 MiB", "more", "leave out what is not needed"))
+            raise DataError(Problem(where, "a table of at most 32 MiB", "more", _LESS))
         _refuse_nul(line, where)
         if len(line) > _LONGEST_LINE:
             raise DataError(Problem(where, "lines of a table", "one without an end", _AGAIN, row=row))

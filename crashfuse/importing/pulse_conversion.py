@@ -11,7 +11,7 @@ import numpy as np
 
 from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.condition_tables import Role, listed
-from crashfuse.campaign_folder.plausibility import CREEP_MPS, MOVING, STOPS
+from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS
 from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting
@@ -171,9 +171,8 @@ def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
         raise _too_short(case, end_s, _LONGER[case.role])
     if end_s < GRID_S[-1] - motion.dt_s:
         if first > CREEP_MPS and last > MOVING * first:
-            expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             found = Sentence(f"{{}} left at its end, {end}", speed(last))
-            raise DataError(Problem(case.record.source, expected, found, _LONGER[case.role]))
+            raise DataError(Problem(case.record.source, LONG_ENOUGH, found, _LONGER[case.role]))
         last_g = number(motion.accel_mps2[-1] / G, "+.2g")
         sentences.append(
             f"Careful: the record ends {end} after contact at {last_g} g; it goes on with no acceleration, which "

@@ -92,8 +92,7 @@ def rate_files(
     Parameters
     ----------
     reference, comparison : str or Path
-        The test and what is compared with it: a table, or a file, folder or zip of one test or run in any format that
-        the import reads.
+        The test and what is compared with it, one of any kind that the import reads.
     windows_ms : sequence of float
         Rated are 0 to each of these, in ms.
 
@@ -251,13 +250,8 @@ def rate_channels(
     """Rate every channel of one ISO-MME test against the channel of the other that has the same code.
 
     Of several channels with one code, the n-th is rated against the n-th. The table is as that of :func:`rate_files`,
-    with one row for each channel and window; a channel that cannot be rated has one row, with a note. A DataError says
-    that one of them is no ISO-MME test, or that they have no channel in common.
-
-    Parameters
-    ----------
-    reference, comparison : str or Path
-        A test's folder, its ``.mme`` file, or a zip of it.
+    with one row for each channel and window; a channel that cannot be rated has one row, with a note. Tests are given
+    by their folder, ``.mme`` file or zip; a DataError says that one is none, or that they have no channel in common.
     """
     reference, comparison = Path(reference), Path(comparison)
     sides = [_channels(path) for path in (reference, comparison)]

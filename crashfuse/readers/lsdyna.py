@@ -23,7 +23,15 @@ from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, glstat_text, matsum_text, quality_of, read_nodout
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.record import Record
-from crashfuse.readers.solver_run import departure, initial_speed, proposed_nodes, run_record, units_of, vehicle_mass_kg
+from crashfuse.readers.solver_run import (
+    departure,
+    initial_speed,
+    note_of_kept,
+    proposed_nodes,
+    run_record,
+    units_of,
+    vehicle_mass_kg,
+)
 
 _NAME = re.compile(
     r"(?:(?P<job>.+)\.)?(?P<kind>binout|nodouthf|nodout|glstat|matsum)(?P<number>\d*)"
@@ -155,8 +163,7 @@ def _record(
     units = units_of(proposed, source)
     speed_mps, no_speed, travels = departure(proposed, units, (run.start, run.fastest), travel, source)
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units[2], travels, why]
-    if run.total > len(run.nodes):
-        steps.append(f"{len(run.nodes)} of {run.total} nodes are kept, those with a title first.")
+    steps += note_of_kept(len(run.nodes), run.total)
     initial, energy = initial_speed(proposed), glstat[min(glstat)].get("kinetic_energy") if glstat else None
     mass = None
     if speed_mps is not None and energy is not None and energy > 0 and initial > 0:

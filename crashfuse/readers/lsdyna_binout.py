@@ -27,6 +27,7 @@ from crashfuse.readers.lsdyna_histories import (
     nodes_to_keep,
     too_many_values,
 )
+from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import History, axis_of_travel
 from crashfuse.signals.pulse import FloatArray
 
@@ -38,7 +39,6 @@ _MOST_WANTED, _MOST_FOLDERS = 2_000_000, 300_000
 _MOST_BYTES = 64 << 20  # per variable
 _LONGEST_RECORD = 4096  # bytes, for a path or a name
 _BLOCK = 1 << 20  # bytes of a symbol table in memory
-_AGAIN = "copy it again from the run"
 
 _Folder = tuple[str, ...]  # a folder's path: ("nodout", "d000001")
 
@@ -70,7 +70,7 @@ class _LsdaFile:
         self._size = stream.seek(0, 2)
         header = self._exactly(_HEADER_BYTES, 0)
         if header[0] < _HEADER_BYTES or not set(header[1:5]) <= _INTEGERS.keys() or header[5] > 1 or header[6]:
-            raise self._damaged("another kind of file")
+            raise self._damaged(OTHER_KIND)
         length, offset, command, kind = (_INTEGERS[size] for size in header[1:5])
         self._order = "<" if header[5] else ">"
         self._record = struct.Struct(f"{self._order}{length}{command}")
@@ -98,7 +98,7 @@ class _LsdaFile:
 
     def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
         if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
-            raise self._damaged("another kind of file")
+            raise self._damaged(OTHER_KIND)
         folder: _Folder = ()
         names = wanted(folder)
         offset = self._offset.unpack(self._exactly(self._offset.size))[0]
@@ -141,7 +141,7 @@ class _LsdaFile:
             return block, at
         block = block[at:] + self._stream.read(_BLOCK if at else _LONGEST_RECORD)
         if count > len(block):
-            raise self._damaged("one that was cut short")
+            raise self._damaged(CUT_SHORT)
         return block, 0
 
     def _list(self, folder: _Folder, names: frozenset[str], body: bytes) -> None:
@@ -163,11 +163,11 @@ class _LsdaFile:
             self._stream.seek(min(offset, self._size))
         content = self._stream.read(count)
         if len(content) < count:
-            raise self._damaged("one that was cut short")
+            raise self._damaged(CUT_SHORT)
         return content
 
     def _damaged(self, found: str) -> DataError:
-        return DataError(Problem(self._where, "a sound binout file of LS-DYNA", found, _AGAIN))
+        return DataError(Problem(self._where, "a sound binout file of LS-DYNA", found, COPY_AGAIN))
 
 
 def _changed(folder: _Folder, path: str) -> _Folder:
@@ -207,7 +207,7 @@ class _Part:
             values = self.after.read(state, name)
         if values is not None and values.size != self.of.ids.size:
             expected = f"{name} of {self.of.ids.size} nodes in each state"
-            raise DataError(Problem(self.where, expected, f"{values.size} in {state[1]}", _AGAIN))
+            raise DataError(Problem(self.where, expected, f"{values.size} in {state[1]}", COPY_AGAIN))
         return values
 
     def names(self, state: _Folder) -> set[str]:
@@ -345,7 +345,7 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
                     of[:, place] = row[places]
                 elif place + 1 < len(part.states):
                     expected = f"{name.format(axis)} in each state"
-                    raise DataError(Problem(part.where, expected, f"none in {state[1]}", _AGAIN))
+                    raise DataError(Problem(part.where, expected, f"none in {state[1]}", COPY_AGAIN))
     return [
         History(labels[place], part.of.titles.get(labels[place], ""), part.time, accel, velocity)
         for place, accel, velocity in zip(places, *values, strict=True)

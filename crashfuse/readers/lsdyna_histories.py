@@ -15,6 +15,7 @@ import numpy as np
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.format import AXES, Travel
+from crashfuse.readers.members import COPY_AGAIN
 from crashfuse.readers.solver_run import Energies, History, axis_of_travel
 from crashfuse.signals.pulse import FloatArray
 
@@ -22,7 +23,6 @@ MOST_NODES = 200_000  # limit of the nodes listed in a file
 MOST_VALUES = 20_000_000  # limit of states times nodes kept per run
 _MOST_STATES = 1_000_000
 _LONGEST_LINE = 1 << 16
-_AGAIN = "copy it again from the run"
 
 GLSTAT = frozenset({"kinetic_energy", "total_energy", "external_work", "internal_energy", "hourglass_energy"})
 GLSTAT |= {"percent_increase", "time"}
@@ -90,7 +90,7 @@ def _number(cell: bytes, where: str) -> float:
     try:
         return float(plain if "E" in plain else _NO_EXPONENT_LETTER.sub(r"E\1", plain))
     except ValueError:
-        raise DataError(Problem(where, "numbers", repr(printable(text, 40)), _AGAIN)) from None
+        raise DataError(Problem(where, "numbers", repr(printable(text, 40)), COPY_AGAIN)) from None
 
 
 def glstat_text(chunks: Iterable[bytes], where: str) -> States:
@@ -193,7 +193,7 @@ class _Nodout:
         whole, states = min(counts, default=0), len(self._times)
         if not to_the_end or whole < states - 1 or max(counts, default=0) > states:
             found = f"one that cannot be read after state {whole}"
-            raise DataError(Problem(self._where, "rows with all values of each node", found, _AGAIN))
+            raise DataError(Problem(self._where, "rows with all values of each node", found, COPY_AGAIN))
         if not whole:
             expected = "the velocities and accelerations of nodes (x-vel, x-accl …)"
             raise DataError(Problem(self._where, expected, "none", "choose the nodout of a run"))

@@ -19,19 +19,10 @@ Result = TypeVar("Result")
 def opened_members(
     path: Path, wanted: Callable[[PurePath], bool], kind: str, limits: Limits
 ) -> Iterator[tuple[list[Member], Budget]]:
-    """Open the wanted files of a source; return them with the budget for reading them.
+    """Open the files of a folder, a zip, or beside a file that are ``wanted``; and the budget for reading them.
 
-    A DataError says that the path does not exist, is a file of another kind, contains an unreadable folder, or has too
-    many files.
-
-    Parameters
-    ----------
-    path : Path
-        A folder, a file in it, or a zip.
-    wanted : callable
-        Tells from a file's path whether it belongs to the format; no other file is opened.
-    kind : str
-        The expected source in messages ("an ISO-MME folder or zip").
+    ``kind`` is the expected source in messages ("an ISO-MME folder or zip"). A DataError says that the path does not
+    exist, is a file of another kind, contains an unreadable folder, or has too many files.
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         with path.open("rb") as stream:
@@ -73,6 +64,9 @@ def files_below(folder: Path) -> Iterator[Path]:
 
     for home, _, names in os.walk(folder, onerror=refuse):
         yield from (Path(home, name) for name in names)
+
+
+OTHER_KIND, CUT_SHORT, COPY_AGAIN = "another kind of file", "one that was cut short", "copy it again from the run"
 
 
 def as_text(content: bytes) -> str:

@@ -29,7 +29,7 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.readers.format import Travel
 from crashfuse.readers.formats import FORMATS
-from crashfuse.readers.members import opened_members, read_all
+from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND, opened_members, read_all
 from crashfuse.readers.radioss_history import (
     ACCELEROMETER,
     GLOBAL,
@@ -95,7 +95,7 @@ class _BinaryFile:
         records = self._records(content)
         first = self._next(records)
         if len(first) != 84 or not 1000 <= _ints(first[:4])[0] <= 9999:
-            raise self._damaged("another kind of file")
+            raise self._damaged(OTHER_KIND)
         self.title = _text(first[4:])
         self._next(records)  # date
         counts = self._next(records)
@@ -206,7 +206,7 @@ class _BinaryFile:
     def _next(self, records: Iterator[bytes]) -> bytes:
         record = next(records, b"")
         if len(record) < 4:
-            raise self._damaged("one that was cut short, or another kind of file")
+            raise self._damaged(f"{CUT_SHORT}, or {OTHER_KIND}")
         return record
 
     def _counts(self, record: bytes, count: int) -> tuple[int, ...]:
@@ -216,7 +216,7 @@ class _BinaryFile:
         return found
 
     def _damaged(self, found: str) -> DataError:
-        return DataError(Problem(self._where, _KIND, found, "copy it again from the run"))
+        return DataError(Problem(self._where, _KIND, found, COPY_AGAIN))
 
 
 def _text(title: bytes) -> str:
@@ -282,7 +282,7 @@ def _watched_of_csv(
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
     """The labels, and where the numbers begin; a label may hold a line break."""
     if _BEGINS.match(content[:200]) is None:
-        raise DataError(Problem(where, _KIND, "another kind of file", _IMPORT))
+        raise DataError(Problem(where, _KIND, OTHER_KIND, _IMPORT))
     end, quotes, breaks = 0, 0, 0
     while not end or quotes % 2:  # to the first line break outside quotes
         begin, end, breaks = end, content.find(b"\n", end, _LONGEST_LABELS) + 1, breaks + 1

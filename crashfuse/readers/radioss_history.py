@@ -23,6 +23,7 @@ from crashfuse.readers.solver_run import (
     initial_speed,
     integral,
     is_on_a_dummy,
+    note_of_kept,
     run_record,
     titled_nodes,
     units_of,
@@ -247,8 +248,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     if run.unread:
         steps.append(f"Not read: {listed(run.unread)}.")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
-    if len(kept) < len(nodes):
-        steps.append(f"{len(kept)} of {len(nodes)} nodes are kept, those with a title first.")
+    steps += note_of_kept(len(kept), len(nodes))
     mass, quality = _mass(run, set_out, source), run.energies.quality
     speed_or_why = speed_mps, no_speed
     return run_record(run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps)

@@ -95,12 +95,8 @@ def _other_axle(mass: float | None, one: float, share: float | None) -> float | 
 class PartialCondition:
     """The condition as far as a file states it; None where it does not.
 
-    Parameters
-    ----------
-    speed_mps, mass_kg, front_weight_kg, rear_weight_kg : float, optional
-        ``mass_kg`` is the mass of the whole vehicle, for files without axle weights.
-    factors : tuple of (str, str)
-        Anything else worth keeping (make, model, barrier), as name and value.
+    ``mass_kg`` is that of the whole vehicle, for files without axle weights; ``factors`` are what else is worth
+    keeping (make, model, barrier).
     """
 
     speed_mps: float | None = None

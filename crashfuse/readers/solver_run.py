@@ -146,11 +146,7 @@ def initial_speed(nodes: Sequence[History]) -> float:
 
 
 def departure(
-    nodes: Sequence[History],
-    units: Units,
-    motion: tuple[FloatArray, FloatArray],
-    travel: Travel | None,
-    source: str,
+    nodes: Sequence[History], units: Units, motion: tuple[FloatArray, FloatArray], travel: Travel | None, source: str
 ) -> tuple[float | None, str, str]:
     """The speed in m/s at which the nodes set out, why it is unknown, and a sentence on their direction.
 
@@ -193,6 +189,11 @@ def _by_axis(speeds: FloatArray, per_mps: float | None) -> str:
     scaled = (speeds * (per_mps or 1.0)).tolist()
     speeds_text = ", ".join(f"{axis} {speed:.3g}" for axis, speed in zip(AXES, scaled, strict=True))
     return f"{speeds_text} {'in the unit of the file' if per_mps is None else 'm/s'}"
+
+
+def note_of_kept(kept: int, total: int) -> list[str]:
+    """That not all nodes are kept, if so."""
+    return [f"{kept} of {total} nodes are kept, those with a title first."] if kept < total else []
 
 
 def vehicle_mass_kg(mass: float) -> float | None:

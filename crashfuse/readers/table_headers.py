@@ -73,14 +73,11 @@ _SMALL = 0.1  # of the peak
 
 @dataclass(frozen=True, slots=True)
 class ColumnUse:
-    """The role assigned to one column, and a short reason for display.
-
-    ``unit`` is a name from :data:`crashfuse.readers.vocabulary.UNITS`; None if unknown or not needed.
-    """
+    """The role assigned to one column, and a short reason for display."""
 
     column: str
     role: ColumnRole
-    unit: str | None = None
+    unit: str | None = None  # a name from UNITS; None if unknown or not needed
     why: str = ""
 
     @property

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
+from crashfuse.readers.members import CUT_SHORT, OTHER_KIND
 from crashfuse.signals.pulse import FloatArray
 
 _UNSCALED = 0xFFFFFFFF  # as an input: the numbers as stored
@@ -187,7 +188,7 @@ class _Reader:
     def segment(self) -> None:
         tag, contents = _LEAD_IN.unpack_from(self._content, self.at)
         if tag != b"TDSm":
-            raise self._damaged("another kind of file" if self.at == 0 else "no segment where the next should be")
+            raise self._damaged(OTHER_KIND if self.at == 0 else "no segment where the next should be")
         self._order = ">" if contents & _BIG_ENDIAN else "<"
         self.at += _LEAD_IN.size
         _, to_next, to_raw = self._unpack("IQQ")
@@ -196,7 +197,7 @@ class _Reader:
         if contents & _DAQMX:
             raise self._damaged("raw data of DAQmx", _PHYSICAL)
         if end > size or start + to_raw > end:
-            raise self._damaged("one that was cut short")
+            raise self._damaged(CUT_SHORT)
         if contents & _METADATA:
             self._read_objects(anew=bool(contents & _NEW_LIST))
         self._visits += len(self._present)
@@ -273,7 +274,7 @@ class _Reader:
 
     def _bytes(self, count: int) -> bytes:
         if count > len(self._content) - self.at:
-            raise self._damaged("one that was cut short")
+            raise self._damaged(CUT_SHORT)
         self._metadata_bytes += count
         if self._metadata_bytes > _MOST_METADATA:
             raise self._damaged("too many properties", _ONE_TEST)

@@ -198,11 +198,6 @@ def _cells(certification: Certification, verdict: Verdict, display: Display, *wi
     return {name: cell(verdict, display, confidence) for name, cell in _CELLS.items() if name not in without}
 
 
-def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
-    rows = certification.cells
-    return pd.DataFrame({"Condition": i, **_cells(certification, verdict, display)} for i, verdict in rows)
-
-
 def _trials(certification: Certification, display: Display) -> pd.DataFrame:
     """Verdicts on left-out tests beside what was measured; what counts once stands once."""
     return pd.DataFrame(
@@ -330,7 +325,9 @@ SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
     "conditions": _conditions,
     "criteria": _criteria,
     "counts": lambda certification, display: counts_table(certification, display.units).rename(columns=str.capitalize),
-    "verdicts": _verdicts,
+    "verdicts": lambda own, display: pd.DataFrame(
+        {"Condition": i, **_cells(own, verdict, display)} for i, verdict in own.cells
+    ),
     "open": _open,
     "record": _record,
     "trials": _trials,

@@ -9,24 +9,17 @@ from crashfuse.study.estimate import Estimate
 
 LEFT_OUT = {"test": "left out alone", "speed group": "all at its speed left out"}
 """What was left out with a test, in few words."""
+WITH_GROUP = "left out with its speed group"
 
 
 @dataclass(frozen=True, eq=False)
 class EarlierPrediction:
-    """What an approach estimated with some settings, to be put beside those with others, or beside tests.
-
-    Attributes
-    ----------
-    config, shown : StudyConfig
-        Its settings, and those of the figure that it is put into: its name says in what the first differ from them.
-    of : str
-        The held-out test that it is of, where the figure is not of that alone.
-    """
+    """What an approach estimated with some settings, to be put beside those with others, or beside tests."""
 
     estimate: Estimate
     config: StudyConfig
-    shown: StudyConfig
-    of: str = ""
+    shown: StudyConfig  # of the figure that it is put into: its name says in what its own differ from them
+    of: str = ""  # the held-out test, where the figure is not of that alone
 
     @property
     def text(self) -> str:
@@ -36,6 +29,11 @@ class EarlierPrediction:
     def curve(self, _: Display | None = None) -> tuple[str, Estimate]:
         """Its name in a legend, and itself."""
         return earlier_name(self.estimate.approach, self.config, self.shown, self.of), self.estimate
+
+
+def how_left_out(way: str) -> str:
+    """How a test was left out: alone, or with its speed group."""
+    return LEFT_OUT["test"] if way == "test" else WITH_GROUP
 
 
 def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig, of: str = "") -> str:

@@ -9,6 +9,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, at_most
 from crashfuse.fact import Fact
+from crashfuse.reporting.earlier_prediction import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
 from crashfuse.reporting.provenance import certification_settings
 from crashfuse.wording import Quantity, Sentence, joined, probability_text, speed, weight
@@ -67,8 +68,7 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
         )  # fmt: skip
     for trial in record.counted:
         if trial.wrong:
-            how = "left out alone" if trial.left_out == "test" else "left out with its speed group"
-            yield _wrong("record.wrong", trial, how, criteria.confidence)
+            yield _wrong("record.wrong", trial, how_left_out(trial.left_out), criteria.confidence)
     for own in record.reliability:
         if not own.holds:
             told = f"{own.low:g} to {own.high:g}, {own.probability:.3f} on average: {round(own.met * own.n)} of {own.n}"

@@ -54,10 +54,7 @@ class FiguresOfReport(NamedTuple):
 
 
 def read_figures(path: Path) -> FiguresOfReport:
-    """The figures of a report that was written as a file.
-
-    Raises DataError if there is no such file, or it is not a report with figures.
-    """
+    """The figures of a report that was written as a file; a DataError if it has none, or there is no such file."""
 
     def problem(found: str) -> DataError:
         expected, advice = "a report.html of crashfuse with figures", "name the report that a command has written"

@@ -33,6 +33,9 @@ Draw = Callable[[], go.Figure]
 RUN = "cae:"
 """What may stand before the id of a CAE run, and must where a test has the same id."""
 
+ONE_PROCESS = "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
+"""Why there are no parts of the bias to draw."""
+
 _STEP_M = 0.004  # grid of the parts of a bias
 _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it
 _ACCELERATIONS = ("motion", "acceleration")  # figures that begin with acceleration over time
@@ -55,15 +58,12 @@ Further = str | OtherPrediction
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What a figure of pulses shows: the measured one, if any, and estimates by approach, then whatever is beside them.
-
-    The band of the approach ``band`` is filled; None for the preferred one.
-    """
+    """What a figure of pulses shows: the measured one, if any, and estimates by approach, then whatever is beside."""
 
     measured: Pulse | None
     shown: Mapping[str, Estimate | Prediction]
     condition: Condition
-    band: str | None = None
+    band: str | None = None  # the approach whose band is filled, by default the preferred one
 
     @property
     def predictions(self) -> dict[str, Prediction]:
@@ -225,9 +225,7 @@ def _rated(study: Study, display: Display) -> float:
 def _bias_parts(study: Study, fold: Fold, display: Display, *, measured: bool) -> go.Figure:
     config, test = study.config, fold.test
     if config.preset == "paper":
-        raise UsageError(
-            "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
-        )
+        raise UsageError(ONE_PROCESS)
     unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=config.seed, cache=Cache())
     domain, _ = fitted(unfitted, config.training_campaign(study.campaign, test.id), Cache())
     grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(test.condition).phase.crush_m, _STEP_M)
@@ -255,10 +253,7 @@ def _losses(curve: dict[str, list[float]], value: str, step: str) -> go.Figure:
 
 
 def chosen(known: Mapping[str, T], approaches: Sequence[str] | None, band: str | None = None) -> dict[str, T]:
-    """What is known by approach, of those that are asked for, by default all.
-
-    A UsageError if one of them did not predict, or that whose band is to be filled, shown or not.
-    """
+    """What is known by approach, of those asked for, by default all; a UsageError for one that did not predict."""
     if band is not None:
         one_of("prediction by", band, known)
     names = known if approaches is None else several(approaches)

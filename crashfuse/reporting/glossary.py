@@ -19,6 +19,10 @@ REPEAT = (
     "campaign's tests. A prediction that rates as high is as good as another test."
 )
 
+DRAWS = (
+    "95 % of the ratings of single pulses drawn from the band, which oscillate more than the expected one and so rate "
+    "lower."
+)
 RATING_PARTS = (
     "Overall = 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. Corridor: how much of the curve lies near the "
     "test. Phase: how little it has to be moved in time to correlate best. Magnitude: how close it is once moved and "

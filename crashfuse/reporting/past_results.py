@@ -129,10 +129,7 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
 
 
 def read_study(folder: Path) -> PastResult:
-    """Read what two studies are compared by from ``study.json``, ``scores.csv`` and ``speed_groups.csv``.
-
-    A UsageError if the folder holds no finished study, a DataError if one of the files is damaged.
-    """
+    """Read what studies are compared by; a UsageError if the folder holds no finished one, a DataError if damaged."""
     path = folder / "study.json"
     if not path.is_file():
         raise UsageError(f"There is no study in {folder}: it has no study.json.")

@@ -37,10 +37,7 @@ class Plan:
     kind: ClassVar[str]
 
     def write(self, folder: str | Path, **display: Unpack[DisplayOptions]) -> None:
-        """Write what the command writes: its table as CSV and ``report.html``.
-
-        Raises OSError if the folder cannot be written.
-        """
+        """Write what the command writes: its table as CSV and ``report.html``."""
         views.write_result(self.kind, folder, self, Display.of(self.campaign.units, **display))
 
 
@@ -62,13 +59,7 @@ class SpeedSweep(Plan):
         return sweep_table(self.sweeps, self.campaign)
 
     def plot(self, metric: str = MAIN_METRICS[0], **display: Unpack[DisplayOptions]) -> go.Figure:
-        """A metric over impact speed, every approach with its band, the tests as points; as the page Predict shows it.
-
-        Raises
-        ------
-        UsageError
-            If there is no such metric, option or unit.
-        """
+        """A metric over impact speed, every approach with its band, the tests as points."""
         one_of("metric", metric, METRIC_LABELS)
         return sweep_figure(self.sweeps, metric, self.campaign, Display.of(self.campaign.units, **display))
 

@@ -22,30 +22,17 @@ from crashfuse.units import MS
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Preview:
-    """A record of foreign files, and what comes of it.
-
-    Attributes
-    ----------
-    settled : Settled or None
-        With the pulse, the condition, and every step from the record to them; None if there are problems.
-    problems : tuple of Problem
-        What has to be given or corrected first.
-    """
+    """A record of foreign files, and what comes of it."""
 
     record: Record
     choices: Choices
-    settled: Settled | None
-    problems: tuple[Problem, ...] = ()
+    settled: Settled | None  # with every step from the record to it; None if there are problems
+    problems: tuple[Problem, ...] = ()  # what has to be given or corrected first
 
     def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
-        """The pulse over the channels that it is made of, as recorded; as the page shows it that imports.
+        """The pulse over the channels that it is made of, as the page shows it that imports.
 
         As long as there are problems, the channels alone, in the file's own time and unit.
-
-        Raises
-        ------
-        UsageError
-            If there is no such option or unit.
         """
         known = {channel.name: channel for channel in self.record.channels}
         names = self.settled.channels if self.settled is not None else self.choices.channels or self.record.proposed
@@ -102,10 +89,9 @@ def preview_source(
     together = record_id is not None or bool(choices.channels)
     table = None if conditions is None else Path(conditions)
     reading = Reading(Path(source), fmt, tuple(columns), together, table, record_id, travel)
-    return tuple(_preview(record, choices, role) for record in read_records(reading))
-
-
-def _preview(record: Record, choices: Choices, role: Role) -> Preview:
-    problems: list[Problem] = []
-    settled = settle_each([record], problems, choices, role=role)
-    return Preview(record, choices, settled[0] if settled else None, tuple(problems))
+    previews = []
+    for record in read_records(reading):
+        problems: list[Problem] = []
+        settled = settle_each([record], problems, choices, role=role)
+        previews.append(Preview(record, choices, settled[0] if settled else None, tuple(problems)))
+    return tuple(previews)

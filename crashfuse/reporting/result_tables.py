@@ -36,10 +36,7 @@ def scores_table(study: Study) -> pd.DataFrame:
 
 
 def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
-    """One row per study, way of leaving tests out, approach and window: mean and lowest overall rating of its tests.
-
-    Each study comes with the name of its campaign.
-    """
+    """One row per study, way of leaving tests out, approach and window: mean and lowest overall rating of its tests."""
     parts = []
     for name, study in studies:
         for one in filter(None, (study, study.speed_groups)):

@@ -93,10 +93,7 @@ def write_certification(
 
 
 def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:
-    """Write the pulses at one speed of a sweep for an occupant model, into a folder named by the speed in each format.
-
-    A UsageError if there are fewer draws than are to be exported.
-    """
+    """Write the pulses at one speed of a sweep for an occupant model, into a folder by format and speed."""
     speed = estimates[0].prediction.condition.speed_name
     for name, files in export.files(campaign, estimates).items():
         for path, content in files.items():

@@ -1,6 +1,6 @@
 """Predictions at several conditions, or with other settings, beside each other: how their metrics differ."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pandas as pd
@@ -56,11 +56,8 @@ def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) 
 
 
 def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
-    """One row per prediction, approach and metric, with its difference from that of the first; for files.
-
-    Predictions are numbered, and their conditions in the columns of ``matrix.csv``.
-    """
-    first = _values(predictions[0])
+    """One row per prediction, approach and metric, with its difference from that of the first; for files."""
+    first = {(own.approach, m.name): m.value for own in predictions[0].estimates for m in own.metrics}
     conditions = tuple(prediction.condition for prediction in predictions)
     matrix = Matrix(tuple(str(number + 1) for number in range(len(conditions))), conditions)
     factors = factors_of(matrix)
@@ -91,10 +88,6 @@ def _columns(predictions: Sequence[PredictedPulse], display: Display) -> list[tu
         (", ".join(filter(None, [name, otherwise(prediction.config, shown)])), prediction.estimate.metrics)
         for name, prediction in zip(names, predictions, strict=True)
     ]
-
-
-def _values(prediction: PredictedPulse) -> Mapping[tuple[str, str], float | None]:
-    return {(own.approach, metric.name): metric.value for own in prediction.estimates for metric in own.metrics}
 
 
 def _difference(metric: Metric, base: Metric) -> str:

@@ -55,12 +55,8 @@ class Verdicts:
     def beside(self, earlier: str | Path) -> Self:
         """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``.
 
-        What that said of tests that were run since counts in the record, and can leave verdicts open.
-
-        Raises
-        ------
-        DataError
-            If there is no such certification, or it is of another vehicle.
+        What that said of tests that were run since counts in the record, and can leave verdicts open. Raises a
+        DataError if there is no such certification, or it is of another vehicle.
         """
         return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
 
@@ -84,13 +80,6 @@ class Verdicts:
             An earlier certification: ``changes.csv`` and the report then tell what became of it, see :meth:`beside`.
         notes : sequence of Note
             On the campaign's tests, for the report.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        DataError
-            If there is no such earlier certification, or it is of another vehicle.
         """
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")

@@ -30,10 +30,6 @@ from crashfuse.wording import difference, joined
 
 _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
-_RATINGS_HELP = (
-    "Single draws: 95 % of the ratings of single pulses drawn from the band, which oscillate more than the expected "
-    "one and so rate lower."
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +153,10 @@ def _change(rating: float, raw: float) -> str:
 def show_ratings(comparison: Comparison) -> None:
     """Show ratings, metrics, and what the approaches say of themselves."""
     campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.window_ms
-    st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}. {_RATINGS_HELP} {glossary.REPEAT}")
+    st.subheader(
+        "Rating by approach and window",
+        help=f"By {campaign.rating_basis}. Single draws: {glossary.DRAWS} {glossary.REPEAT}",
+    )
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     rated = dict(fold.ratings)
     others = Subject.held_out(comparison.view).predictions(comparison.leading)

@@ -10,6 +10,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting import glossary
+from crashfuse.reporting.figures import ONE_PROCESS
 from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.curves import TEST
@@ -46,8 +47,8 @@ _OF_CURVES = {
     "Check of the integration": (
         "integration",
         "Displacement over time, integrated over time and recovered from a(s), and their difference",
-        "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the same motion recovered from "
-        "acceleration over displacement (Eq. 29 of the paper). Where they agree, the conversion is lossless.",
+        "Lines: integrated twice over time, up to zero velocity. Circles: recovered from a(s) (Eq. 29 of the paper). "
+        "Where they agree, the conversion is lossless.",
     ),
 }
 """Figures of curves that the user chooses: the library's name, the alternative text, and what to see."""
@@ -138,7 +139,8 @@ def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account: 
 def show_over_displacement(comparison: Comparison) -> None:
     """Show test, CAE model and its correction over displacement, in the figure that the user picks."""
     with _row():
-        figures = [_CURVES, "Energy", _BIAS, _PARTS, "Check of the integration"]
+        energy, check = list(_OF_CURVES)[1:]
+        figures = [_CURVES, energy, _BIAS, _PARTS, check]
         choice = choose("Figure", figures, key="over_displacement")
         curves = comparison.choose_curves() if choice in _OF_CURVES else None
     if curves is None:
@@ -165,7 +167,7 @@ def _show_bias(comparison: Comparison) -> None:
 
 def _show_parts(comparison: Comparison) -> None:
     if comparison.config.preset == "paper":
-        st.info("The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts.")
+        st.info(ONE_PROCESS)
         return
     test = comparison.test.id
     draw = partial(comparison.study.plot, test, "bias parts", display=comparison.view.display)

@@ -153,7 +153,6 @@ def show_library(view: View) -> None:
 
 
 def _show_quality(view: View) -> None:
-    """Show what the solver says of the CAE runs, judged by the campaign's limits."""
     st.markdown("**Is the CAE model fit to be believed?**")
     verdict = view.campaign.quality
     st.markdown(plain(verdict.summary))

@@ -1,7 +1,6 @@
 """Planning on the page Predict: pulse metrics over impact speed, and which test to run next."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import streamlit as st
@@ -27,24 +26,13 @@ from crashfuse.ui.kit.files import download_report, download_table
 from crashfuse.ui.kit.progress import result_or_none
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
-from crashfuse.ui.predict import DECIMALS, Answer
+from crashfuse.ui.predict import DECIMALS, Answer, Field
 from crashfuse.wording import IN_SI
 
-
-@dataclass(frozen=True)
-class _Axis:
-    """A quantity of which a range is chosen; the step is in any unit."""
-
-    label: str
-    key: str
-    unit: str
-    step: float
-
-
 _AXES = (
-    _Axis("Speeds", "speed_range", "mph", 0.5),
-    _Axis("Front weights", "front_range", "lb", 10.0),
-    _Axis("Rear weights", "rear_range", "lb", 10.0),
+    Field("Speeds", "speed_range", "mph", 0.5),
+    Field("Front weights", "front_range", "lb", 10.0),
+    Field("Rear weights", "rear_range", "lb", 10.0),
 )
 
 
@@ -119,18 +107,15 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
 
 
 def _range(
-    column: DeltaGenerator, axis: _Axis, view: View, runs: np.ndarray, tests: Sequence[float]
+    column: DeltaGenerator, axis: Field, view: View, runs: np.ndarray, tests: Sequence[float]
 ) -> tuple[float, float]:
-    """Slider for the ends of a range in SI, at first that of the tests.
-
-    The session and the address have the ends with the unit that they were chosen in, such as ``20:35 mph``: they stay
-    the same when another unit is chosen.
-    """
+    """Slider for the ends of a range in SI, at first that of the tests; kept as they were chosen, ``20:35 mph``."""
     own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
     state, step = st.session_state, axis.step
     own_in_si, in_si = IN_SI[own_unit], IN_SI[unit]
     least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
-    low, high = _down(max(least / in_si, step), step), _up(most / in_si, step)
+    low = step * int(max(least / in_si, step) / step + 1e-6)
+    high = -step * int(-most / in_si / step - 1 + 1e-6)
     if not _lies_in(state[axis.key], least / 2, 2 * most):  # nothing yet, a link that was cut, or another campaign's
         state[axis.key] = None
     address.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
@@ -162,11 +147,3 @@ def _lies_in(text: str | None, least: float, most: float) -> bool:
     except (ValueError, KeyError):
         return False
     return least <= first <= last <= most
-
-
-def _down(value: float, step: float) -> float:
-    return step * int(value / step + 1e-6)
-
-
-def _up(value: float, step: float) -> float:
-    return -step * int(-value / step - 1 + 1e-6)

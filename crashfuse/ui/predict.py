@@ -41,20 +41,20 @@ DECIMALS = 9
 """Of speeds and weights in the session and the address: 56 km/h come back as 56."""
 
 
-class _Field(NamedTuple):
-    """A number of a condition, with the unit that the session and the address have it in."""
+class Field(NamedTuple):
+    """A number of a condition, or a range of it, with the unit that the session and the address have it in."""
 
     label: str
     key: str
     unit: str
     step: float
-    digits: int
+    digits: int = 0
 
 
 _FIELDS = (
-    _Field("Impact speed", "speed_mph", "mph", 0.1, 1),
-    _Field("Front weight", "front_weight_lb", "lb", 1.0, 0),
-    _Field("Rear weight", "rear_weight_lb", "lb", 1.0, 0),
+    Field("Impact speed", "speed_mph", "mph", 0.1, 1),
+    Field("Front weight", "front_weight_lb", "lb", 1.0, 0),
+    Field("Rear weight", "rear_weight_lb", "lb", 1.0, 0),
 )
 _FIGURES = {"Over time": "motion", "Over displacement": "displacement", "Energy over crush": "energy"}
 
@@ -90,12 +90,8 @@ def fill_in(campaign: Campaign, condition: Condition) -> None:
     st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
 
 
-def _choose_number(column: DeltaGenerator, field: _Field, display: Display, runs: np.ndarray) -> float:
-    """Slider over the CAE runs' range, and a number field for values beyond it; returns SI.
-
-    The session and the address have the value in mph or lb, whatever the reader's unit is: so it stays the same when
-    the unit is changed.
-    """
+def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs: np.ndarray) -> float:
+    """Slider over the CAE runs' range, and a number field beyond it; returns SI, kept in mph or lb in any units."""
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
     label, shown = display.title(field.label, field.unit), 1 / display.units.in_si(field.unit)
     state, values = st.session_state, runs * shown

@@ -95,11 +95,7 @@ def launch(
         visitors.check_login([secrets], required=True)
     if log is not None:
         log.open("a").close()
-    given = {
-        "CRASHFUSE_CACHE": os.environ.get("CRASHFUSE_CACHE"),
-        "CRASHFUSE_CAMPAIGN": campaign,
-        visitors.LOG: log,
-    }
+    given = {"CRASHFUSE_CACHE": os.environ.get("CRASHFUSE_CACHE"), "CRASHFUSE_CAMPAIGN": campaign, visitors.LOG: log}
     os.environ |= {name: str(Path(path).resolve()) for name, path in given.items() if path is not None}
     if roots:
         os.environ[visitors.ROOTS] = "\n".join(str(root.resolve()) for root in roots)

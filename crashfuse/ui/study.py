@@ -9,6 +9,7 @@ import streamlit as st
 
 from crashfuse.errors import DataError
 from crashfuse.reporting import glossary
+from crashfuse.reporting.earlier_prediction import how_left_out
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5
 from crashfuse.reporting.report import learning_curve_report, study_report
@@ -85,11 +86,6 @@ def choose_way(outcome: Outcome) -> tuple[Study, str]:
     return study, "speed group" if study.config.leave_out == "speed group" else "test"
 
 
-def file_of(leave_out: str) -> str:
-    """What was left out with a test, in the name of a file."""
-    return "left out with its speed group" if leave_out == "speed group" else "left out alone"
-
-
 def show_ratings(outcome: Outcome) -> None:
     """Show the ratings of one way of leaving tests out."""
     campaign, (study, leave_out) = outcome.view.campaign, choose_way(outcome)
@@ -117,11 +113,9 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         if approach:
             st.session_state["explained"] = approach
 
-    alt = (
-        f"Ratings of each test, {file_of(leave_out)}, by approach, with their mean; the same numbers are in the tables"
-    )
-    draw, name = partial(study.plot, display=outcome.view.display), f"ratings {file_of(leave_out)}"
-    clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=name)
+    left_out, draw = how_left_out(leave_out), partial(study.plot, display=outcome.view.display)
+    alt = f"Ratings of each test, {left_out}, by approach, with their mean; the same numbers are in the tables"
+    clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=f"ratings {left_out}")
     with st.container(horizontal=True, vertical_alignment="center"):
         st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")
         chosen = st.selectbox(
@@ -140,7 +134,7 @@ def show_bands(outcome: Outcome) -> None:
     if not study.coverage:
         st.info("None of these approaches has a band.", icon=":material/info:")
         return
-    left_out, draw = file_of(leave_out), partial(study.plot, display=outcome.view.display)
+    left_out, draw = how_left_out(leave_out), partial(study.plot, display=outcome.view.display)
 
     def show(figure: str, alt: str, name: str) -> None:
         show_cached_figure(partial(draw, figure=figure), alt, figure, leave_out, outcome.key, name=f"{name} {left_out}")
@@ -149,8 +143,7 @@ def show_bands(outcome: Outcome) -> None:
     alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
     show("draws", alt, "ratings of draws")
     st.caption(
-        "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
-        "single pulse has oscillations of its own, so it rates lower. Grey: where a repeat of the test would rate."
+        f"Marks: rating of the expected pulse. Lines: {glossary.DRAWS} Grey: where a repeat of the test would rate."
     )
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     show_table(coverage_table(study.coverage), "coverage")
@@ -199,8 +192,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
     whole = result_or_none(
         learn_curve(campaign, settings),
-        invitation="This has not been computed for this campaign yet. It takes a minute or more the first time; "
-        "meanwhile you can work on the other pages.",
+        invitation="This has not been computed for this campaign yet. It takes a minute or more the first time.",
         button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
     )
     if whole is None:

@@ -1,34 +1,27 @@
 """Anything beside anything in a real browser: curves that stay as chosen, pins, the nearest tests."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
-from tests.browser.conftest import FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, press_tool, rows
+from tests.browser.conftest import FIGURE, MAIN, PILL, SIDEBAR, TABLE, Server, User, bands, press_tool, rows
 
 pytestmark = pytest.mark.slow
-
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
 
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 
 
-def legend(user: "User") -> list[str]:
+def legend(user: User) -> list[str]:
     """The names in the legend of the page's first figure."""
     return user.texts(f"{MAIN} :nth-child(1 of {FIGURE}) .legendtext")
 
 
-def shows(user: "User", *names: str) -> None:
+def shows(user: User, *names: str) -> None:
     """Wait until the figure shows exactly these curves."""
     user.wait(lambda: sorted(legend(user)) == sorted(names), f"The figure never showed {names}.")
 
 
-def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
-    small_server: "Server", user: "User"
-) -> None:
+def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(small_server: Server, user: User) -> None:
     """Corridors, another window, another figure and a reload change nothing of it; a CAE run is added by its name."""
     shown = ("Displacement domain", POINTWISE, WHOLE)
     user.open(small_server, "compare", **ONE, test="T2")
@@ -58,7 +51,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
     assert "curves=displacement_domain" in user.browser.current_url
 
 
-def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: "Server", user: "User") -> None:
+def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: Server, user: User) -> None:
     """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one.
 
     Of three bands one is filled. Compare shows a pinned
@@ -117,9 +110,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "History never listed the prediction.")
 
 
-def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(
-    small_server: "Server", user: "User"
-) -> None:
+def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(small_server: Server, user: User) -> None:
     """A link asks for it, and it is predicted in a click; the numbers that are saved have it, and their file's name.
 
     On Data the same link shows it among the tests, on Predict it stands for the condition, once it is predicted there.

@@ -6,21 +6,17 @@ from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, urlsplit
 
 import pytest
 from selenium.webdriver.common.by import By
 
 from crashfuse.files.archive import zipped
-from tests.browser.conftest import MAIN, SIDEBAR, serve
+from tests.browser.conftest import MAIN, SIDEBAR, Server, User, serve
 from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
 from tests.conftest import content_of
 
 pytestmark = pytest.mark.slow
-
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
 
 
 _KNOCK = """
@@ -48,7 +44,7 @@ def another_site(folder: Path, page: str) -> Iterator[str]:
         site.shutdown()
 
 
-def test_another_site_cannot_embed_the_dashboard(small_server: "Server", user: "User", tmp_path: Path) -> None:
+def test_another_site_cannot_embed_the_dashboard(small_server: Server, user: User, tmp_path: Path) -> None:
     """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page.
 
     Nor does a page under another name get at the socket, through which everything goes; the server refuses it without a
@@ -71,7 +67,7 @@ def test_another_site_cannot_embed_the_dashboard(small_server: "Server", user: "
 
 
 def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
-    small_server: "Server", user: "User", campaign_on_disk: Path, tmp_path: Path
+    small_server: Server, user: User, campaign_on_disk: Path, tmp_path: Path
 ) -> None:
     """After a reload it is still theirs, with what was computed of it; neither is in the lists of another browser."""
 
@@ -109,9 +105,7 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     user.sees("secret-car", "h1")
 
 
-def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
-    user: "User", campaign_on_disk: Path, tmp_path: Path
-) -> None:
+def test_a_server_with_a_log_in_shows_nothing_before(user: User, campaign_on_disk: Path, tmp_path: Path) -> None:
     """No name of a campaign; then the page of the link with its choices, who it is, and the same after a reload.
 
     No folder outside the roots opens. Logged out, one sees nothing again, and another may log in.

@@ -2,23 +2,19 @@
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.files.archive import zipped
-from tests.browser.conftest import MAIN, PILL, SIDEBAR, TABLE
+from tests.browser.conftest import MAIN, PILL, SIDEBAR, TABLE, Server, User
 from tests.campaign_folder.test_uploads import spoil
 from tests.conftest import content_of
 from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g
 
 pytestmark = pytest.mark.slow
-
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
 
 IN_USE = f"{MAIN} {PILL}"  # a pill for each test
 
@@ -29,7 +25,7 @@ def own(campaign_on_disk: Path, tmp_path: Path) -> Path:
     return shutil.copytree(campaign_on_disk, tmp_path / f"car {tmp_path.name[-4:]}")
 
 
-def held_out_choices(user: "User") -> list[str]:
+def held_out_choices(user: User) -> list[str]:
     """The tests that can be held out, as the sidebar lists them."""
     field = f'{SIDEBAR} [data-testid="stSelectbox"]:has([aria-label*="Held-out"]) [role="combobox"]'
     user.presses_until(lambda: user.texts('[role="option"]'), "", field)
@@ -38,7 +34,7 @@ def held_out_choices(user: "User") -> list[str]:
     return listed
 
 
-def test_a_test_is_left_out_of_use_and_used_again(server: "Server", user: "User", own: Path) -> None:
+def test_a_test_is_left_out_of_use_and_used_again(server: Server, user: User, own: Path) -> None:
     """One click: it is gone from Compare, and every page says so; another click, or Undo, and it is back.
 
     Taken out of the folder, its file goes, and comes back by Undo, too.
@@ -69,7 +65,7 @@ def test_a_test_is_left_out_of_use_and_used_again(server: "Server", user: "User"
 
 
 def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
-    server: "Server", user: "User", own: Path, tmp_path: Path
+    server: Server, user: User, own: Path, tmp_path: Path
 ) -> None:
     """Semicolons, decimal commas, bare headers: the columns are said, the condition filled in, the preview drawn.
 
@@ -106,7 +102,7 @@ def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
 
 
 def test_an_upload_is_refused_with_all_its_problems_and_the_mended_one_opened(
-    server: "Server", user: "User", own: Path, tmp_path: Path
+    server: Server, user: User, own: Path, tmp_path: Path
 ) -> None:
     """Eight files spoilt in eight ways: eight rows, which say which file; after that the good zip takes its place."""
     (tmp_path / "mended.zip").write_bytes(zipped(content_of(own)))

@@ -1,15 +1,10 @@
 """A newcomer's first steps in a real browser."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 
-from tests.browser.conftest import FIGURE, TABLE
+from tests.browser.conftest import FIGURE, TABLE, Server, User
 
 pytestmark = pytest.mark.slow
-
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
 
 
 WATCH = """
@@ -24,7 +19,7 @@ new MutationObserver(() => {
 READ = "return performance.getEntriesByType('resource').some(each => each.name.includes('PlotlyChart'))"
 
 
-def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: "Server", user: "User") -> None:
+def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: Server, user: User) -> None:
     """Open /compare, load the sample, train without the networks, see the table.
 
     The page's name stands there at once, and never the names of the files in pages/. What draws figures is read while

@@ -2,14 +2,10 @@
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import FIGURE, MAIN
-
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
+from tests.browser.conftest import FIGURE, MAIN, Server, User
 
 pytestmark = pytest.mark.slow
 
@@ -40,12 +36,12 @@ def foreign(campaign_on_disk: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def made(user: "User") -> list[str]:
+def made(user: User) -> list[str]:
     """The links to elsewhere, and the pictures from there, that are on the page."""
     return [str(html) for html in user.browser.execute_script(MADE)]
 
 
-def test_no_page_makes_anything_of_it(server: "Server", user: "User", foreign: Path) -> None:
+def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path) -> None:
     """No link, no picture, in text, fields, tables and figures; a heading is read as it is written."""
     user.open_folder(server, foreign)
     assert made(user) == []

@@ -1,17 +1,13 @@
 """The frame in a real browser: links into a server that nobody has used, and both themes."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, SIDEBAR
+from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, SIDEBAR, Server, User
 
 pytestmark = pytest.mark.slow
-
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
 
 VIEW = {"campaign": "sample", "test": "T03", "window": "40", "unit": "m/s²", "sign": "Deceleration", "seed": "3"}
 SHOWN = ["sample", "T03 · 16.7 mph", "0–40 ms", "m/s²", "Deceleration"]
@@ -20,19 +16,19 @@ USUAL = ("The test", "mph, lb")  # what is left out and the units, where nobody 
 PAGES = ["Data", "Train", "Compare", "Study", "Predict", "Certify", "History"]
 
 
-def asked(user: "User") -> dict[str, str]:
+def asked(user: User) -> dict[str, str]:
     """What the address says."""
     return {name: values[0] for name, values in parse_qs(urlsplit(user.browser.current_url).query).items()}
 
 
-def shown(user: "User") -> list[str]:
+def shown(user: User) -> list[str]:
     """What is chosen in the sidebar."""
     pressed = [text for text in user.texts(f'{SIDEBAR} [aria-checked="true"]') if text not in USUAL]
     chosen = [str(element.get_attribute("value")) for element in user.all(f"{SIDEBAR} input")]
     return [*chosen[:2], *pressed]
 
 
-def test_links_reproduce_their_view_on_a_cold_server(cold_server: "Server", user: "User") -> None:
+def test_links_reproduce_their_view_on_a_cold_server(cold_server: Server, user: User) -> None:
     """Six at once. Campaign, test, window, unit, sign; a reload and another page keep them, and Back leads to it."""
 
     def same(page: str) -> bool:
@@ -56,7 +52,7 @@ def test_links_reproduce_their_view_on_a_cold_server(cold_server: "Server", user
         user.wait(lambda page=page: same(page))  # type: ignore[misc]
 
 
-def opened_at_once(user: "User", server: "Server", pages: tuple[str, ...], **view: str) -> Iterator[str]:
+def opened_at_once(user: User, server: Server, pages: tuple[str, ...], **view: str) -> Iterator[str]:
     """Open each page in a tab of its own before any has answered, then turn to one after the other."""
     tabs = [user.browser.current_window_handle]
     for page in pages:
@@ -69,7 +65,7 @@ def opened_at_once(user: "User", server: "Server", pages: tuple[str, ...], **vie
         yield page
 
 
-def test_back_undoes_the_last_choice_and_no_more(server: "Server", user: "User") -> None:
+def test_back_undoes_the_last_choice_and_no_more(server: Server, user: User) -> None:
     """Two choices, of different kinds, are undone one by one, and made again by Forward."""
     user.open(server, "compare", campaign="sample", test="T03")
     user.wait(lambda: "T03 · 16.7 mph" in shown(user))
@@ -87,7 +83,7 @@ def test_back_undoes_the_last_choice_and_no_more(server: "Server", user: "User")
     user.wait(lambda: shown(user)[2:4] == ["All at its speed", "0–20 ms"] and asked(user)["window"] == "20")
 
 
-def test_a_button_that_opens_a_page_is_one_step_for_back(small_server: "Server", user: "User") -> None:
+def test_a_button_that_opens_a_page_is_one_step_for_back(small_server: Server, user: User) -> None:
     """Back from a test that Train has opened returns to Train as it was, not to Train with that test chosen."""
     user.open(small_server, "train", campaign="campaign", test="T2", held_out=("T2", "T3"), approaches="cae")
     user.starts("Start", '[data-testid="stAlert"]')
@@ -100,7 +96,7 @@ def test_a_button_that_opens_a_page_is_one_step_for_back(small_server: "Server",
     assert asked(user)["test"] == "T2"
 
 
-def test_the_page_and_its_figures_follow_the_theme(server: "Server", user: "User") -> None:
+def test_the_page_and_its_figures_follow_the_theme(server: Server, user: User) -> None:
     """Dark from the first sight where the system is, light as soon as it becomes so: page, figures, no reload."""
 
     def grounds() -> tuple[str, str]:

@@ -2,7 +2,7 @@
 
 import base64
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,22 +17,15 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import G
-from tests.browser.conftest import FIGURE, MAIN, PAIRED, PILL, press_tool, rows
+from tests.browser.conftest import FIGURE, MAIN, PAIRED, PILL, Server, User, press_tool, rows
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.browser.conftest import Server, User
-
 BANDED = ("time_domain", "displacement_domain", "fused")
 
 
-def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
-    engineer: "User", campaign_on_disk: "Path"
-) -> None:
+def test_the_numbers_of_a_figure_are_those_of_visible_curves(engineer: User, campaign_on_disk: "Path") -> None:
     """A curve is taken out, corridors are added: the file has what is left, as the library has it."""
     engineer.press("Corridors of the rating", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)
@@ -56,7 +49,7 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     assert len(re.findall("<(?:text|tspan)[^>]* textLength=", saved)) > 20
 
 
-def test_a_picture_from_a_dark_page_is_light_and_says_what_it_shows(engineer: "User") -> None:
+def test_a_picture_from_a_dark_page_is_light_and_says_what_it_shows(engineer: User) -> None:
     """In lines above the figure, which wrap where it is narrow; the page itself stays as it is."""
     engineer.sits_at(480, 1000)
     engineer.prefers("dark")
@@ -76,7 +69,7 @@ def test_a_picture_from_a_dark_page_is_light_and_says_what_it_shows(engineer: "U
 
 
 def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
-    engineer: "User", small_server: "Server", campaign_on_disk: "Path"
+    engineer: User, small_server: Server, campaign_on_disk: "Path"
 ) -> None:
     """They are typed in beside the figure, kept in the campaign folder for the next session, and deleted again."""
     engineer.press("Notes and marks on T1", "summary")
@@ -124,7 +117,7 @@ def sample_study() -> Study:
 
 @pytest.mark.parametrize(("form", "most"), [("short", 3), ("whole", 26)])
 def test_a_report_on_the_sample_fits_its_pages(
-    user: "User", tmp_path: "Path", sample_study: Study, form: ReportForm, most: int
+    user: User, tmp_path: "Path", sample_study: Study, form: ReportForm, most: int
 ) -> None:
     """Printed by Chromium: short on three pages of A4, whole on about 25."""
     path = tmp_path / f"{form}.html"

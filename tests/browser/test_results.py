@@ -1,26 +1,21 @@
 """Results in a real browser: figures that are switched and clicked, files that arrive, answers at once."""
 
 import re
-from typing import TYPE_CHECKING
 
 import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webelement import WebElement
 
-from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, press_tool, rows
+from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, Server, User, press_tool, rows
 
 pytestmark = pytest.mark.slow
-
-if TYPE_CHECKING:
-    from selenium.webdriver.remote.webelement import WebElement
-
-    from tests.browser.conftest import Server, User
 
 _CLIPBOARD = "navigator.clipboard.readText().then(arguments[0], () => arguments[0](''))"
 
 
-def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User") -> None:
+def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: User) -> None:
     """Corridors, residuals; a table copied; scores and pulses as CSV; a report from its first to its last line."""
     engineer.sees("Velocity (mph)", FIGURE)
     assert not engineer.all(FIGURE, "Corridor of the rating")
@@ -47,7 +42,7 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User")
     assert "Test T1" in report
 
 
-def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: "User") -> None:
+def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: Server, user: User) -> None:
     """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict.
 
     Once judged, criteria fold away; unfolded they stay so.
@@ -80,13 +75,13 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "30.0")
 
 
-def presses(user: "User", slider: "WebElement", key: str) -> None:
+def presses(user: User, slider: "WebElement", key: str) -> None:
     """Press a key on a slider, whose thumb is drawn over a field that cannot be seen."""
     user.browser.execute_script("arguments[0].focus()", slider)
     ActionChains(user.browser).send_keys(key).perform()
 
 
-def test_all_moves_of_a_slider_in_a_row_are_one_step_for_back(small_server: "Server", user: "User") -> None:
+def test_all_moves_of_a_slider_in_a_row_are_one_step_for_back(small_server: Server, user: User) -> None:
     """Another slider is another step, and so is a speed that is typed."""
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", approaches=QUICK)
@@ -104,7 +99,7 @@ def test_all_moves_of_a_slider_in_a_row_are_one_step_for_back(small_server: "Ser
     user.wait(lambda: "speed_mph" not in user.browser.current_url)
 
 
-def steps_of(user: "User", slider: "WebElement", name: str, values: tuple[str, ...]) -> int:
+def steps_of(user: User, slider: "WebElement", name: str, values: tuple[str, ...]) -> int:
     """How many steps the browser remembers of moves of a slider, each written to the address as Streamlit writes it.
 
     All at one moment, whatever else this machine does.
@@ -132,7 +127,7 @@ look();
 """
 
 
-def test_predict_answers_another_speed_at_once(small_server: "Server", user: "User") -> None:
+def test_predict_answers_another_speed_at_once(small_server: Server, user: User) -> None:
     """The figure follows number field and slider, and they each other; so do the links and Back.
 
     Planning lies in tabs. What to expect is a range; where the record ends too early, one end of an interval is told,

@@ -1,19 +1,14 @@
 """The screen in a real browser: what Compare and Data show first, and a sidebar that folds in a narrow window."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, LINK, MAIN, PAIRED, POPOVER, TABLE
+from tests.browser.conftest import FIGURE, LINK, MAIN, PAIRED, POPOVER, TABLE, User
 
 pytestmark = pytest.mark.slow
 
-if TYPE_CHECKING:
-    from tests.browser.conftest import User
 
-
-def test_compare_shows_ratings_a_sentence_and_one_tab_at_a_time(engineer: "User") -> None:
+def test_compare_shows_ratings_a_sentence_and_one_tab_at_a_time(engineer: User) -> None:
     """The recommended approach is marked; reasons are there on demand."""
     engineer.sees("Velocity (mph)", FIGURE)
     assert engineer.texts(".cf-best")[0].startswith(("CAE", "Displacement domain"))
@@ -29,7 +24,7 @@ def test_compare_shows_ratings_a_sentence_and_one_tab_at_a_time(engineer: "User"
     engineer.wait(lambda: not engineer.all(TABLE))
 
 
-def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(engineer: "User") -> None:
+def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(engineer: User) -> None:
     """By itself; a narrow window can open it."""
 
     def shown() -> bool:
@@ -48,7 +43,7 @@ def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(engin
     engineer.wait(shown)
 
 
-def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: "User") -> None:
+def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: User) -> None:
     """The tests first; conditions with the ratings, and the CAE model, in tabs of their own.
 
     A test with a CAE run at its condition is in range. It is said what a link asks for in vain.

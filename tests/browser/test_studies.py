@@ -2,23 +2,18 @@
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, MAIN, PILL, QUICK, SIDEBAR, SOON, TABLE
+from crashfuse.campaign import Campaign
+from tests.browser.conftest import FIGURE, MAIN, PILL, QUICK, SIDEBAR, SOON, TABLE, Server, User
 from tests.conftest import write_campaign
 from tests.study.test_outliers import at_one_speed
 
 pytestmark = pytest.mark.slow
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from crashfuse.campaign import Campaign
-    from tests.browser.conftest import Server, User
 
 
 _LOOKS = """
@@ -27,7 +22,7 @@ return document.querySelector(".js-plotly-plot").data.map(
 """
 
 
-def study(user: "User", server: "Server", **view: str) -> None:
+def study(user: User, server: Server, **view: str) -> None:
     """The study of the small campaign by two quick approaches; the first test that asks for it has it made."""
     user.open(server, "study", approaches=QUICK, **view)
     user.starts("Leave out each of 4 tests", FIGURE)
@@ -35,7 +30,7 @@ def study(user: "User", server: "Server", **view: str) -> None:
     user.sees("Mean over the tests")  # the end of the page: until then the figures move
 
 
-def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", user: "User") -> None:
+def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: Server, user: User) -> None:
     """Anywhere in the cell, not only on the words; the frame then holds that test out."""
     study(user, small_server)
     # 2 columns; 5 rows: the tests, and their mean
@@ -44,7 +39,7 @@ def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", use
     assert "test=T3" in user.browser.current_url
 
 
-def test_back_from_a_cell_leads_to_the_question_that_was_asked(small_server: "Server", user: "User") -> None:
+def test_back_from_a_cell_leads_to_the_question_that_was_asked(small_server: Server, user: User) -> None:
     """The study with all tests at about a test's speed left out, not that of each test left out alone."""
     study(user, small_server)
     asked = "With all tests at about its speed"
@@ -56,7 +51,7 @@ def test_back_from_a_cell_leads_to_the_question_that_was_asked(small_server: "Se
     user.wait(lambda: asked in user.texts(chosen), "Back led to another question.")
 
 
-def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: "Server", user: "User") -> None:
+def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: Server, user: User) -> None:
     """Arrows move the cursor from cell to cell, which says where it is; Enter does what a click does."""
     study(user, small_server)
     heat_map = user.find(FIGURE)
@@ -72,7 +67,7 @@ def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: "Server
     user.wait(lambda: user.browser.switch_to.active_element.tag_name == "h1", "The focus was lost with the figure.")
 
 
-def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> None:
+def test_a_test_is_opened_by_keyboard(small_server: Server, user: User) -> None:
     """A field below the heat map does what a click does, and Space on a rating. What has the focus shows it."""
     study(user, small_server)
     user.browser.execute_script("document.activeElement.blur(); window.focus()")
@@ -97,9 +92,7 @@ def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> N
     assert user.browser.execute_script("return document.querySelector('[data-testid=stMain]').scrollTop") == 0
 
 
-def test_the_report_of_a_study_shows_the_chosen_tests_in_the_units_of_the_page(
-    small_server: "Server", user: "User"
-) -> None:
+def test_a_study_report_shows_the_chosen_tests_in_the_units_of_the_page(small_server: Server, user: User) -> None:
     """Short, of one test, in kg and m/s²; bands, and what they are worth."""
     study(user, small_server)
     user.press("km/h, kg", f"{SIDEBAR} button")
@@ -116,7 +109,7 @@ def test_the_report_of_a_study_shows_the_chosen_tests_in_the_units_of_the_page(
     assert "<td>Peak deceleration (m/s²)</td>" in report
 
 
-def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server", user: "User") -> None:
+def test_two_studies_are_compared_and_one_is_opened_again(small_server: Server, user: User) -> None:
     """A row for each seed, means, differences, a table to take along; a button in its row, or keys, open a study.
 
     The two are ticked when nobody has chosen; without a tick nothing is compared, and Back ticks it again.
@@ -149,7 +142,7 @@ def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server"
     assert "seed=4" in user.browser.current_url
 
 
-def _click_in_first_row(user: "User", from_left_px: int) -> None:
+def _click_in_first_row(user: User, from_left_px: int) -> None:
     """Its box is 18 pixels from the left, the button that opens it 66."""
     grid = user.find('[data-testid="stDataFrame"] canvas')
     user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
@@ -158,7 +151,7 @@ def _click_in_first_row(user: "User", from_left_px: int) -> None:
 
 
 def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
-    server: "Server", user: "User", campaign: "Campaign", tmp_path: "Path"
+    server: Server, user: User, campaign: "Campaign", tmp_path: "Path"
 ) -> None:
     """The study names the odd test, Compare how its expectation came out; one click on Why: scores, shift, curves.
 

@@ -2,20 +2,16 @@
 
 import json
 import zipfile
-from typing import TYPE_CHECKING
 
 import pytest
 import safetensors
 
+from tests.browser.conftest import Server, User
+
 pytestmark = pytest.mark.slow
 
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
 
-
-def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it_any_more(
-    small_server: "Server", user: "User"
-) -> None:
+def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it(small_server: Server, user: User) -> None:
     """A second tab finds it, another browser sees whose it is and asks for it, too; it goes on until both cancel.
 
     What waits behind it can be cancelled at once.
@@ -57,9 +53,7 @@ def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it_any_more
     user.sees("Fingerprint")
 
 
-def test_fitting_on_all_tests_hands_out_a_model_and_predict_answers_at_once(
-    small_server: "Server", user: "User"
-) -> None:
+def test_fitting_on_all_tests_hands_out_a_model_and_predict_answers_at_once(small_server: Server, user: User) -> None:
     """The file names what it was fitted on, as that of ``crashfuse train`` does; Predict has nothing left to start."""
     user.open(small_server, "train", seed="2")
     user.press("Fit on all tests")

@@ -1,24 +1,19 @@
 """Units in a real browser: one choice, which condition, figure, table and report follow."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 
-from tests.browser.conftest import FIGURE, SIDEBAR, TABLE
+from tests.browser.conftest import FIGURE, SIDEBAR, TABLE, Server, User
 
 pytestmark = pytest.mark.slow
 
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
 
-
-def shows_speed(user: "User", value: str, unit: str) -> None:
+def shows_speed(user: User, value: str, unit: str) -> None:
     """Wait until the field of the speed has this value."""
     field = f'input[aria-label="Impact speed ({unit})"]'
     user.wait(lambda: user.find(field).get_attribute("value") == value, f"The speed was never {value} {unit}.")
 
 
-def test_all_of_predict_follows_the_units(small_server: "Server", user: "User") -> None:
+def test_all_of_predict_follows_the_units(small_server: Server, user: User) -> None:
     """The condition stays the very same: 56 km/h come back as 56.0, not as 34.8 mph rounded twice."""
     user.open(small_server, "predict", campaign="campaign", approaches="cae")
     user.starts("Predict", FIGURE)
@@ -44,9 +39,7 @@ def test_all_of_predict_follows_the_units(small_server: "Server", user: "User") 
     shows_speed(user, "56.0", "km/h")
 
 
-def test_other_units_change_neither_the_held_out_test_nor_what_is_beside_it(
-    small_server: "Server", user: "User"
-) -> None:
+def test_other_units_change_neither_the_held_out_test_nor_what_is_beside_it(small_server: Server, user: User) -> None:
     """A browser keeps a choice by its label, which has the speed in it: it must not come back as another test."""
     user.open(
         small_server, "compare", campaign="campaign", approaches="displacement_domain", test="T3", also=("T2", "T4")

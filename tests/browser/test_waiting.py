@@ -1,21 +1,17 @@
 """Waiting in a real browser: results as they come, and jobs that run while one looks elsewhere."""
 
 import re
-from typing import TYPE_CHECKING
 
 import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.approaches.registry import LABELS
-from tests.browser.conftest import MAIN, POPOVER, QUICK, SIDEBAR, bands
+from tests.browser.conftest import MAIN, POPOVER, QUICK, SIDEBAR, Server, User, bands
 
 pytestmark = pytest.mark.slow
 
-if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
 
-
-def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_server: "Server", user: "User") -> None:
+def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_server: Server, user: User) -> None:
     """Next starts the job; the displacement domain is rated before the networks; the sidebar names the job.
 
     In the end one band is filled, whichever one chooses, and the mixture says of what it is made, and why.
@@ -57,7 +53,7 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     ("fails", "said"), [("memory", "Memory ran out. Close other programs"), ("kills", "Workers died 3 times in a row")]
 )
 def test_memory_and_kills_are_sentences_and_the_next_try_succeeds(
-    small_server: "Server", user: "User", fails: str, said: str
+    small_server: Server, user: User, fails: str, said: str
 ) -> None:
     """A study that runs out of memory, or whose processes are killed, says so where it was started, and can go on."""
     study = f"{MAIN} button", "Leave out each of 4 tests"

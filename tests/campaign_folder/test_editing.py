@@ -30,7 +30,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import KPH, LB, MPH
-from tests.conftest import content_of
+from tests.conftest import Capture, content_of, problems_of
 
 CONDITION = Condition.of_vector([30 * MPH, 2050 * LB, 1500 * LB], (("drive", "AWD"), ("colour", "red")))
 
@@ -90,9 +90,8 @@ def test_a_campaign_is_begun(tmp_path: Path) -> None:
 def test_a_folder_of_other_files_is_no_campaign(tmp_path: Path) -> None:
     """Nothing is added to it; an empty folder is one to be begun, and any of its own files makes it one."""
     (tmp_path / "letter.txt").touch()
-    with pytest.raises(DataError) as raised:
-        add_to_campaign(tmp_path, {"tests": [addition()]})
-    assert (raised.value.problems[0].where, raised.value.problems[0].found) == (str(tmp_path), "other files")
+    problems = problems_of(lambda: add_to_campaign(tmp_path, {"tests": [addition()]}))
+    assert (problems[0].where, problems[0].found) == (str(tmp_path), "other files")
     assert list(content_of(tmp_path)) == ["letter.txt"]
     (tmp_path / "campaign.toml").write_text('name = "Ours"\n')
     add_to_campaign(tmp_path, {"tests": [addition()]})
@@ -375,9 +374,7 @@ def test_nothing_is_undone_over_what_was_changed_since(folder: Path, changed: st
     path.unlink()  # an editor that saves under the same name
     path.write_bytes(new)
     before = content_of(folder)
-    with pytest.raises(DataError) as raised:
-        undo(folder)
-    (problem,) = raised.value.problems
+    (problem,) = problems_of(lambda: undo(folder))
     assert problem.where == changed
     assert content_of(folder) == before
 
@@ -456,7 +453,7 @@ def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
     assert "T01" not in load_campaign(tmp_path / "copy").test_ids
 
 
-def test_the_command_line_edits_and_undoes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_edits_and_undoes(folder: Path, capsys: Capture) -> None:
     """Each change is said, listed and taken back; wrong usage ends with 2, nothing to undo with 1."""
     folder = folder.rename(folder.with_name("$(touch x) it's mine"))
     untouched = shutil.copytree(folder, folder.with_name("untouched"))

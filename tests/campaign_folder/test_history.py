@@ -326,9 +326,7 @@ def test_opening_puts_an_interrupted_change_back(campaign_folder: Path) -> None:
 
 
 @pytest.mark.parametrize("spoilt", ["tests.csv", ".undo/000002/before/tests/B.csv", ".undo/000002/begun.json"])
-def test_what_somebody_changed_since_an_interruption_is_not_written_over(
-    small: Path, tmp_path: Path, spoilt: str
-) -> None:
+def test_what_was_changed_since_an_interruption_is_not_written_over(small: Path, tmp_path: Path, spoilt: str) -> None:
     """One sentence says what to look at; nothing is touched until that was done."""
     folder = shutil.copytree(small, tmp_path / "car")
     interrupted(folder)

@@ -12,6 +12,7 @@ from crashfuse.campaign_folder.load import lay_out
 from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, change_notes, read_notes, write_notes
 from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.figure_files import figures_of
+from tests.conftest import Capture
 
 NOTES = (
     Note("T1", "Barrier face\n  replaced"),
@@ -122,7 +123,7 @@ def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(fold
 
 
 def test_damaged_notes_stop_the_command_before_anything_is_computed(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """One sentence, nothing written."""
     (folder / FILE).write_text("test,text\n", encoding="utf-8")

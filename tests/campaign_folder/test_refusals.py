@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign_folder.load import lay_out, load_campaign
-from crashfuse.errors import DataError
 from crashfuse.files.archive import zipped
 from crashfuse.units import KPH, MPH, G
+from tests.conftest import problems_of
 from tests.golden import assert_golden
 
 
@@ -186,9 +186,7 @@ _VARIES = ("a damaged", "(at ", "Unclosed")  # what other packages say of a dama
 
 def refusal(act: Callable[[], object]) -> list[str]:
     """The first sentences with which something is refused."""
-    with pytest.raises(DataError) as caught:
-        act()
-    sentences = [str(problem) for problem in caught.value.problems]
+    sentences = [str(problem) for problem in problems_of(lambda: act())]
     assert all(sentence.endswith(".") for sentence in sentences)
     return [told.partition(", found ")[0] if any(word in told for word in _VARIES) else told for told in sentences[:3]]
 

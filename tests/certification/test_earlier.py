@@ -12,6 +12,7 @@ from crashfuse.certification.verdict import EarlierVerdict
 from crashfuse.errors import DataError
 from crashfuse.signals.occupant import USUAL_OCCUPANT
 from crashfuse.units import LB, MPH
+from tests.conftest import problems_of
 
 RECORD: dict[str, Any] = {
     "date": "2026-11-24T12:00:00+00:00",
@@ -126,9 +127,7 @@ def test_everything_that_is_compared_is_read(tmp_path: Path) -> None:
 )
 def test_another_file_is_one_sentence(content: bytes) -> None:
     """Whatever is wrong with it, what is expected and what to do is told in a line."""
-    with pytest.raises(DataError) as raised:
-        parse_earlier(content)
-    (problem,) = raised.value.problems
+    (problem,) = problems_of(lambda: parse_earlier(content))
     assert str(problem).startswith(f"{FILE}: expected the record of a certification, found ")
     assert "as crashfuse certify and the page Certify write it" in str(problem)
     assert str(problem).isprintable()

@@ -14,6 +14,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.units import KPH, LB, MPH
+from tests.conftest import problems_of
 
 FACTORS = {"drive": ("AWD", "FWD")}
 HEADER = "id,speed_mph,front_weight_lb,rear_weight_lb"
@@ -62,9 +63,7 @@ def test_a_data_frame_is_the_same_matrix_as_its_file(tmp_path: Path) -> None:
 )
 def test_a_table_that_is_no_matrix_is_refused_in_a_sentence(tmp_path: Path, lines: list[str], sentence: str) -> None:
     """File, column and row, what was expected, what was found."""
-    with pytest.raises(DataError) as caught:
-        Matrix.read(matrix_file(tmp_path, *lines), FACTORS)
-    [problem] = map(str, caught.value.problems)
+    [problem] = map(str, problems_of(lambda: Matrix.read(matrix_file(tmp_path, *lines), FACTORS)))
     assert sentence in problem
 
 

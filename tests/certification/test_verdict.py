@@ -36,9 +36,7 @@ def verdict(campaign: Campaign, criterion: Criterion, confidence: float = 0.95, 
 
 
 @pytest.mark.parametrize(("at_most", "word"), [(516.5, "met"), (516.3, "open"), (483.7, "open"), (483.5, "not met")])
-def test_the_word_changes_where_the_probability_crosses_the_confidence(
-    campaign: Campaign, at_most: float, word: str
-) -> None:
+def test_the_word_changes_where_probability_crosses_confidence(campaign: Campaign, at_most: float, word: str) -> None:
     """1.645 standard deviations from the limit on either side."""
     assert verdict(campaign, Criterion("crush", "max_crush", at_most=at_most)).word == word
 

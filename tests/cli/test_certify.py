@@ -17,7 +17,7 @@ from crashfuse.campaign_folder.notes import Note, write_notes
 from crashfuse.certification import file_store
 from crashfuse.certification.criteria import criteria_of
 from crashfuse.certification.matrix import Matrix
-from tests.conftest import write_campaign
+from tests.conftest import Capture, write_campaign
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -61,9 +61,7 @@ def certify(campaign: Path, out: Path, *options: str) -> int:
 
 
 @pytest.mark.slow
-def test_the_files_have_the_columns_and_numbers_of_the_contract(
-    planned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, tmp_path: Path, capsys: Capture) -> None:
     """Four files and nothing else; counts in the JSON and on the terminal are those of the tables."""
     assert certify(planned, tmp_path / "out") == cli.DONE
     names = {"certification.csv", "track_record.csv", "certification.json", "report.html"}
@@ -123,7 +121,7 @@ def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Pa
 
 @pytest.mark.slow
 def test_an_earlier_certification_is_held_against_a_test_run_since(
-    campaign: Campaign, planned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    campaign: Campaign, planned: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """Made without a test, then with it: printed, in changes.csv and in the report, which others do not have."""
     *_, last = campaign.test_ids
@@ -184,7 +182,7 @@ def test_a_grid_takes_the_place_of_the_matrix(planned: Path, tmp_path: Path) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_too_few_tests_leave_everything_outside_and_say_why(
-    campaign: Campaign, tmp_path: Path, n: int, capsys: pytest.CaptureFixture[str]
+    campaign: Campaign, tmp_path: Path, n: int, capsys: Capture
 ) -> None:
     """What can't be said is said: exit 0, no verdict met or not met, no record that claims more."""
     folder = write_campaign(replace(campaign, tests=campaign.tests[:n]), tmp_path / "campaign")
@@ -216,7 +214,7 @@ def test_too_few_tests_leave_everything_outside_and_say_why(
     ],
 )
 def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
-    planned: Path, tmp_path: Path, options: list[str], code: int, sentence: str, capsys: pytest.CaptureFixture[str]
+    planned: Path, tmp_path: Path, options: list[str], code: int, sentence: str, capsys: Capture
 ) -> None:
     """Exit code 1 for the data, 2 for the usage; the folder for the results is not even made."""
     here = tmp_path / "campaign"
@@ -236,7 +234,7 @@ def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
 
 
 def test_a_full_disk_leaves_no_part_of_a_certification(
-    planned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    planned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     """All files or none."""
     real = Path.write_bytes

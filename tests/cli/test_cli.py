@@ -26,9 +26,7 @@ from crashfuse.signals.pulse import GRID_S
 from crashfuse.testing import small_campaign
 from crashfuse.units import MS
 from crashfuse.version import __version__
-from tests.conftest import write_campaign
-
-Capture = pytest.CaptureFixture[str]
+from tests.conftest import Capture, write_campaign
 
 
 def run(*arguments: object) -> int:

@@ -3,6 +3,7 @@
 import pytest
 
 from crashfuse import cli
+from tests.conftest import Capture
 
 PREDICT = ["predict", "c", "--out", "o", "--front-weight-kg", "950", "--rear-weight-kg", "700"]
 
@@ -19,9 +20,7 @@ PREDICT = ["predict", "c", "--out", "o", "--front-weight-kg", "950", "--rear-wei
         ["study", "c", "--out", "o", "--windows-ms"],
     ],
 )
-def test_a_text_that_is_no_number_is_wrong_usage(
-    command: list[str], text: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_text_that_is_no_number_is_wrong_usage(command: list[str], text: str, capsys: Capture) -> None:
     """The last line names the option and what was given, a decimal comma too; nothing of how it is parsed."""
     with pytest.raises(SystemExit) as ended:
         cli.main([*command, text])
@@ -31,7 +30,7 @@ def test_a_text_that_is_no_number_is_wrong_usage(
     assert said.endswith(f"must be a number with a decimal point, if any, not {text!r}")
 
 
-def test_a_seed_is_a_whole_number(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_seed_is_a_whole_number(capsys: Capture) -> None:
     """Neither a fraction nor a word."""
     with pytest.raises(SystemExit):
         cli.main(["train", "c", "--out", "o", "--seed", "1.5"])

@@ -12,13 +12,13 @@ from crashfuse import cli
 from crashfuse.reporting.past_results import read_study
 from crashfuse.study.history import past_results
 from crashfuse.testing import small_campaign
-from tests.conftest import write_campaign
+from tests.conftest import Capture, write_campaign
 
 Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
+def run(capsys: Capture) -> Run:
     """A command's exit code, and what it printed and complained of."""
 
     def command(*arguments: object) -> tuple[int, str, str]:

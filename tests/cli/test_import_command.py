@@ -4,13 +4,13 @@ import shlex
 from pathlib import Path
 
 import numpy as np
-import pytest
 from nptdms import ChannelObject
 
 from crashfuse import cli
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH
+from tests.conftest import Capture
 from tests.importing.crashes import clock, half_sine_g
 from tests.readers.test_tdms import written
 
@@ -26,7 +26,7 @@ def foreign_table(path: Path) -> Path:
     return path
 
 
-def test_a_foreign_table_becomes_a_test_of_a_new_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_foreign_table_becomes_a_test_of_a_new_campaign(tmp_path: Path, capsys: Capture) -> None:
     """Condition from the options, steps on the terminal and in campaign.toml, pulse from contact on."""
     source, out = foreign_table(tmp_path / "Versuch 7.csv"), tmp_path / "campaign"
     command = ["import", str(source), "--out", str(out), "--id", "V7", "--speed-kph", "50"]
@@ -42,7 +42,7 @@ def test_a_foreign_table_becomes_a_test_of_a_new_campaign(tmp_path: Path, capsys
     assert GRID_S[-1] < 0.15
 
 
-def test_what_a_source_does_not_tell_has_to_be_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_source_does_not_tell_has_to_be_told(tmp_path: Path, capsys: Capture) -> None:
     """Without a speed nothing is written, and the message says which option gives it."""
     source, out = foreign_table(tmp_path / "v.csv"), tmp_path / "campaign"
     assert cli.main(["import", str(source), "--out", str(out), "--mass-kg", "1500", "--front-share", "0.6"]) == 1
@@ -50,7 +50,7 @@ def test_what_a_source_does_not_tell_has_to_be_told(tmp_path: Path, capsys: pyte
     assert not out.exists()
 
 
-def test_all_that_is_missing_is_asked_for_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_that_is_missing_is_asked_for_at_once(tmp_path: Path, capsys: Capture) -> None:
     """Speed, weights, channel and unit: a line each that names the option, and nothing is left for a second round."""
     wave = {"wf_increment": 1e-4, "wf_start_offset": -0.05}
     channels = [ChannelObject("Car", name, half_sine_g(clock()), properties=wave) for name in ("CH1", "CH2")]
@@ -66,7 +66,7 @@ def test_all_that_is_missing_is_asked_for_at_once(tmp_path: Path, capsys: pytest
     assert "Choose one of 2 channels; none states its unit." in capsys.readouterr().out
 
 
-def test_tables_columns_and_condition_are_asked_for_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_columns_and_condition_are_asked_for_at_once(tmp_path: Path, capsys: Capture) -> None:
     """Two accelerations, no speed, no weights: one message, and its options, with values, are all it takes."""
     source, out = tmp_path / "car.csv", tmp_path / "campaign"
     rows = [f"{t:.4f},{a:.4f},{a:.4f}" for t, a in zip(clock(), half_sine_g(clock()), strict=True)]
@@ -81,7 +81,7 @@ def test_tables_columns_and_condition_are_asked_for_at_once(tmp_path: Path, caps
     assert "Channels chosen by the user: Acc X left (g)." in capsys.readouterr().out
 
 
-def test_the_sign_of_deceleration_is_an_option(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_sign_of_deceleration_is_an_option(tmp_path: Path, capsys: Capture) -> None:
     """A sign that the record contradicts is refused, with the option to remove."""
     source = foreign_table(tmp_path / "v.csv")
     command = ["import", str(source), "--out", str(tmp_path / "c"), "--speed-kph", "50", "--mass-kg", "1500"]

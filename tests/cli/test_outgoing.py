@@ -10,6 +10,7 @@ import pytest
 from crashfuse import cli
 from crashfuse.reporting import figure_files
 from crashfuse.units import MS, G
+from tests.conftest import Capture
 
 WEIGHTS = ["--front-weight-lb", "2060", "--rear-weight-lb", "1520"]
 LSDYNA = ["--export", "lsdyna", "--unit-system", "mm-ms-kg"]
@@ -22,7 +23,7 @@ def names(folder: Path) -> set[str]:
 
 @pytest.mark.slow
 def test_predict_exports_the_pulse_that_stands_in_its_table(
-    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    campaign_on_disk: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """In the units, with the sign and the id that were asked for; a later export leaves nothing of an earlier one."""
     command = ["predict", str(campaign_on_disk), "--speed-mph", "30", *WEIGHTS, "--out", str(tmp_path)]
@@ -51,9 +52,7 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
 
 
 @pytest.mark.slow
-def test_a_sweep_exports_the_pulses_at_each_speed(
-    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sweep_exports_the_pulses_at_each_speed(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
     """A folder for each speed, in each format; without --export none."""
     command = ["sweep", str(campaign_on_disk), "--out", str(tmp_path), "--approach", "cae"]
     command += ["--speed-mph", "24.95", "27", *WEIGHTS]
@@ -80,7 +79,7 @@ def test_a_sweep_exports_the_pulses_at_each_speed(
     ],
 )
 def test_an_export_that_is_impossible_is_one_sentence(
-    campaign_on_disk: Path, tmp_path: Path, options: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+    campaign_on_disk: Path, tmp_path: Path, options: list[str], sentence: str, capsys: Capture
 ) -> None:
     """And nothing is written."""
     command = ["predict", str(campaign_on_disk), "--speed-mph", "30", *WEIGHTS, "--out", str(tmp_path / "out")]
@@ -89,9 +88,7 @@ def test_an_export_that_is_impossible_is_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
-def test_draws_of_a_sweep_need_a_format(
-    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_draws_of_a_sweep_need_a_format(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
     """Which exports none unless it is asked to."""
     command = ["sweep", str(campaign_on_disk), *WEIGHTS, "--out", str(tmp_path / "out"), "--draws", "3"]
     assert cli.main(command) == cli.WRONG_USAGE
@@ -109,7 +106,7 @@ def report(tmp_path: Path) -> Path:
 
 
 def test_each_figure_becomes_a_file_in_each_format(
-    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     """SVG and PNG unless others are asked for; all that was written is listed."""
     monkeypatch.setattr(figure_files, "missing_for", lambda _: "")
@@ -124,7 +121,7 @@ def test_each_figure_becomes_a_file_in_each_format(
 
 
 def test_what_cannot_be_drawn_is_one_sentence(
-    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    report: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     """No report, no extra, a file where a folder should be; nothing is written."""
     monkeypatch.setattr(figure_files, "_browser", lambda: "chromium")

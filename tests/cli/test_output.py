@@ -10,6 +10,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.files.locks import sole_writer
+from tests.conftest import Capture
 
 WEIGHTS = ["--front-weight-lb", "2000", "--rear-weight-lb", "1600"]
 COMMANDS = {
@@ -25,7 +26,7 @@ COMMANDS = {
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_folder_that_another_command_writes_to_is_refused(
-    command: str, campaign_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: str, campaign_folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     """In one sentence, before anything is computed; the other's files are left alone."""
     out = tmp_path / "out"

@@ -6,6 +6,7 @@ import pytest
 
 from crashfuse.errors import Cancelled
 from crashfuse.execution.progress import Progress, ProgressBar, Watch
+from tests.conftest import Capture
 
 
 def test_a_part_can_be_cancelled_on_its_own() -> None:
@@ -46,7 +47,7 @@ def show(steps: int, *, again: bool) -> None:
                 bar.show(Progress("Fit", done, 1))
 
 
-def test_a_log_gets_a_few_plain_lines_a_step(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_gets_a_few_plain_lines_a_step(capsys: Capture) -> None:
     """However often it reports, whatever begins anew; no control codes, one step never on the line of another."""
     show(1000, again=True)
     parts = [0, 250, 500, 750, 1000]
@@ -54,7 +55,7 @@ def test_a_log_gets_a_few_plain_lines_a_step(capsys: pytest.CaptureFixture[str])
     assert capsys.readouterr().err.splitlines() == [*training, "Fit: 0 of 1", "Fit: 1 of 1"]
 
 
-def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_gets_a_bar(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     """A line for each step, drawn again and again."""
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     show(10, again=True)

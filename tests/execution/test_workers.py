@@ -23,6 +23,7 @@ from crashfuse.execution.progress import SILENT, Progress, Watch
 from crashfuse.execution.workers import Local, Work, Workers, connected
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.running import run_study
+from tests.conftest import Capture
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
 
@@ -284,9 +285,7 @@ def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, dask: Dask, tm
 
 
 @pytest.mark.slow
-def test_an_unreachable_scheduler_is_one_sentence(
-    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unreachable_scheduler_is_one_sentence(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
     """Within seconds, and with exit code 1."""
     command = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]
     start = time.monotonic()

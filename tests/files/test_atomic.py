@@ -12,6 +12,7 @@ import pytest
 from crashfuse import cli
 from crashfuse.errors import DataError
 from crashfuse.files.atomic import new_folder, write_atomically, written_together
+from tests.conftest import Capture
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -98,7 +99,7 @@ def test_what_the_disk_has_no_room_for_is_named(tmp_path: Path, monkeypatch: pyt
 
 @pytest.mark.slow
 def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
-    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     """One sentence, exit code 1, no table of this study; the same command then writes them all."""
 

@@ -59,9 +59,7 @@ def test_the_headers_of_its_pages_say_what_a_column_unpacks_to(
 @pytest.mark.parametrize("column", ["id", "time_ms"])
 @pytest.mark.parametrize("row_group_size", [1_000_000, 500])
 @pytest.mark.slow
-def test_a_small_file_of_long_texts_is_refused_before_it_is_unpacked(
-    tmp_path: Path, column: str, row_group_size: int
-) -> None:
+def test_a_small_file_of_long_texts_is_refused_unread(tmp_path: Path, column: str, row_group_size: int) -> None:
     """A hundred kilobytes that would be 160 MB as text, whatever its row groups."""
     texts = pa.array([f"{i:08d}{'x' * 7992}" for i in range(20_000)])
     path = tmp_path / "t.parquet"

@@ -12,6 +12,7 @@ from crashfuse.importing.pulse_conversion import complete_condition
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.wording import KPH_KG, MPH_LB, Sentence
+from tests.conftest import problems_of
 from tests.importing.crashes import CONDITION, SPEED_MPS, channel, record
 
 
@@ -103,9 +104,7 @@ def test_a_table_of_conditions_overrules_what_a_file_says_of_weights() -> None:
 def test_a_speed_that_no_crash_has_is_named_with_what_is_expected(speed_mps: float, found: str) -> None:
     """It is not as if nothing had been given; what else is lacking is told along with it."""
     one = record(channel(), condition=PartialCondition())
-    with pytest.raises(DataError) as caught:
-        weights(one, PartialCondition(speed_mps))
-    lacking, speed = caught.value.problems
+    lacking, speed = problems_of(lambda: weights(one, PartialCondition(speed_mps)))
     assert (lacking.expected, lacking.found) == ("the weights on both axles of T1", "none")
     assert re.fullmatch(found, speed.found)
 
@@ -122,9 +121,8 @@ def test_one_weight_that_was_given_is_named_where_another_is_asked_for(
     given: PartialCondition, share: float | None, found: str
 ) -> None:
     """Any two of mass, front weight, rear weight and share do; one alone is not passed over."""
-    with pytest.raises(DataError) as caught:
-        weights(record(channel(), condition=PartialCondition(SPEED_MPS)), given, share)
-    assert [problem.found for problem in caught.value.problems] == [found]
+    problems = problems_of(lambda: weights(record(channel(), condition=PartialCondition(SPEED_MPS)), given, share))
+    assert [problem.found for problem in problems] == [found]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.0057, 0.9, 57.0])

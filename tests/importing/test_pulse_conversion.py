@@ -16,7 +16,7 @@ from crashfuse.signals.filters import CFC60_NOISE, cfc_filter, noise_share
 from crashfuse.signals.pulse import FloatArray, Kinematics
 from crashfuse.units import KPH, MS, G
 from crashfuse.wording import signed
-from tests.conftest import SHARED, needs_shared
+from tests.conftest import SHARED, needs_shared, problems_of
 from tests.importing.crashes import (
     CONDITION,
     CRUSH_M,
@@ -198,9 +198,7 @@ def test_channels_without_a_majority_are_refused_until_the_user_chooses(scales: 
 def test_a_pulse_that_will_be_refused_asks_for_no_weights_first() -> None:
     """What is wrong with the pulse is said along with what is missing, not in a second round."""
     unweighed = record(channel(scale=0.3), condition=PartialCondition(SPEED_MPS))
-    with pytest.raises(DataError) as caught:
-        settle(unweighed)
-    weights, change = caught.value.problems
+    weights, change = problems_of(lambda: settle(unweighed))
     assert weights.expected == "the weights on both axles of T1"
     assert change.expected.startswith("a change of velocity near the impact speed")
 
@@ -208,13 +206,9 @@ def test_a_pulse_that_will_be_refused_asks_for_no_weights_first() -> None:
 def test_a_unit_that_the_speed_may_tell_is_asked_for_along_with_the_speed_alone() -> None:
     """Without both, the speed is what is missing; with a speed that tells none, the unit is."""
     unknown = record(channel(unit=None), condition=PartialCondition(None, None, 950.0, 750.0))
-    with pytest.raises(DataError) as caught:
-        settle(unknown)
-    assert not [problem for problem in caught.value.problems if isinstance(problem, UnknownUnit)]
+    assert not [problem for problem in problems_of(lambda: settle(unknown)) if isinstance(problem, UnknownUnit)]
     untold = record(channel(scale=0.02, unit=None), condition=PartialCondition(SPEED_MPS))
-    with pytest.raises(DataError) as caught:
-        settle(untold)
-    assert [problem for problem in caught.value.problems if isinstance(problem, UnknownUnit)]
+    assert [problem for problem in problems_of(lambda: settle(untold)) if isinstance(problem, UnknownUnit)]
 
 
 @pytest.mark.parametrize(
@@ -328,9 +322,7 @@ def test_a_condition_is_completed_by_the_user() -> None:
     """Mass and share of the front axle give its weights; a new mass keeps the share; what lacks is named."""
     one = channel()
     bare = record(one, condition=PartialCondition())
-    with pytest.raises(DataError) as caught:
-        settle(bare)
-    assert [problem.expected for problem in caught.value.problems] == [
+    assert [problem.expected for problem in problems_of(lambda: settle(bare))] == [
         "the impact speed of T1",
         "the weights on both axles of T1",
     ]
@@ -363,9 +355,7 @@ def test_a_record_too_short_in_itself_is_told_whatever_else_is_lacking(
     """40 ms from contact are too few with 60 ms and more before it, whether speed and weights are known or not."""
     time_s = clock(start_s, 0.04 + lead_s)
     one = record(RecordedChannel("X", "X", time_s, half_sine_g(time_s - lead_s), "g"), condition=condition)
-    with pytest.raises(DataError) as caught:
-        settle(one)
-    *lacking, short = caught.value.problems
+    *lacking, short = problems_of(lambda: settle(one))
     assert len(lacking) == (condition.speed_mps is None) + (condition.mass_kg is None)
     assert short.expected.startswith("a record of at least 60 ms from contact")
     assert float(short.found.split()[0]) == pytest.approx(40, abs=2)

@@ -20,6 +20,7 @@ from crashfuse.readers.members import files_below
 from crashfuse.testing import ReaderContract
 from crashfuse.testing.readers import refusal, written
 from crashfuse.units import MS
+from tests.conftest import Capture
 from tests.importing.crash_files import german, isomme
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 from tests.readers.lsdyna_files import Run, lsda
@@ -147,7 +148,7 @@ def polar(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return written(tmp_path, {"P1.polar": np.column_stack([time_s, half_sine_g(time_s)]).tobytes()}) / "P1.polar"
 
 
-def test_a_new_format_is_one_function_and_one_line(polar: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_format_is_one_function_and_one_line(polar: Path, capsys: Capture) -> None:
     """It is recognised, told of, offered by the command line and imported; no other file knows it."""
     assert format_of(polar) == "polar"
     assert "Polar (.polar)" in all_formats()

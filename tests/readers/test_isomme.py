@@ -199,9 +199,7 @@ def test_the_header_file_chooses_among_tests_in_one_folder(tmp_path: Path) -> No
         ({"CHANNEL/T1.001": IMPLICIT + "\n" * 2_000_001}, "at most 2000000 lines"),
     ],
 )
-def test_a_file_that_is_wrong_is_named_with_what_is_wrong(
-    tmp_path: Path, changed: dict[str, str], expected: str
-) -> None:
+def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, changed: dict[str, str], expected: str) -> None:
     """The sentence says which file, what was expected and what was found."""
     with pytest.raises(DataError, match=expected):
         read_isomme(written(tmp_path, laboratory("utf-8", **changed)))

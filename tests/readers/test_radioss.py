@@ -234,9 +234,7 @@ def test_a_folder_of_runs_is_a_library(tmp_path: Path) -> None:
 @pytest.mark.parametrize("titled", [False, True])
 @pytest.mark.parametrize("version", ["2022", "doubled", "today"])
 @pytest.mark.parametrize("written", [12, 15, 18, 22])
-def test_the_csv_gives_the_numbers_of_its_original(
-    tmp_path: Path, version: Converter, titled: bool, written: int
-) -> None:
+def test_the_csv_gives_the_original_numbers(tmp_path: Path, version: Converter, titled: bool, written: int) -> None:
     """Whichever version of the converter labelled it, with labels shifted or not, with titles of the run or without."""
     run = replace(RUN, globals_=written, curves=("DX", "DZ", "VX", "VZ", "AX"))
     original = only(tmp_path / "T01", hc1T01=run.binary())

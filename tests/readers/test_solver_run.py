@@ -17,7 +17,7 @@ from crashfuse.readers.record import PartialCondition
 from crashfuse.readers.solver_run import Energies as Histories
 from crashfuse.readers.solver_run import History, axis_of_travel, departure
 from crashfuse.testing.readers import written
-from tests.conftest import SHARED, needs_shared
+from tests.conftest import SHARED, Capture, needs_shared
 from tests.importing.crash_files import isomme
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.lsdyna_files import Energies, Run, lsda
@@ -117,7 +117,7 @@ def test_a_vehicle_that_is_struck_at_rest_needs_its_speed(tmp_path: Path) -> Non
     assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
 
 
-def test_the_command_line_takes_a_direction_as_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_takes_a_direction_as_written(tmp_path: Path, capsys: Capture) -> None:
     """--travel -y needs no equals sign; formats that name their own axes refuse it."""
     run = Run(end_s=0.15, step_s=5e-4, axis="y", direction=-1)
     source, out = saved(tmp_path / "run7", binout0000=run.binout()), tmp_path / "campaign"

@@ -9,6 +9,7 @@ from crashfuse import cli
 from crashfuse.importing import Reading, import_source, read_records
 from crashfuse.readers.format import Travel
 from crashfuse.testing.readers import written
+from tests.conftest import Capture
 from tests.importing.crash_files import german
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 
@@ -48,7 +49,7 @@ def test_the_axis_of_a_table_is_found_from_the_motion(tmp_path: Path, header: st
     assert f"Travel along {given}, given by the user." in record.steps
 
 
-def test_a_table_without_x_is_read_along_what_it_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_without_x_is_read_along_what_it_has(tmp_path: Path, capsys: Capture) -> None:
     """Only y in it: taken, with a word of care; a direction that is not in it is refused."""
     source = table(tmp_path, "Time history ay [g]", PULSE)
     (run,) = import_source(source, tmp_path / "out", GIVEN, role="cae")

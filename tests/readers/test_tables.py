@@ -182,9 +182,7 @@ def sheets(folder: Path, content: str, name: str = "V7.lvm") -> tuple[Sheet, ...
 
 @pytest.mark.parametrize("x_columns", ["One", "Multi", "No"])
 @pytest.mark.parametrize(("delimiter", "decimal"), [("\t", "."), ("\t", ","), (",", ".")])
-def test_names_units_and_times_are_those_of_the_header(
-    tmp_path: Path, x_columns: str, delimiter: str, decimal: str
-) -> None:
+def test_the_header_has_names_units_and_times(tmp_path: Path, x_columns: str, delimiter: str, decimal: str) -> None:
     """However times are written; comments are no channel, and special blocks no names."""
     content = measurement(x_columns=x_columns, delimiter=delimiter, decimal=decimal)
     for name in ("V7.lvm", "V7.txt"):

@@ -271,9 +271,7 @@ def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
         ({"Impact_velocity": "4 furlongs"}, None),
     ],
 )
-def test_the_speed_is_a_property_of_the_file(
-    tmp_path: Path, properties: dict[str, Any], speed_kph: float | None
-) -> None:
+def test_the_speed_is_a_property(tmp_path: Path, properties: dict[str, Any], speed_kph: float | None) -> None:
     """In km/h unless it says otherwise; what is no speed is none."""
     speed = read(tmp_path, VEHICLE, **properties).condition.speed_mps
     assert speed == (None if speed_kph is None else pytest.approx(speed_kph * KPH))

@@ -9,6 +9,7 @@ import pytest
 import crashfuse
 from crashfuse import Condition, StudyConfig, cli
 from crashfuse.files.csv_text import csv_bytes
+from tests.conftest import Capture
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -127,9 +128,7 @@ def test_that_of_a_learning_curve(read: crashfuse.Campaign, campaign_on_disk: Pa
     assert curve.table["decided"].notna().all()
 
 
-def test_what_check_says_of_the_runs(
-    read: crashfuse.Campaign, campaign_on_disk: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_check_says_of_the_runs(read: crashfuse.Campaign, campaign_on_disk: Path, capsys: Capture) -> None:
     """The sentences of the command are those of the verdict, whose tables are data frames."""
     assert cli.main(["check", str(campaign_on_disk)]) == cli.DONE
     printed = capsys.readouterr().out.splitlines()
@@ -137,7 +136,7 @@ def test_what_check_says_of_the_runs(
     assert isinstance(read.quality.table, pd.DataFrame)
 
 
-def test_those_of_a_rating(campaign_on_disk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_those_of_a_rating(campaign_on_disk: Path, capsys: Capture) -> None:
     """Two files: the ratings; the humps and stretches outside the corridor of one of them."""
     one, other = files = [str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T2", "T3")]
     assert cli.main(["rate", *files, "--csv"]) == cli.DONE

@@ -55,8 +55,8 @@ class Session:
     def words(self) -> str:
         """All text of the page, as it is read: without the marks that keep it from being Markdown, or on one line."""
         kinds = "title", "subheader", "markdown", "caption", "text", "error", "info", "warning", "success"
-        text = "\n".join(element.value for kind in kinds for element in getattr(self.app, kind))
-        return as_read(text)
+        texts = [element.value for kind in kinds for element in getattr(self.app, kind)]
+        return as_read("\n".join([*texts, *(bar.text for bar in self.app.progress)]))
 
     @property
     def tables(self) -> list[pd.DataFrame]:
@@ -91,9 +91,24 @@ class Session:
         return [button.label for button in self.app.button]
 
     @property
+    def downloads(self) -> list[str]:
+        """Files that the page offers."""
+        return [button.label for button in self.app.download_button]
+
+    @property
     def charts(self) -> int:
         """How many figures the page shows."""
         return len(self.app.get("plotly_chart"))
+
+
+Visit = Callable[..., Session]
+
+
+def begin(page: str = "data", **parameters: str | list[str]) -> Session:
+    """Begin a session on a page, by a link with these parameters."""
+    app = AppTest.from_file(APP, default_timeout=SOON)
+    app.query_params.update(parameters)
+    return Session(app).go(page)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -134,14 +149,8 @@ def open_campaign(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
 
 
 @pytest.fixture
-def visit() -> Callable[..., Session]:
-    """Begin a session on a page, by a link with these parameters."""
-
-    def begin(page: str = "data", **parameters: str) -> Session:
-        app = AppTest.from_file(APP, default_timeout=SOON)
-        app.query_params.update(parameters)
-        return Session(app).go(page)
-
+def visit() -> Visit:
+    """Begins a session on the server of this test."""
     return begin
 
 

@@ -4,7 +4,6 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 import pytest
@@ -19,11 +18,7 @@ from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.certify import matrix as matrix_ui
 from crashfuse.wording import probability_text
-
-if TYPE_CHECKING:
-    from tests.ui.conftest import Session
-
-Visit = Callable[..., "Session"]
+from tests.ui.conftest import Session, Visit
 
 APPROACH = "displacement_domain"
 LINK = {"approach": APPROACH}
@@ -59,14 +54,14 @@ def asking(open_campaign: Path) -> Path:
     return open_campaign
 
 
-def certified(session: "Session") -> "Session":
+def certified(session: Session) -> Session:
     """Press Certify, unless that was done before, and wait for the verdicts."""
     if "Certify" in session.buttons:
         session.press("Certify")
     return session.finish()
 
 
-def tab(session: "Session", name: str) -> "Session":
+def tab(session: Session, name: str) -> Session:
     """Open a tab of the page."""
     session.app.button_group(key="certify_tab").set_value(name)
     return session.run()
@@ -83,7 +78,7 @@ def of_library(folder: Path, confidence: float = 0.9) -> Verdicts:
     )
 
 
-def shown(session: "Session") -> pd.DataFrame:
+def shown(session: Session) -> pd.DataFrame:
     """The table of all verdicts."""
     (table,) = [own.value for own in session.app.dataframe if "Verdict" in own.value]
     return table
@@ -94,7 +89,7 @@ def typed_in(monkeypatch: pytest.MonkeyPatch, edit: Callable[[pd.DataFrame], pd.
     monkeypatch.setattr(st, "data_editor", lambda begun, **_: edit(begun))
 
 
-def fields(session: "Session") -> dict[str, str | None]:
+def fields(session: Session) -> dict[str, str | None]:
     """The text fields by label."""
     return {field.label: field.value for field in session.app.text_input}
 
@@ -125,7 +120,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     pills.set_value(["outside"])
     session.run()
     assert shown(session)["Condition"].tolist() == ["M3", "M3"]
-    assert [button.label for button in tab(session, "Files and report").app.download_button] == FILES
+    assert tab(session, "Files and report").downloads == FILES
     assert tab(session, "Validated domain").charts == 1
     assert tab(session, "Track record").charts == 1
     (record,) = [own for own in session.tables if "What this record supports" in own]
@@ -198,9 +193,7 @@ def test_without_criteria_the_page_says_how_to_declare_them(visit: Visit) -> Non
         ("matrix.csv", MATRIX + "M4,20,2050,1500\n", "found that of M1 a second time"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_a_sentence(
-    asking: Path, visit: Visit, name: str, content: str, sentence: str
-) -> None:
+def test_a_fault_in_a_file_is_a_sentence(asking: Path, visit: Visit, name: str, content: str, sentence: str) -> None:
     """Of the campaign's own criteria or matrix; nothing can be computed from them."""
     (asking / name).write_text(content)
     session = visit("certify", **LINK)
@@ -356,7 +349,7 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Earlier verdicts"}
     elsewhere = certified(visit("certify", **link))
     assert "Of 6 verdicts that both have" in elsewhere.words
-    names = [button.label for button in tab(elsewhere, "Files and report").app.download_button]
+    names = tab(elsewhere, "Files and report").downloads
     assert sorted(names) == sorted([*FILES, "changes.csv"])
 
 
@@ -384,7 +377,7 @@ def test_verdicts_that_were_kept_are_chosen_from_a_list(asking: Path, visit: Vis
     assert "verdicts that both have" in session.words
 
 
-def kept(session: "Session") -> "Selectbox[str]":
+def kept(session: Session) -> "Selectbox[str]":
     """The list of earlier certifications."""
     return next(box for box in session.app.selectbox if box.label == "Earlier certification")
 

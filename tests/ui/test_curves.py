@@ -1,6 +1,5 @@
 """Which curves a figure of pulses shows: the choice of its own, and what is added."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -8,9 +7,8 @@ import pytest
 from crashfuse.ui.kit.curves import Shown, unlike_usual
 from crashfuse.ui.kit.files import Caption
 from crashfuse.ui.kit.text import as_read
-from tests.ui.conftest import Session
+from tests.ui.conftest import Session, Visit
 
-Visit = Callable[..., Session]
 CAE_ONLY = {"campaign": "campaign", "approaches": "cae"}
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 SEED_1 = "by:fast 1 test"

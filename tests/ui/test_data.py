@@ -3,9 +3,8 @@
 import json
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,14 +27,10 @@ from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.results import problem_table
 from crashfuse.units import G
 from tests.conftest import content_of
-
-if TYPE_CHECKING:
-    from tests.ui.conftest import Session
-
-Visit = Callable[..., "Session"]
+from tests.ui.conftest import Session, Visit
 
 
-def upload(session: "Session", *files: tuple[str, bytes]) -> "Session":
+def upload(session: Session, *files: tuple[str, bytes]) -> Session:
     """Drop files and open them."""
     session.open_tab("data", "Open another campaign")
     session.app.file_uploader[0].set_value([(name, content, "application/octet-stream") for name, content in files])
@@ -131,7 +126,7 @@ def test_a_bad_folder_shows_every_problem_and_no_traceback(visit: Visit, campaig
     assert told.str.contains("T2").any()
     assert told.str.contains("front_weight").any()
     assert "Traceback" not in session.words
-    assert [button.label for button in session.app.download_button] == ["problems.csv"]
+    assert session.downloads == ["problems.csv"]
     assert session.app.sidebar.selectbox(key="campaign").value is None
     assert "cannot be used" not in session.press("Load the sample campaign").words
 
@@ -331,12 +326,12 @@ def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_camp
 # --- edited --------------------------------------------------------------------------------------------------------
 
 
-def pills(session: "Session") -> list[Any]:
+def pills(session: Session) -> list[Any]:
     """The marks of the tests in use; none where the campaign cannot be edited."""
     return [group for group in session.app.pills if group.label == "Tests in use"]
 
 
-def in_use(session: "Session") -> list[str]:
+def in_use(session: Session) -> list[str]:
     """The tests that are marked as in use."""
     return list(pills(session)[0].value)
 

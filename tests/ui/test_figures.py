@@ -1,9 +1,8 @@
 """Figures as they are sent to the browser, and those of the library on the pages."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -28,12 +27,8 @@ from crashfuse.reporting.plots.canvas import add_band, new_figure, share_y_range
 from crashfuse.ui.kit.figures import SentFigure
 from crashfuse.wording import IN_SI, KPH_KG
 from tests.readers.nhtsa_files import nhtsa_files
+from tests.ui.conftest import Session, Visit
 from tests.ui.test_certify import CRITERIA, MATRIX
-
-if TYPE_CHECKING:
-    from tests.ui.conftest import Session
-
-    Visit = Callable[..., Session]
 
 pytestmark = [pytest.mark.usefixtures("one_cache"), pytest.mark.slow]
 APPROACHES = ["cae", "displacement_domain"]
@@ -87,7 +82,7 @@ def test_many_names_have_room_above_the_figure() -> None:
     assert (few_px, many_px, roomy_px) == (44, 65, 96)
 
 
-def drawn(session: "Session") -> list[list[dict[str, Any]]]:
+def drawn(session: Session) -> list[list[dict[str, Any]]]:
     """The traces of every figure on the page."""
     return [json.loads(chart.proto.spec)["data"] for chart in session.app.get("plotly_chart")]
 
@@ -97,7 +92,7 @@ def traces(*figures: go.Figure) -> list[list[dict[str, Any]]]:
     return [json.loads(SentFigure(figure).to_json())["data"] for figure in figures]
 
 
-def opened(visit: "Visit", page: str, press: str, **parameters: object) -> "Session":
+def opened(visit: "Visit", page: str, press: str, **parameters: object) -> Session:
     """A page with two approaches, once its result is there."""
     session = visit(page, **OPTIONS, **parameters)
     if press in session.buttons:

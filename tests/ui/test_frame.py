@@ -1,24 +1,18 @@
 """The frame of every page, and the settings."""
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import pytest
+from streamlit.testing.v1.element_tree import Widget
 
 from crashfuse.ui.kit import campaigns, frame
 from crashfuse.ui.kit.text import plain
-
-if TYPE_CHECKING:
-    from streamlit.testing.v1.element_tree import Widget
-
-    from tests.ui.conftest import Session
-from tests.ui.conftest import Session
+from tests.ui.conftest import Session, Visit
 
 PAGES = ("data", "train", "compare", "study", "predict")
-Visit = Callable[..., "Session"]
 
 
 @pytest.mark.parametrize("page", ["train", "compare", "study", "predict", "certify"])
@@ -194,9 +188,7 @@ def test_what_a_page_shows_already_is_not_sent_over_what_is_just_being_chosen(vi
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_a_cache_that_cannot_be_written_is_said(
-    visit: Callable[..., "Session"], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cache_that_cannot_be_written_is_said(visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With its folder, and what to do."""
     (tmp_path / "file").touch()
     frame._not_kept.clear()
@@ -210,7 +202,7 @@ def test_a_cache_that_cannot_be_written_is_said(
 
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.parametrize("number", ["nan", "inf", "-1e999", "1e300"])
-def test_a_link_with_no_number_shows_the_default(visit: Callable[..., "Session"], number: str) -> None:
+def test_a_link_with_no_number_shows_the_default(visit: Visit, number: str) -> None:
     """A page is shown, not an error."""
     session = visit("predict", speed_mph=number)
     assert 0 < cast(float, session.app.number_input[0].value) < 200
@@ -224,7 +216,7 @@ def left_out(session: Session) -> str:
 
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.parametrize("chosen", ["test", "speed group"])
-def test_what_a_link_leaves_out_on_compare_stays_on_train_and_back(visit: Callable[..., Session], chosen: str) -> None:
+def test_what_a_link_leaves_out_on_compare_stays_on_train_and_back(visit: Visit, chosen: str) -> None:
     """Train has it in the page, Compare in the sidebar; what is chosen on either is chosen on the other."""
     session = visit("compare", campaign="campaign", approaches="cae", test="T2", leave_out=chosen)
     assert left_out(session) == left_out(session.go("train")) == chosen

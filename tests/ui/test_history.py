@@ -1,6 +1,5 @@
 """What was computed before is listed, opened again, and compared two by two."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,9 +9,7 @@ from crashfuse.condition import Condition
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, annotate, keep, past_results
 from crashfuse.units import KPH
-from tests.ui.conftest import Session
-
-Visit = Callable[..., Session]
+from tests.ui.conftest import Visit
 
 
 def kept(day: int, campaign: str = "a", seed: int = 0, tests: str = "T1 T2", **changes: object) -> PastResult:
@@ -54,7 +51,7 @@ def test_the_two_latest_that_can_differ_are_compared_and_the_address_stays_as_it
     assert session.app.session_state["past results"]["selection"]["rows"] == [0, 2]
     assert "mean 0.500 in the first, 0.600 in the second (+0.100" in session.words
     assert session.charts == 1
-    assert {"comparison.csv", "comparison.html"} <= {button.label for button in session.app.download_button}
+    assert {"comparison.csv", "comparison.html"} <= set(session.downloads)
     assert not {"first", "second"} & {*session.app.query_params}
 
 

@@ -5,9 +5,8 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,14 +24,10 @@ from tests.importing.crash_files import german, isomme, library
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
-
-if TYPE_CHECKING:
-    from tests.ui.conftest import Session
-
-Visit = Callable[..., "Session"]
+from tests.ui.conftest import Session, Visit
 
 
-def drop(session: "Session", **files: bytes) -> "Session":
+def drop(session: Session, **files: bytes) -> Session:
     """Upload files; a name's last underscore is its point."""
     named = [(".".join(name.rsplit("_", 1)), content, "application/octet-stream") for name, content in files.items()]
     session.open_tab("data", "Open another campaign")
@@ -40,7 +35,7 @@ def drop(session: "Session", **files: bytes) -> "Session":
     return session.press("Open upload")
 
 
-def field(session: "Session", label: str) -> Any:
+def field(session: Session, label: str) -> Any:
     """The one field whose label begins like this."""
     kinds = ("number_input", "selectbox", "multiselect", "text_input", "radio", "button_group")
     found = [
@@ -53,7 +48,7 @@ def field(session: "Session", label: str) -> Any:
     return found[0]
 
 
-def curves(session: "Session") -> dict[str, np.ndarray]:
+def curves(session: Session) -> dict[str, np.ndarray]:
     """Ordinates of the preview by the names of its curves; the last of a name."""
     (figure,) = session.app.get("plotly_chart")
     data = json.loads(figure.proto.spec)["data"]
@@ -72,7 +67,7 @@ def kept() -> list[Path]:
     return list(uploads._scratch().iterdir())
 
 
-def into(session: "Session", folder: Path) -> "Session":
+def into(session: Session, folder: Path) -> Session:
     """Name the campaign folder to add to."""
     session.app.text_input(key="import folder").set_value(str(folder))
     return session.run()

@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import streamlit as st
-from streamlit.testing.v1 import AppTest
 
 from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
@@ -37,7 +36,7 @@ from crashfuse.ui.kit import computation
 from crashfuse.ui.kit.figures import SentFigure
 from crashfuse.ui.kit.text import as_read
 from crashfuse.units import LB, MPH, G
-from tests.ui.conftest import APP, SOON, Session
+from tests.ui.conftest import SOON, Session, begin
 
 FAST = ("cae", "lf_tcn")
 FITS: dict[str, dict[str, object]] = {
@@ -107,59 +106,14 @@ def gate(nothing_cached: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     event.set()
 
 
-def start(page: str = "data") -> AppTest:
-    """A new session on a page, with the first test held out."""
-    app = AppTest.from_file(APP, default_timeout=SOON)
-    app.query_params["test"] = "T1"
-    return go(app.run(), page)
+start = partial(begin, test="T1")
+"""Begin a session on a page, with the first test held out."""
 
 
-def go(app: AppTest, page: str) -> AppTest:
-    """Turn to another page, which must not raise."""
-    return Session(app).go(page).app
-
-
-def press(app: AppTest, label: str) -> AppTest:
-    """Press the one button of this label."""
-    return Session(app).press(label).app
-
-
-def finish(app: AppTest) -> AppTest:
-    """Wait for all jobs and draw the page anew."""
-    return Session(app).finish().app
-
-
-def words(app: AppTest) -> str:
-    """All text of the page."""
-    return "\n".join([Session(app).words, *(as_read(bar.text) for bar in app.progress)])
-
-
-def tables(app: AppTest) -> list[pd.DataFrame]:
-    """All tables of the page."""
-    return Session(app).tables
-
-
-def downloads(app: AppTest) -> list[str]:
-    """Files that the page offers."""
-    return [button.label for button in app.download_button]
-
-
-def open_tab(app: AppTest, page: str, tab: str) -> AppTest:
-    """Open a tab of a page."""
-    app.button_group(key=f"{page}_tab").set_value(tab).run()
-    assert not app.exception
-    return app
-
-
-def rated(app: AppTest) -> list[str]:
+def rated(session: Session) -> list[str]:
     """Labels in the row of ratings."""
-    row = next((html.proto.body for html in app.get("html") if "cf-ratings" in html.proto.body), "")
+    row = next((html.proto.body for html in session.app.get("html") if "cf-ratings" in html.proto.body), "")
     return re.findall(r'data-approach="\w+" title="Why">([^<]+)</span>', row)
-
-
-def charts(app: AppTest) -> int:
-    """How many figures the page shows."""
-    return len(app.get("plotly_chart"))
 
 
 # --- Train ---------------------------------------------------------------------------------------------------------
@@ -168,40 +122,40 @@ def charts(app: AppTest) -> int:
 @pytest.mark.usefixtures("open_campaign", "gate")
 def test_training_shows_progress_and_can_be_cancelled() -> None:
     """Step, count and a way out; then a word on what is kept."""
-    app = start("train")
-    press(app, "Start")
+    session = start("train")
+    session.press("Start")
     (job,) = computation.jobs().active
     while "LF TCN" not in job.steps or job.steps["LF TCN"].progress.done < 3:
         assert job.active
-    app.run()
-    assert "LF TCN: 3 of 10" in words(app)
-    assert charts(app) == 1
-    drawn = json.loads(app.get("plotly_chart")[0].proto.spec)
+    session.run()
+    assert "LF TCN: 3 of 10" in session.words
+    assert session.charts == 1
+    drawn = json.loads(session.app.get("plotly_chart")[0].proto.spec)
     assert drawn["data"] == SentFigure(job.steps["LF TCN"].plot()).to_dict()["data"]
     layout = drawn["layout"]
     assert [layout[axis]["title"]["text"] for axis in ("xaxis", "yaxis")] == ["Step", "Loss"]
-    press(app, "Cancel")
+    session.press("Cancel")
     assert job.wait(SOON)
-    app.run()
-    assert "Cancelled" in words(app)
+    session.run()
+    assert "Cancelled" in session.words
 
 
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.slow
 def test_a_second_session_joins_the_job_of_the_first(gate: threading.Event) -> None:
     """The same study is not computed twice; leaving the page changes nothing."""
-    first = press(start("train"), "Start")
-    go(first, "data")
+    first = start("train").press("Start")
+    first.go("data")
     second = start("train")
     assert len(computation.jobs().active) == 1
-    assert not [button for button in second.button if button.label == "Start"]
-    assert not [button for button in second.button if button.label == "Cancel"]
-    press(second, "I want it, too")
-    assert [button.label for button in second.button if button.label == "Cancel"]
+    assert "Start" not in second.buttons
+    assert "Cancel" not in second.buttons
+    second.press("I want it, too")
+    assert "Cancel" in second.buttons
     gate.set()
-    finish(second)
-    assert "are ready" in words(second)
-    assert "are ready" in words(go(first, "train"))
+    second.finish()
+    assert "are ready" in second.words
+    assert "are ready" in first.go("train").words
 
 
 @pytest.mark.usefixtures("open_campaign", "nothing_cached")
@@ -213,9 +167,9 @@ def test_a_failed_training_shows_its_sentence(monkeypatch: pytest.MonkeyPatch) -
         raise DataError(Problem("tests/T1.csv", "a pulse", "noise", "look at the sensor"))
 
     monkeypatch.setattr(computation, "run_study", fail)
-    app = finish(press(start("train"), "Start"))
-    assert "tests/T1.csv: expected a pulse, found noise; look at the sensor." in words(app)
-    assert [button.label for button in app.button if button.label == "Start"]
+    session = start("train").press("Start").finish()
+    assert "tests/T1.csv: expected a pulse, found noise; look at the sensor." in session.words
+    assert "Start" in session.buttons
 
 
 @pytest.mark.usefixtures("open_campaign", "nothing_cached")
@@ -229,15 +183,15 @@ def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytes
         return quick_study(campaign, config, held_out=held_out)
 
     monkeypatch.setattr(computation, "run_study", remember)
-    app = start("train")
-    app.button_group(key="approaches").set_value(list(FAST)).run()
-    app.radio(key="preset").set_value("paper").run()
-    assert "many hours" in words(app)
-    app.number_input(key="seed").set_value(7).run()
-    app.radio(key="device").set_value("cpu").run()
-    finish(press(app, "Start"))
+    session = start("train")
+    session.app.button_group(key="approaches").set_value(list(FAST)).run()
+    session.app.radio(key="preset").set_value("paper").run()
+    assert "many hours" in session.words
+    session.app.number_input(key="seed").set_value(7).run()
+    session.app.radio(key="device").set_value("cpu").run()
+    session.press("Start").finish()
     assert asked == [StudyConfig(approaches=FAST, preset="paper", seed=7, device="cpu")]
-    assert charts(go(app, "compare")) == 1
+    assert session.go("compare").charts == 1
     assert len(asked) == 1
 
 
@@ -246,30 +200,30 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
     open_campaign: Path, tmp_path: Path, fitting_is_an_error: Callable[[], None]
 ) -> None:
     """What ``crashfuse train`` does: the file predicts what the page Predict shows, and nothing is fitted again."""
-    app = start("train")
-    app.button_group(key="purpose").set_value("Fit on all tests").run()
-    assert not app.multiselect
-    assert "leave_out" not in [radio.key for radio in app.radio]
-    app.button_group(key="approaches").set_value(["cae"]).run()
-    finish(press(app, "Start"))
-    assert not [button for button in app.button if button.label == "Start"]  # there is nothing left to start
+    session = start("train")
+    session.app.button_group(key="purpose").set_value("Fit on all tests").run()
+    assert not session.app.multiselect
+    assert "leave_out" not in [radio.key for radio in session.app.radio]
+    session.app.button_group(key="approaches").set_value(["cae"]).run()
+    session.press("Start").finish()
+    assert "Start" not in session.buttons  # there is nothing left to start
     campaign = load_campaign(open_campaign)
-    assert f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs." in words(app)
-    assert downloads(app) == ["models.zip"]
+    assert f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs." in session.words
+    assert session.downloads == ["models.zip"]
     fitting_is_an_error()
     job = computation.FitRequest(campaign, StudyConfig(approaches=("cae",))).find()
     assert job is not None
     assert job.result is not None
     with zipfile.ZipFile(io.BytesIO(job.result.models(campaign))) as archive:
         file = archive.extract("cae.safetensors", tmp_path)
-    go(app, "predict")
-    speed, front, rear = (float(field.value or 0) for field in app.number_input[:3])
+    session.go("predict")
+    speed, front, rear = (float(field.value or 0) for field in session.app.number_input[:3])
     pulse = (
         load_model(file, campaign)
         .approach.predict(Condition.of_vector([speed * MPH, front * LB, rear * LB]))
         .accel_mps2
     )
-    shown = tables(open_tab(app, "predict", "Metrics"))[0].set_index("Pulse metric")["CAE"]
+    shown = session.open_tab("predict", "Metrics").tables[0].set_index("Pulse metric")["CAE"]
     assert shown["Peak deceleration (g)"] == f"{-pulse.min() / G:.1f}"
 
 
@@ -299,24 +253,24 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
 @pytest.mark.slow
 def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     """From the empty state to figure, ratings, metrics, notes and files by one button."""
-    app = start("compare")
-    assert "not been predicted yet" in words(app)
-    finish(press(app, "Predict test T1"))
-    assert charts(app) == 1
-    assert rated(app) == list(LABELS.values())
-    assert not tables(app)  # only the open tab is computed
-    ratings, metrics, more, fit = tables(open_tab(app, "compare", "Ratings and metrics"))
-    assert not charts(app)
+    session = start("compare")
+    assert "not been predicted yet" in session.words
+    session.press("Predict test T1").finish()
+    assert session.charts == 1
+    assert rated(session) == list(LABELS.values())
+    assert not session.tables  # only the open tab is computed
+    ratings, metrics, more, fit = session.open_tab("compare", "Ratings and metrics").tables
+    assert not session.charts
     expected = quick_study(campaign, StudyConfig(), held_out=("T1",)).folds[0].ratings["cae"]
     assert ratings["0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
     assert ratings["Slope"][0] == f"{expected[60.0].slope:.3f}"
     assert metrics.columns[:2].tolist() == ["Pulse metric", "Test"]
     assert "[" in metrics["Displacement domain"][0]
     assert more["Pulse metric"].iloc[0] == "Equivalent square wave (g)"
-    assert "Made for a test." in words(app)
-    assert "Fitted to 300 points of a bias of 7.2 g RMS" in words(app)
+    assert "Made for a test." in session.words
+    assert "Fitted to 300 points of a bias of 7.2 g RMS" in session.words
     assert fit["Known to a factor of"].tolist() == ["1.50"]
-    assert downloads(open_tab(app, "compare", "Files and report")) == [
+    assert session.open_tab("compare", "Files and report").downloads == [
         *("scores.csv", "pulses.csv", "metrics.csv", "report.html", "report.pptx"),
         "fused-15mph-lsdyna.zip",
     ]
@@ -339,36 +293,35 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
         return quick_study(campaign, config, held_out=held_out)
 
     nothing_cached.setattr(computation, "run_study", in_two_parts)
-    app = press(start("compare"), "Predict test T1")
+    session = start("compare").press("Predict test T1")
     (job,) = computation.jobs().active
     while job.part is None or not job.steps:  # shown, and then reported
         assert job.active
-    app.run()
-    assert not app.exception
-    assert rated(app) == ["CAE", "Displacement domain"]
-    assert "LF TCN, Time domain, Fused: still training" in words(app)
-    assert "Training LF TCN: 3 of 10" in words(app)
-    assert "Use " not in words(app)  # a recommendation of what happens to be known first
-    assert downloads(open_tab(app, "compare", "Files and report")) == ["scores.csv", "pulses.csv", "metrics.csv"]
-    go(app, "train")
-    assert "Rated already, T1, 0–60 ms: CAE" in words(app)
-    assert "Compare T1" in [button.label for button in app.button]
+    session.run()
+    assert rated(session) == ["CAE", "Displacement domain"]
+    assert "LF TCN, Time domain, Fused: still training" in session.words
+    assert "Training LF TCN: 3 of 10" in session.words
+    assert "Use " not in session.words  # a recommendation of what happens to be known first
+    assert session.open_tab("compare", "Files and report").downloads == ["scores.csv", "pulses.csv", "metrics.csv"]
+    session.go("train")
+    assert "Rated already, T1, 0–60 ms: CAE" in session.words
+    assert "Compare T1" in session.buttons
     trained.set()
     assert job.wait(SOON)
-    go(app, "compare")
-    assert rated(app) == list(LABELS.values())
-    assert "still training" not in words(app)
-    assert "Use " in words(app)
+    session.go("compare")
+    assert rated(session) == list(LABELS.values())
+    assert "still training" not in session.words
+    assert "Use " in session.words
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
 @pytest.mark.slow
 def test_compare_follows_the_window() -> None:
     """The parts of the rating are those of the window in the sidebar."""
-    app = finish(press(start("compare"), "Predict test T1"))
-    open_tab(app, "compare", "Ratings and metrics")
-    app.sidebar.button_group(key="window").set_value(40.0).run()
-    assert any("single draws: over 0–40 ms" in caption.value for caption in app.caption)
+    session = start("compare").press("Predict test T1").finish()
+    session.open_tab("compare", "Ratings and metrics")
+    session.app.sidebar.button_group(key="window").set_value(40.0).run()
+    assert any("single draws: over 0–40 ms" in caption.value for caption in session.app.caption)
 
 
 CURVE = {"epoch": [1, 2], "train_loss": [1.0, 0.1], "validation_loss": [1.1, 0.2]}
@@ -394,16 +347,16 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
     """Figs. 12 and 13 with their ratings; the learning curves by either way to fine-tune, or of the CAE runs alone."""
     monkeypatch.setitem(FITS, "lf_tcn", NETWORK)
     monkeypatch.setitem(FITS, "time_domain", state)
-    app = start("compare")
-    open_tab(finish(press(app, "Predict test T1")), "compare", "Networks")
-    assert "Before: trained on CAE runs only" in words(app)
-    assert "After: fine-tuned on tests" in words(app)
-    before, after = (json.loads(chart.proto.spec)["layout"]["yaxis"] for chart in app.get("plotly_chart"))
+    session = start("compare")
+    session.press("Predict test T1").finish().open_tab("compare", "Networks")
+    assert "Before: trained on CAE runs only" in session.words
+    assert "After: fine-tuned on tests" in session.words
+    before, after = (json.loads(chart.proto.spec)["layout"]["yaxis"] for chart in session.app.get("plotly_chart"))
     assert before["range"] == after["range"]
-    app.button_group(key="networks").set_value("Learning curves").run()
-    assert not app.exception
-    assert charts(app) == n_charts
-    assert "Training on CAE runs" in words(app)
+    session.app.button_group(key="networks").set_value("Learning curves").run()
+    assert not session.app.exception
+    assert session.charts == n_charts
+    assert "Training on CAE runs" in session.words
 
 
 # --- Study ---------------------------------------------------------------------------------------------------------
@@ -413,32 +366,34 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
 @pytest.mark.slow
 def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     """Alone and by speed group: means, heat maps, the paper's tables, spread, calibration, and files."""
-    app = start("study")
-    assert not charts(app)
-    finish(press(app, "Leave out each of 4 tests"))
-    assert charts(app) == 1
-    (heat_map,) = app.get("plotly_chart")
+    session = start("study")
+    assert not session.app.get("plotly_chart")
+    session.press("Leave out each of 4 tests").finish()
+    assert session.charts == 1
+    (heat_map,) = session.app.get("plotly_chart")
     as_streamlit_sets_it = {"clickmode": "event+select", "hovermode": "closest"}  # else drawn, set and drawn again
     assert json.loads(heat_map.proto.spec)["layout"].items() >= as_streamlit_sets_it.items()
-    assert "for this campaign" in words(app)
+    assert "for this campaign" in session.words
     study = quick_study(campaign, StudyConfig(), held_out=campaign.test_ids)
-    (means,) = tables(app)
+    (means,) = session.tables
     assert means["0–60 ms"][0].startswith(f"{study.mean_rating('cae', 60.0):.3f} ")
-    assert " for this campaign.** Mean rating " in words(app)
-    app.button_group(key="ways").set_value("With all tests at about its speed").run()
-    assert means.equals(tables(app)[0])
-    assert " for this campaign.** Where no test of about the same speed was left" in words(app)  # as the figure has it
-    app.button_group(key="window").set_value(20.0).run()
-    assert "This is over 0–60 ms." in words(app)
-    open_tab(app, "study", "Bands")
-    assert charts(app) == 2
-    assert tables(app)[0]["Maximum crush"][0].endswith(f" of {len(study.folds)}")
-    assert "no more can be promised" in words(app)
-    fifth, third = tables(open_tab(app, "study", "The paper's tables"))
+    assert " for this campaign.** Mean rating " in session.words
+    session.app.button_group(key="ways").set_value("With all tests at about its speed").run()
+    assert means.equals(session.tables[0])
+    assert (
+        " for this campaign.** Where no test of about the same speed was left" in session.words
+    )  # as the figure has it
+    session.app.button_group(key="window").set_value(20.0).run()
+    assert "This is over 0–60 ms." in session.words
+    session.open_tab("study", "Bands")
+    assert session.charts == 2
+    assert session.tables[0]["Maximum crush"][0].endswith(f" of {len(study.folds)}")
+    assert "no more can be promised" in session.words
+    fifth, third = session.open_tab("study", "The paper's tables").tables
     assert fifth["Test"].tolist()[:5] == ["T1", "", "", "", "T2"]
     assert third["Approach"].tolist()[:2] == ["LF_TCN", "MF_TCN"]
-    open_tab(app, "study", "Files and report")
-    assert downloads(app) == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html", "report.pptx"]
+    session.open_tab("study", "Files and report")
+    assert session.downloads == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html", "report.pptx"]
 
 
 @pytest.mark.slow
@@ -457,23 +412,23 @@ def test_a_study_says_that_speed_groups_are_left_out_only_where_it_shows_that(
             watch.report("Held-out predictions", 3, 10)
         return study
 
-    def badge(app: AppTest) -> bool:
-        return any("All at its speed left out" in own.value for own in app.markdown)
+    def badge(session: Session) -> bool:
+        return any("All at its speed left out" in own.value for own in session.app.markdown)
 
     nothing_cached.setattr(computation, "run_study", in_two_parts)
-    app = start("study")
-    app.session_state["ways"] = "With all tests at about its speed"
-    app = press(app, "Leave out each of 4 tests")
+    session = start("study")
+    session.app.session_state["ways"] = "With all tests at about its speed"
+    session = session.press("Leave out each of 4 tests")
     (job,) = computation.jobs().active
     while job.part is None:
         assert job.active
-    assert not badge(app.run())
+    assert not badge(session.run())
     grouped.set()
     assert job.wait(SOON)
-    assert badge(app.run())
+    assert badge(session.run())
     leave_out(open_campaign, ["T1", "T4"])
-    assert not badge(app.run())
-    assert not app.exception
+    assert not badge(session.run())
+    assert not session.app.exception
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -483,19 +438,19 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
     quick = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
     monkeypatch.setattr(study, "CURVE_CONFIG", quick)
     monkeypatch.setattr("crashfuse.ui.kit.computation.learning_curve", partial(learning_curve, workers=1, repeats=1))
-    app = start("study")
-    open_tab(app, "study", "How many tests are enough")
-    assert "not been computed for this campaign yet" in words(app)
-    finish(press(app, "Predict from 1 to 3 tests"))
-    assert charts(app) == 1
-    assert "With 3 of 4 tests the displacement domain rates" in words(app)
-    assert downloads(app) == ["learning_curve.csv", "learning_curve.html", "learning_curve.pptx"]
-    steps, means = tables(app)
+    session = start("study")
+    session.open_tab("study", "How many tests are enough")
+    assert "not been computed for this campaign yet" in session.words
+    session.press("Predict from 1 to 3 tests").finish()
+    assert session.charts == 1
+    assert "With 3 of 4 tests the displacement domain rates" in session.words
+    assert session.downloads == ["learning_curve.csv", "learning_curve.html", "learning_curve.pptx"]
+    steps, means = session.tables
     assert steps["Tests"].tolist() == ["1 → 2", "2 → 3"]
     assert "Cost of 0.01" not in steps
     assert means["Tests"].max() == 3
-    app.number_input(key="cost").set_value(60000.0).run()
-    costs = tables(app)[0]["Cost of 0.01"]
+    session.app.number_input(key="cost").set_value(60000.0).run()
+    costs = session.tables[0]["Cost of 0.01"]
     assert re.fullmatch(r"[\d,]+", costs[0])
 
 
@@ -505,7 +460,7 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
 def test_a_page_on_one_test_says_that_it_lies_outside_the_cae_runs(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the sidebar, beside the test's name."""
     monkeypatch.setattr(CaeLibrary, "extrapolation", lambda *_: ("Extrapolation: made for a test.",))
-    told = "".join(caption.value for caption in start(page).sidebar.caption)
+    told = "".join(caption.value for caption in start(page).app.sidebar.caption)
     assert "Extrapolation: made for a test." in told.replace("\\", "")
 
 
@@ -547,25 +502,25 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
         return Quick()
 
     monkeypatch.setattr("crashfuse.study.config.create", create)
-    app = start("predict")
-    finish(press(app, "Predict"))
-    assert charts(app) == 1
-    assert "Extrapolation" not in words(app)
+    session = start("predict")
+    session.press("Predict").finish()
+    assert session.charts == 1
+    assert "Extrapolation" not in session.words
     count = len(fits)
-    (speed,) = [field for field in app.number_input if field.label == "Impact speed (mph)"]
+    (speed,) = [field for field in session.app.number_input if field.label == "Impact speed (mph)"]
     speed.set_value(60.0).run()
-    assert "Extrapolation: speed 60.0 mph lies outside" in words(app)
-    (speed,) = [field for field in app.number_input if field.label == "Impact speed (mph)"]
+    assert "Extrapolation: speed 60.0 mph lies outside" in session.words
+    (speed,) = [field for field in session.app.number_input if field.label == "Impact speed (mph)"]
     speed.set_value(600.0).run()  # the field itself would refuse it, and leave what was predicted before
-    assert re.search(r"Impact speed \(mph\) is from [\d.]+ to 70 here, not 600: 70 is taken", words(app))
-    assert "Extrapolation: speed 70.0 mph lies outside" in words(app)
-    assert "lb in all" in words(open_tab(app, "predict", "Metrics"))
-    open_tab(app, "predict", "Pulses")
-    (drive,) = [box for box in app.selectbox if box.label == "Drive"]
+    assert re.search(r"Impact speed \(mph\) is from [\d.]+ to 70 here, not 600: 70 is taken", session.words)
+    assert "Extrapolation: speed 70.0 mph lies outside" in session.words
+    assert "lb in all" in session.open_tab("predict", "Metrics").words
+    session.open_tab("predict", "Pulses")
+    (drive,) = [box for box in session.app.selectbox if box.label == "Drive"]
     assert drive.options == ["FWD"]
     drive.select("FWD").run()
-    assert not app.exception
-    assert charts(app) == 1
+    assert not session.app.exception
+    assert session.charts == 1
     assert len(fits) == count
 
 
@@ -586,55 +541,53 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
         return named()
 
     monkeypatch.setattr("crashfuse.study.config.create", create)
-    app = press(start("predict"), "Predict")
+    session = start("predict").press("Predict")
     (job,) = computation.jobs().active
     while job.part is None or len(job.part.fits) < 2:
         assert job.active
-    app.run()
-    assert not app.exception
-    assert charts(app) == 1
-    assert "LF TCN, Time domain, Fused: still training" in words(app)
-    assert "Use " not in words(app)
-    assert "Pin this prediction" not in [button.label for button in app.button]
-    assert "report.html" not in downloads(open_tab(app, "predict", "Files and report"))
-    assert "once every approach is fitted" in words(open_tab(app, "predict", "Over speed"))
+    session.run()
+    assert session.charts == 1
+    assert "LF TCN, Time domain, Fused: still training" in session.words
+    assert "Use " not in session.words
+    assert "Pin this prediction" not in session.buttons
+    assert "report.html" not in session.open_tab("predict", "Files and report").downloads
+    assert "once every approach is fitted" in session.open_tab("predict", "Over speed").words
     trained.set()
     assert job.wait(SOON)
-    app.run()
-    assert not app.exception
-    assert "still training" not in words(app)
-    assert "Use " in words(app)
-    assert "Predict over speed" in [button.label for button in app.button]
+    session.run()
+    assert "still training" not in session.words
+    assert "Use " in session.words
+    assert "Predict over speed" in session.buttons
 
 
 @pytest.mark.usefixtures("open_campaign")
 def test_the_tests_chosen_on_train_are_in_the_link() -> None:
     """At first the one of the other pages, which the list follows until another is chosen; an unknown one is said."""
-    app = start("train")
+    session = start("train")
 
     def chosen() -> list[str]:
-        return list(app.multiselect(key="held_out").value)
+        return list(session.app.multiselect(key="held_out").value)
 
     def hold_out(test: str) -> None:
-        go(app, "compare").sidebar.selectbox(key="test in mph-lb").select(test).run()
-        go(app, "train")
+        session.go("compare").app.sidebar.selectbox(key="test in mph-lb").select(test).run()
+        session.go("train")
 
-    first = app.session_state["test"]
+    first = session.app.session_state["test"]
     assert chosen() == [first]
-    assert "Held-out test" not in [box.label for box in app.sidebar.selectbox]  # one place to choose it is enough
+    assert "Held-out test" not in [
+        box.label for box in session.app.sidebar.selectbox
+    ]  # one place to choose it is enough
     other = next(test for test in ("T1", "T2") if test != first)
     hold_out(other)
     assert chosen() == [other]
-    app.multiselect(key="held_out").set_value(["T4", "T2"]).run()
-    app.run()
-    assert app.query_params["held_out"] == ["T4", "T2"]
+    session.app.multiselect(key="held_out").set_value(["T4", "T2"]).run()
+    session.run()
+    assert session.app.query_params["held_out"] == ["T4", "T2"]
     hold_out("T3")
     assert chosen() == ["T4", "T2"]
-    linked = AppTest.from_file(APP, default_timeout=SOON)
-    linked.query_params["held_out"] = ["T4", "T99"]
-    go(linked.run(), "train")
-    assert list(linked.multiselect(key="held_out").value) == ["T4"]
-    assert "No test here is named T99" in words(linked)
+    linked = begin("train", held_out=["T4", "T99"])
+    assert list(linked.app.multiselect(key="held_out").value) == ["T4"]
+    assert "No test here is named T99" in linked.words
 
 
 # --- the real thing ------------------------------------------------------------------------------------------------
@@ -644,17 +597,17 @@ def test_the_tests_chosen_on_train_are_in_the_link() -> None:
 @pytest.mark.slow
 def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> None:
     """The raw CAE, end to end, with nothing replaced; a restart costs nothing."""
-    app = start("train")
-    app.button_group(key="approaches").set_value(["cae"]).run()
-    finish(press(app, "Start"))
-    assert "are ready" in words(app)
-    assert charts(go(app, "compare")) == 1
-    shown = tables(open_tab(app, "compare", "Ratings and metrics"))[0]
+    session = start("train")
+    session.app.button_group(key="approaches").set_value(["cae"]).run()
+    session.press("Start").finish()
+    assert "are ready" in session.words
+    assert session.go("compare").charts == 1
+    shown = session.open_tab("compare", "Ratings and metrics").tables[0]
     st.cache_resource.clear()
     later = start("train")
-    later.button_group(key="approaches").set_value(["cae"]).run()
-    open_tab(go(later, "compare"), "compare", "Ratings and metrics")
-    pd.testing.assert_frame_equal(tables(later)[0], shown)
+    later.app.button_group(key="approaches").set_value(["cae"]).run()
+    later.go("compare").open_tab("compare", "Ratings and metrics")
+    pd.testing.assert_frame_equal(later.tables[0], shown)
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -666,19 +619,19 @@ def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPa
         raise UsageError("There is no CUDA device.")
 
     monkeypatch.setattr("crashfuse.study.config.create", gone)
-    app = start("compare")
-    finish(press(app, "Predict test T1"))
-    assert as_read(app.error[0].value) == "There is no CUDA device."
+    session = start("compare")
+    session.press("Predict test T1").finish()
+    assert as_read(session.app.error[0].value) == "There is no CUDA device."
     for page in ("train", "study", "predict"):
-        go(app, page)
+        session.go(page)
 
 
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.parametrize("page", ["compare", "study", "predict"])
 def test_a_seed_that_there_is_not_starts_nothing(page: str) -> None:
     """Train lets one type it and says so; elsewhere nothing that can only fail is offered."""
-    app = start("train")
-    (seed,) = [field for field in app.number_input if field.label == "Seed"]
+    session = start("train")
+    (seed,) = [field for field in session.app.number_input if field.label == "Seed"]
     seed.set_value(-1).run()
-    assert "There is no seed -1: it is from 0 to 4294967295." in words(go(app, page))
-    assert not [button for button in app.button if button.label.startswith(("Predict", "Leave out"))]
+    assert "There is no seed -1: it is from 0 to 4294967295." in session.go(page).words
+    assert not [button for button in session.app.button if button.label.startswith(("Predict", "Leave out"))]

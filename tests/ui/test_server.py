@@ -19,7 +19,7 @@ from streamlit.testing.v1 import AppTest
 
 from crashfuse import cli
 from crashfuse.errors import OUT_OF_MEMORY
-from tests.conftest import ROOT
+from tests.conftest import ROOT, Capture
 from tests.test_imports import loaded
 
 SAFE = {
@@ -144,13 +144,13 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
     assert asked == []
 
 
-def test_a_campaign_that_is_not_there_is_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_campaign_that_is_not_there_is_wrong_usage(tmp_path: Path, capsys: Capture) -> None:
     """One sentence before any server starts."""
     assert cli.main(["app", "--campaign", str(tmp_path / "nowhere")]) == cli.WRONG_USAGE
     assert "There is no folder" in capsys.readouterr().err
 
 
-def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: Capture) -> None:
     """Before anything is served."""
     file = tmp_path / "nowhere" / "log"
     assert cli.main(["app", "--log", str(file)]) == cli.WRONG_DATA

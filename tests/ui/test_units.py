@@ -2,16 +2,14 @@
 
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
 from crashfuse.units import KPH, LB, MPH
-from tests.ui.conftest import Session
+from tests.ui.conftest import Session, Visit
 
-Visit = Callable[..., Session]
 pytestmark = pytest.mark.usefixtures("open_campaign")
 
 

@@ -1,44 +1,33 @@
 """Who is in front of a session, what others may see, the log-in, and the log of a server."""
 
 import asyncio
+import logging
 import os
+import re
 import tempfile
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import pytest
 from streamlit.runtime.memory_uploaded_file_manager import MemoryUploadedFileManager
 from streamlit.runtime.uploaded_file_manager import UploadedFileRec
 
-from crashfuse.errors import DataError
+from crashfuse import cli
+from crashfuse.errors import DataError, UsageError
 from crashfuse.files.archive import zipped
 from crashfuse.ui import server
 from crashfuse.ui.kit import campaigns, uploads, visitors
 from crashfuse.ui.kit.computation import jobs
+from crashfuse.ui.kit.jobs import Jobs
 from crashfuse.ui.kit.visitors import Visitor
-from tests.conftest import content_of
+from tests.conftest import Capture, content_of
+from tests.ui.conftest import Session, Visit
 from tests.ui.test_history import kept
 
-if TYPE_CHECKING:
-    from tests.ui.conftest import Session
-import logging
-import re
-import time
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
-
-from crashfuse import cli
-from crashfuse.errors import UsageError
-from crashfuse.ui.kit.jobs import Jobs
-
-if TYPE_CHECKING:
-    from tests.ui.conftest import Session
-
-Visit = Callable[..., "Session"]
 ANNA = Visitor("k1", "anna@example.com")
 GOOD = """
 [auth]
@@ -51,7 +40,7 @@ server_metadata_url = "https://login.example.com/.well-known/openid-configuratio
 NAMED = GOOD.replace("client_id", "[auth.example]\nclient_id")
 
 
-def _upload(session: "Session", folder: Path, name: str) -> str:
+def _upload(session: Session, folder: Path, name: str) -> str:
     """Drop a zip of a campaign; returns the name that its link has."""
     session.app.file_uploader[0].set_value([(f"{name}.zip", zipped(content_of(folder)), "application/zip")])
     session.press("Open upload")
@@ -117,9 +106,7 @@ def test_pages_open_what_is_inside_the_root_and_nothing_else(root: Path, campaig
             campaigns.allowed(Path(way))
 
 
-def test_a_folder_that_leads_elsewhere_by_a_link_in_it_is_refused(
-    root: Path, campaign_folder: Path, tmp_path: Path
-) -> None:
+def test_a_folder_that_leads_elsewhere_by_a_link_is_refused(root: Path, campaign_folder: Path, tmp_path: Path) -> None:
     """A pulse outside is not read by a link; a link to another place inside is fine."""
     inside = root / "car"
     campaign_folder.rename(inside)
@@ -232,9 +219,7 @@ def test_a_line_tells_when_who_and_what(tmp_path: Path, monkeypatch: pytest.Monk
     assert "Traceback (most recent call last):" in lines
 
 
-def test_a_refused_page_is_told_with_what_to_do_once_a_minute(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_page_is_told_with_what_to_do_once_a_minute(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither name is long or begins a line; another origin has its own line, but a flood of origins has an end."""
     monkeypatch.delenv(visitors.LOG, raising=False)
     visitors.begin_log()
@@ -257,9 +242,7 @@ def test_a_refused_page_is_told_with_what_to_do_once_a_minute(
     assert "https://0.example" in capsys.readouterr().err
 
 
-def test_without_a_file_lines_go_to_standard_error(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_file_lines_go_to_standard_error(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each once."""
     monkeypatch.delenv(visitors.LOG, raising=False)
     visitors.begin_log()
@@ -287,7 +270,7 @@ def test_what_streamlit_understands_is_taken(text: str, tmp_path: Path) -> None:
     ],
 )
 def test_a_server_that_would_let_in_everybody_does_not_start(
-    text: str, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    text: str, sentence: str, tmp_path: Path, capsys: Capture
 ) -> None:
     """One sentence for each thing that is wrong, exit code 1."""
     file = tmp_path / "secrets.toml"
@@ -315,9 +298,7 @@ def test_what_the_log_in_needs_is_named(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_a_log_in_stays_required_if_its_file_is_lost(
-    visit: Callable[..., "Session"], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_in_stays_required_if_its_file_is_lost(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """Streamlit would then know of no log-in, and let in everybody."""
     lost = threading.Event()
     lost.set()

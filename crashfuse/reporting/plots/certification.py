@@ -13,6 +13,7 @@ from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
+from crashfuse.reporting.earlier_prediction import WITH_GROUP
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
@@ -239,7 +240,7 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
         _draw_trials(figure, own, criterion, tests, row, display)
     for word in WORDS:
         _legend(figure, f"predicted, {word}", _marker(VERDICT_COLOURS[word], "square", 10, 1, INK))
-    _legend(figure, "left out with its speed group", _marker("rgba(0, 0, 0, 0)", "diamond", 10, 1, INK))
+    _legend(figure, WITH_GROUP, _marker("rgba(0, 0, 0, 0)", "diamond", 10, 1, INK))
     _legend(figure, "measured", _marker(MEASURED_COLOUR, "circle", 10, 1, MEASURED_COLOUR))
     if wrong := any(trial.wrong for trial in trials):
         _legend(figure, "wrong verdict", _marker(_DISAGREES, "circle-open", 10, 1, _DISAGREES))

@@ -14,10 +14,7 @@ _SMALL, _NONE = 0.01, 5e-4  # differences: no axis is drawn narrower, and none i
 
 
 def rating_differences(compared: StudyComparison, window_ms: float, left_out: str) -> go.Figure:
-    """Draw by how much the second study rates each test higher than the first, by approach; last their mean.
-
-    The bars of the mean are two standard errors over the tests.
-    """
+    """Draw by how much the second study rates each test higher, by approach; last their mean ± 2 standard errors."""
     table = compared.over(window_ms, left_out)
     tests, means = list(table["held_out"].unique()), compared.means(window_ms, left_out).set_index("approach")
     figure = new_figure(height=380)

@@ -92,10 +92,7 @@ def by_speed(
     display: Display = DEFAULT,
     among: Sequence[CrashTest] = (),
 ) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
-    """Tests by increasing speed, each with the name and style of its line; the highlighted one is thick.
-
-    Styles are those that they have ``among`` all tests, so that they stay whichever are shown.
-    """
+    """Tests by increasing speed, each with the name and style that it has ``among`` all; the highlight is thick."""
     styles = speed_lines(among or tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight
@@ -121,10 +118,7 @@ _BEHIND = "rgba(255, 255, 255, 0.7)"
 
 
 def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
-    """Draw the notes that have a time into every row of a figure over time; returns the same figure.
-
-    Their texts stand in the last row, off its zero line.
-    """
+    """Draw the notes that have a time into every row of a figure over time; returns the same figure."""
     marks = sorted((note for note in notes if note.start_ms is not None), key=lambda note: note.start_ms or 0.0)
     rows = sorted({trace.yaxis or "y" for trace in figure.data})
     if not (marks and rows):

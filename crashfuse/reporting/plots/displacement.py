@@ -24,6 +24,7 @@ from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import MS
 
 _MM, _KJ = 1e-3, 1e3
+_BIAS = "Bias, test − CAE ({})"
 _STEP_M = 0.004  # of bands: a quarter of the resolution of a CFC 60 pulse
 _MARK_S = 0.004  # between marks of the integrated motion
 
@@ -201,7 +202,7 @@ def bias_by_speed(
     for test, style in by_speed(tests, highlight, display, among):
         bias = of_test[test.id]
         add_line(figure, bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
-    figure.update_yaxes(title=f"Bias, test − CAE ({display.unit})")
+    figure.update_yaxes(title=_BIAS.format(display.unit))
     return fit_axis(figure)
 
 
@@ -255,7 +256,7 @@ def bias_parts(
     figure.update_yaxes(title=f"Bias ({display.unit})", showticklabels=True, col=1)
     shown = [total.lower_mps2[before], total.upper_mps2[before]] + ([measured.bias_mps2] if measured else [])
     figure.update_yaxes(
-        title=f"Bias, test − CAE ({display.unit})", range=_with_margin(scale * np.concatenate(shown)), row=1, col=1
+        title=_BIAS.format(display.unit), range=_with_margin(scale * np.concatenate(shown)), row=1, col=1
     )
     return fit_axis(figure)
 

@@ -73,13 +73,7 @@ class Display:
     def of(
         cls, system: UnitSystem = MPH_LB, usual_ms: float = WINDOWS_MS[-1], /, **options: Unpack[DisplayOptions]
     ) -> Self:
-        """The display that these options ask for, by default in these units and over the window of ``usual_ms``.
-
-        Raises
-        ------
-        UsageError
-            If an option, or its value, is unknown.
-        """
+        """The display that these options ask for, by default in these units and over ``usual_ms``."""
         given = cast(dict[str, Any], options)
         for name in given:
             one_of("option of a figure", name, DisplayOptions.__annotations__)

@@ -73,10 +73,7 @@ IN_THE_DARK: Mapping[str, str] = {
 
 
 def further_line(number: int) -> dict[str, Any]:
-    """Line of a further curve, counted from 0: thinner than an approach's, and dashed.
-
-    Neighbours differ in colour and dash, thirty in one of both.
-    """
+    """Line of a further curve, counted from 0: thin and dashed; neighbours differ in colour and dash."""
     colour, dash = (looks[number % len(looks)] for looks in (FURTHER_COLOURS, _FURTHER_DASHES))
     return {"color": colour, "width": 1.6, "dash": dash}
 

@@ -157,10 +157,7 @@ def library_band(
     display: Display = DEFAULT,
     further: Mapping[str, Prediction] | None = None,
 ) -> go.Figure:
-    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top.
-
-    Further pulses, by their labels, are drawn over them.
-    """
+    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
     further = further or {}
     figure = new_figure(height_under_names(len(tests) + len(further)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]

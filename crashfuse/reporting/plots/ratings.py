@@ -76,10 +76,7 @@ def rating_heatmap(
 def rating_spread(
     ratings: Mapping[str, Mapping[str, tuple[float, float, float]]], repeats: Mapping[str, Repeatability] | None = None
 ) -> go.Figure:
-    """Draw each test's rating by approach, with the interval of the ratings of single draws (overall, lower, upper).
-
-    The interval of what a repeat of each test would rate is drawn behind them.
-    """
+    """Draw each test's rating by approach, with the interval of those of single draws, before that of a repeat."""
     figure = new_figure(height=420)
     tests = list(ratings)
     if known := [(i, repeats[test]) for i, test in enumerate(tests) if repeats and test in repeats]:

@@ -26,10 +26,7 @@ _FILES = {"trials": "track_record.csv", "changes": "changes.csv"}  # that have a
 
 
 def certification_report(certification: Certification, display: Display = DEFAULT, notes: Sequence[Note] = ()) -> str:
-    """HTML report of a certification, made for paper; with what became of an earlier one, if it is beside one.
-
-    ``notes`` are those on the campaign's tests, also on those that are left out of use.
-    """
+    """HTML report of a certification, made for paper; with what became of an earlier one, if it is beside one."""
     campaign, criteria, windows_ms = certification.campaign, certification.criteria, certification.config.windows_ms
     since = certification.since
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)

@@ -131,7 +131,7 @@ REPORT_FORMS: tuple[ReportForm, ...] = get_args(ReportForm)
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
-    """Form and content of a report.
+    """Form and content of a report; a UsageError if there is no such form.
 
     Parameters
     ----------
@@ -141,11 +141,6 @@ class ReportOptions:
         Tests that are shown one by one; none: the worst in a short report, every test in a whole one.
     notes : tuple of Note
         On the campaign's tests; those with a time are drawn on the figures over time.
-
-    Raises
-    ------
-    UsageError
-        If there is no such form.
     """
 
     form: ReportForm = "whole"

@@ -27,10 +27,7 @@ def details(
     *,
     said: Sequence[str] = (),
 ) -> dict[str, object]:
-    """Metrics by approach (and of the test), the main ones and the others; notes of the approaches, their fits.
-
-    Notes that the report has ``said`` already are left out.
-    """
+    """Metrics by approach (and of the test), the main ones and the others; notes not ``said`` yet; their fits."""
     columns = [] if test is None else [("Measured", campaign.metrics_of(test))]
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     of_test = "" if test is None else f", {test.id}"  # on paper the table may begin a page

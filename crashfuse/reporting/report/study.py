@@ -41,10 +41,7 @@ _CAPTIONS = (
 
 
 def study_report(study: Study, display: Display = DEFAULT, options: ReportOptions = ReportOptions()) -> str:
-    """HTML report of a study; a UsageError if a test that is to be shown was not left out.
-
-    Means are over all tests of the study, whichever are shown one by one.
-    """
+    """HTML report of a study, means over all its tests; a UsageError if one to be shown was not left out."""
     require_a(Study, study, "crashfuse.run_study(campaign)")
     require_a(ReportOptions, options, "crashfuse.ReportOptions('short')")
     campaign, config = study.campaign, study.config
@@ -131,10 +128,7 @@ def _shown(ratings: pd.DataFrame) -> pd.DataFrame:
 
 
 def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) -> Mapping[str, object]:
-    """The recommendation made for a test before it was run, and the actual outcome; its notes and marks.
-
-    Of a study of one test the report begins with the recommendation.
-    """
+    """The recommendation made for a test before it was run, and the actual outcome; its notes and marks."""
     test, window = study.campaign.test(fold.held_out), display.window_ms
     notes = [note for note in options.notes if note.test == test.id]
     advice, repeat = recommend_without(study, fold, window), study.repeats(window).get(test.id)
@@ -162,10 +156,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
 
 
 def _why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> dict[str, object]:
-    """How the expectation came out, what the rating of the recommended approach is made of, and its curves.
-
-    These are drawn for the worst test, and for those that came out below what was expected.
-    """
+    """How the expectation came out, what the rating of the recommended approach is made of, and its curves."""
     window, expected = display.window_ms, advice.expected
     rating, explanation = fold.ratings[advice.approach][window].overall, fold.explained(advice.approach, window)
     missed = expected is not None and expected.is_missed_by(rating)

@@ -38,10 +38,7 @@ at_least = …"""
 
 @dataclass
 class _Editor:
-    """The table as the browser's editor began with it, and what it said last.
-
-    It begins anew when something else is asked for than it said: by a link, by Back, by a file.
-    """
+    """The table as the browser's editor began with it, and what it said last; another one begins anew."""
 
     begun: pd.DataFrame
     said: list[str] | None = None
@@ -49,10 +46,7 @@ class _Editor:
 
 
 def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator) -> Criteria | None:
-    """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here.
-
-    The confidence stands ``beside`` other choices, and how criteria are declared in a place of its own.
-    """
+    """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here."""
     state, display, wrong = st.session_state, view.display, _take_declared(view)
     labels = {name: display.heading(label) for name, label in _METRICS.items()}
     editor: _Editor = state.setdefault(_EDITOR, _Editor(_rows(())))

@@ -21,10 +21,7 @@ _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts
 
 
 def beside(verdicts: Verdicts, key: Hashable) -> Verdicts:
-    """The verdicts beside the earlier certification that was chosen; says so if it cannot be read any more.
-
-    ``key`` is equal for equal verdicts.
-    """
+    """The verdicts beside the earlier certification that was chosen; says so if it cannot be read any more."""
     try:
         earlier = find_kept(FILE, _CHOICE, parse_earlier)
         return verdicts if earlier is None else _beside((key, earlier.digest), verdicts, earlier)

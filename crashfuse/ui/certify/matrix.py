@@ -38,9 +38,13 @@ def choose_matrix(view: View) -> Matrix | None:
     with left:
         st.caption("Conditions from")
         source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)
+    matrix: Matrix | None
     try:
         with right:
-            matrix = _chosen(source, view)
+            if source == _OWN:
+                matrix = _read(own, campaigns.stamp(own), view.campaign.fingerprint, view.campaign)
+            else:
+                matrix = _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display)
     except CrashfuseError as error:
         show_wrong(error)
         return None
@@ -53,13 +57,6 @@ def choose_matrix(view: View) -> Matrix | None:
         rows = [{"Condition": i, **view.display.columns(c), **dict(c.factors)} for i, c in matrix.items]
         st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The conditions to judge")
     return matrix
-
-
-def _chosen(source: str, view: View) -> Matrix | None:
-    if source == _OWN:
-        path = view.folder / _FILE
-        return _read(path, campaigns.stamp(path), view.campaign.fingerprint, view.campaign)
-    return _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display)
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -114,10 +111,7 @@ def _grid(campaign: Campaign, display: Display) -> Matrix:
 
 
 def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str, str]:
-    """What is typed for one axis, shown in the reader's unit, and the unit that it was typed in.
-
-    The session and the address have the text with its unit: the values stay the same when another unit is chosen.
-    """
+    """What is typed for one axis, shown in the reader's unit; it is kept with the unit that it was typed in."""
     state, field = st.session_state, f"{key} in {unit}"
     typed, _, given = state[key].strip().rpartition(" ")
     if given not in IN_SI:  # of a link that was typed

@@ -17,7 +17,6 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import at_most
 from crashfuse.certification.verdict import WORDS
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.progress import Watch
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.certification_facts import Place, exceptions, sentences
 from crashfuse.reporting.certification_record import certification_json
@@ -29,7 +28,7 @@ from crashfuse.reporting.report import certification_report
 from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.kit import results
-from crashfuse.ui.kit.computation import Request, said_of
+from crashfuse.ui.kit.computation import Request, Task, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 from crashfuse.ui.kit.navigation import open_page
@@ -61,45 +60,26 @@ _RECORD = {
 }
 
 
-@dataclass(frozen=True)
-class CertificationRequest(Request[Verdicts]):
+def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> Request[Verdicts]:
     """Judge criteria at the conditions of a matrix, by the first approach of the settings."""
-
-    campaign: Campaign
-    criteria: Criteria
-    matrix: Matrix
-    config: StudyConfig
-
-    @property
-    def key(self) -> Hashable:  # noqa: D102
-        config = self.config
-        settings = config.approaches[0], config.preset, config.seed, config.device
-        return "certification", said_of(self.campaign), self.criteria, self.matrix, settings
-
-    @property
-    def title(self) -> str:  # noqa: D102
-        return f"{self.campaign.name}: verdicts at {len(self.matrix.ids)} conditions"
-
-    def work(self, watch: Watch) -> Verdicts:  # noqa: D102
-        approach = self.config.approaches[0]
-        return certify(self.campaign, self.criteria, self.matrix, approach=approach, config=self.config, watch=watch)
-
-    def in_cache(self) -> bool:  # noqa: D102
-        return is_computed(self.campaign, self.criteria, self.matrix, self.config, Cache())
+    approach = config.approaches[0]
+    return Task(
+        ("certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device),
+        f"{campaign.name}: verdicts at {len(matrix.ids)} conditions",
+        lambda watch: certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch),
+        lambda: is_computed(campaign, criteria, matrix, config, Cache()),
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """Verdicts, the settings behind them, notes on the tests, and how the reader wants to see them.
-
-    ``key`` is equal for equal verdicts: the beginning of the key of a cached figure.
-    """
+    """Verdicts, the settings behind them, notes on the tests, and how the reader wants to see them."""
 
     verdicts: Verdicts
     config: StudyConfig
     display: Display
     notes: tuple[Note, ...]
-    key: Hashable
+    key: Hashable  # equal for equal verdicts: the beginning of the key of a cached figure
 
     @property
     def certification(self) -> Certification:
@@ -162,7 +142,6 @@ def _show_numbers(certification: Certification) -> None:
 
 
 def _show_table(certification: Certification, display: Display) -> None:
-    """Show verdicts of chosen kinds, one row a condition and criterion."""
     words = st.pills("Verdicts", WORDS, selection_mode="multi", key="verdicts", persist_state="session")
     table, heading = SHOWN["verdicts"](certification, display), display.title("Speed", "mph")
     table.insert(1, heading, [display.speeds(verdict.condition.speed_mps) for _, verdict in certification.cells])

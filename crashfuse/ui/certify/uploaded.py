@@ -31,10 +31,9 @@ def under_its_name(error: CrashfuseError, file: str, name: str) -> CrashfuseErro
 
 
 def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
-    """Ask for a file that is kept on the server under a name, which the address has as this choice.
+    """Ask for a file that is kept on the server under a name, which the address has; ``file`` is its usual name.
 
-    ``file`` is its usual name, ``key`` the widget's. A CrashfuseError says what is wrong with it, by ``read``, or that
-    the file of a link is not on this server.
+    A CrashfuseError says what is wrong with it, by ``read``, or that the file of a link is not on this server.
     """
     state, wrong = st.session_state, f"{key}: wrong"
 

@@ -283,10 +283,7 @@ def _add_to_tests(view: View, tests: Collection[str]) -> tuple[tuple[Further, ..
 
 
 def _add(subject: Subject, approach: str, shown: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
-    """Let the user add curves but for tests that are ``shown`` anyway; second are sentences on what is not there.
-
-    On Predict the pinned predictions are shown without being asked for.
-    """
+    """Let the user add curves but for tests that are ``shown`` anyway; second are sentences on what is not there."""
     view, pins, settings = subject.view, pinned(), subject.names(approach)
     campaign = view.campaign
     pin_names = {f"{_PIN}{text}": prediction_name(approach, pin, view.display) for text, pin in pins.items()}

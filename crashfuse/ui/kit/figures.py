@@ -96,11 +96,7 @@ def offer_files(figure: go.Figure, caption: Caption, key: str) -> None:
 
 
 def choose(
-    label: str,
-    options: Sequence[str],
-    key: str,
-    default: str | None = None,
-    label_of: Callable[[str], str] = str,
+    label: str, options: Sequence[str], key: str, default: str | None = None, label_of: Callable[[str], str] = str
 ) -> str:
     """Let the user choose one of some figures or tasks, at first the first."""
     default = default or options[0]

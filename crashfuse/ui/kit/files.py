@@ -60,7 +60,7 @@ _OF_STUDY = (
 )
 _DRAWS_HELP = (
     "Whole pulses drawn from the band, all equally likely: run the occupant model with each to see how much of the "
-    "band reaches the occupant. The edges of the band are no pulses and do not go out."
+    "band reaches the occupant."
 )
 _PULSE_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
 
@@ -74,10 +74,7 @@ class Caption(NamedTuple):
 
 
 def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Caption:
-    """The caption of a figure on the open page.
-
-    The alternative text up to its semicolon is the title, and the name unless it is given what is ``drawn``.
-    """
+    """The caption of a figure on the open page, named by its alternative text unless told what is ``drawn``."""
     page, title, state = address.here().page, alt.partition(";")[0], st.session_state
     names, details = [drawn or title], list[str]()
     elsewhere = page == "history" or (page == "data" and state.get("import"))  # of any campaign, or of none

@@ -27,15 +27,7 @@ from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_h
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import jobs
 from crashfuse.ui.kit.figures import load_early
-from crashfuse.ui.kit.navigation import (
-    end_page,
-    navigate,
-    open_asked,
-    set_style,
-    show_link,
-    show_links,
-    watch_browser,
-)
+from crashfuse.ui.kit.navigation import end_page, navigate, open_asked, set_style, show_link, show_links, watch_browser
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
 from crashfuse.ui.kit.text import chosen_units, plain

@@ -142,13 +142,10 @@ class Job(Generic[T]):
 
 
 class Jobs:
-    """The queue: one job at a time, first come, first served; the latest results are kept.
-
-    ``ended`` counts the jobs that were queued and have ended.
-    """
+    """The queue: one job at a time, first come, first served; the latest results are kept."""
 
     def __init__(self) -> None:
-        self.ended = 0
+        self.ended = 0  # of those that were queued
         self._lock = threading.Lock()
         self._jobs: dict[Hashable, Job[Any]] = {}
         self._queue: queue.SimpleQueue[Job[Any]] = queue.SimpleQueue()

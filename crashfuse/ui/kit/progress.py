@@ -24,10 +24,7 @@ _WAITED_FOR, _ENDED = "waited for", "ended"  # session keys: jobs that run for t
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
-    """The result of a request; until there is one, the page shows how to get it and stops.
-
-    While the job runs it is what is known of the result so far, if anything: progress is then shown above it.
-    """
+    """The result of a request, or what is known of it so far; until then the page shows how to get it and stops."""
     result = result_or_none(request, invitation=invitation, button=button)
     if result is None:
         end_page()

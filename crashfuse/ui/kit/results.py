@@ -188,9 +188,9 @@ def ratings_table(
     repeats: Mapping[float, Repeatability],
     draws: Mapping[str, tuple[float, float]],
 ) -> Styler:
-    """Overall rating with its grade by approach, or other prediction, and window, and the four parts over one window.
+    """Overall rating with its grade by prediction and window, then the parts over one window, and that of single draws.
 
-    The last column is the interval of the ratings of single draws, the last row what a repeat of the test would rate.
+    The last row is what a repeat of the test would rate.
     """
     table = pd.DataFrame(
         {

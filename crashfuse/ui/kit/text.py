@@ -18,10 +18,7 @@ _OPTION = re.compile(rf" \({_INSIDE}--{_INSIDE}\)")
 
 
 def plain(text: object) -> str:
-    """Text that Markdown shows literally, on one line: no links, images, formulas, icons or HTML.
-
-    A sentence, a condition or a quantity is said in the units that were chosen in the sidebar.
-    """
+    """Text in the units of the sidebar, which Markdown shows literally, on one line: no links, formulas, HTML."""
     shown = unbroken(" ".join(said(text, chosen_units()).split()))
     return _ADDRESS.sub(rf"\1{_JOINER}", shown).translate(_MARKS)
 

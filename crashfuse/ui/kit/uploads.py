@@ -158,11 +158,7 @@ class Upload(Protocol):
 
 
 def open_uploads(files: Sequence[Upload]) -> str | Source:
-    """Open the uploaded files if they are a valid campaign; returns its name.
-
-    Files of a foreign format are stored to be imported instead. A DataError lists everything that is wrong; nothing is
-    kept then.
-    """
+    """Open uploads as a campaign, whose name is returned, or keep them to be imported; else a DataError with it all."""
     if not files:  # none was dropped, or the browser refused those that are too large
         expected = f"files of at most {st.get_option('server.maxUploadSize')} MB each"
         advice = "choose the files, and open a larger campaign as a folder"

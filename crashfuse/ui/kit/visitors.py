@@ -36,6 +36,7 @@ _SHARED = ("redirect_uri", "cookie_secret")
 _OWN = ("client_id", "client_secret", "server_metadata_url")
 _SHORTEST = 32  # characters of the secret that signs the cookies
 _MOST_LINKS = 1000
+_HOW_TO = "see the how-to on a team server"
 _NOTED = "log-in noted"  # session key
 _insisted = threading.Event()
 _linking = threading.Lock()
@@ -124,7 +125,7 @@ def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
         _check_section(path, auth)
     if required and not asked:
         expected = "a secrets file with a section [auth]"
-        raise DataError(Problem(str(files[0]), expected, "none", "see the how-to on a team server"))
+        raise DataError(Problem(str(files[0]), expected, "none", _HOW_TO))
     if asked and importlib.util.find_spec("authlib") is None:
         raise UsageError('A log-in needs the extra "login": python -m pip install "crashfuse[login]".')
     return bool(asked)
@@ -136,10 +137,7 @@ def insist_on_login() -> None:
 
 
 def require_login(page: str) -> None:
-    """On a server that asks for a log-in, show nothing but that to whoever has not logged in.
-
-    A link to a page is remembered, and followed once they have.
-    """
+    """On a server that asks for a log-in, show nothing else before it; a link to a page is followed after it."""
     auth = _asked_for()
     if not (auth or _insisted.is_set()):
         return
@@ -207,7 +205,7 @@ def _check_section(path: Path, auth: dict[str, Any]) -> None:
     wanted = [auth[name] for name in _providers(auth) if name] or [auth]
     lacking = [name for name in _SHARED if not auth.get(name)]
     lacking += [name for section in wanted for name in _OWN if not section.get(name)]
-    where, advice = f"{path}, [auth]", "see the how-to on a team server"
+    where, advice = f"{path}, [auth]", _HOW_TO
     problems = [Problem(where, name, "none", advice) for name in dict.fromkeys(lacking)]
     if not lacking and not str(auth["redirect_uri"]).endswith("/oauth2callback"):
         expected = "the server's address with /oauth2callback"

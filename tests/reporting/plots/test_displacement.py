@@ -147,9 +147,7 @@ def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: 
 # --- check of the integration --------------------------------------------------------------------------------------
 
 
-def test_the_way_over_displacement_gives_the_closed_form_back(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_the_way_over_displacement_gives_the_closed_form(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Line and circles are the displacement of the closed form, and their difference is below 0.1 mm."""
     figure = plots.integration_check(test.pulse, predictions, test.condition.speed_mps)
     time, displacement, _ = motion(test)

@@ -121,9 +121,7 @@ def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predict
     assert trace(figure, "CAE", 2).hoverinfo == "none"
 
 
-def test_the_cursor_tells_the_ends_of_the_band_that_is_filled(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_the_cursor_tells_the_ends_of_the_filled_band(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Beside the acceleration, of that curve alone."""
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps, filled="displacement_domain")
     (banded,) = [own for own in figure.data if own.hovertemplate == "%{y} [%{customdata} mm"]
