@@ -153,10 +153,8 @@ def _change(rating: float, raw: float) -> str:
 def show_ratings(comparison: Comparison) -> None:
     """Show ratings, metrics, and what the approaches say of themselves."""
     campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.window_ms
-    st.subheader(
-        "Rating by approach and window",
-        help=f"By {campaign.rating_basis}. Single draws: {glossary.DRAWS} {glossary.REPEAT}",
-    )
+    terms = f"By {campaign.rating_basis}. Single draws: {glossary.DRAWS} {glossary.REPEAT}"
+    st.subheader("Rating by approach and window", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     rated = dict(fold.ratings)
     others = Subject.held_out(comparison.view).predictions(comparison.leading)
