@@ -235,7 +235,7 @@ def test_draws_as_single_tests_are_spread_as_errors_are() -> None:
         distribution = distributions[name]
         assert distribution is not None
         shares = [distribution.cdf(value) for value in reached[name]]
-        assert stats.kstest(shares, "uniform").statistic < 0.05
+        assert stats.kstest(shares, "uniform").statistic < 0.096  # 95 % of 200 uniform draws
         assert stats.spearmanr(reached[name], drawn[name]).statistic > 0.85
 
 

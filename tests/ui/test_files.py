@@ -224,12 +224,12 @@ def test_a_page_hands_out_curves_as_they_are_chosen(made: list[tuple[str, dict[s
     app.run()
     assert not app.exception
     name, files = made[-1]
-    assert len(files) == 4
+    assert len(files) == 5
     for text in files.values():
         for said in ("Units mm-s-t", "Braking is positive.", "Contact is at 0.01 s", "scaled by 0.5"):
             assert said in text
         assert "-0.000000000000E+00" not in text
-    assert len({text.partition("lcint\n")[2][:10] for text in files.values()}) == 4
+    assert len({text.partition("lcint\n")[2][:10] for text in files.values()}) == 5
     app.button_group(key="export format").set_value("radioss").run()
     assert {name.partition(".")[2] for name in made[-1][1]} == {"inc"}
     app.selectbox(key="export approach").set_value("cae").run()
