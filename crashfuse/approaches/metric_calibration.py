@@ -167,13 +167,16 @@ def metric_distributions(drawn: Mapping[str, FloatArray], errors: Errors) -> dic
 
 
 def calibrated_metrics(
-    prediction: Prediction, errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
+    prediction: Prediction,
+    drawn: Mapping[str, FloatArray],
+    errors: Errors,
+    occupant: OccupantModel = USUAL_OCCUPANT,
 ) -> tuple[Metric, ...]:
     """Metrics that a single test shows in the middle, with calibrated 95 % intervals; without draws, of the pulse."""
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
-    distributions = metric_distributions(drawn_metrics(prediction, occupant), errors)
+    distributions = metric_distributions(drawn, errors)
 
     def expected(metric: Metric) -> Metric:
         distribution = distributions[metric.name]
@@ -186,7 +189,11 @@ def calibrated_metrics(
 
 
 def representative_pulses(
-    prediction: Prediction, errors: Errors, numbers: Sequence[int] = (), occupant: OccupantModel = USUAL_OCCUPANT
+    prediction: Prediction,
+    drawn: Mapping[str, FloatArray],
+    errors: Errors,
+    numbers: Sequence[int] = (),
+    occupant: OccupantModel = USUAL_OCCUPANT,
 ) -> FloatArray:
     """A whole pulse that looks like a test, then the draws with these numbers as single tests, shape (1 + n, 1250).
 
@@ -198,7 +205,6 @@ def representative_pulses(
     a pulse without draws.
     """
     draws, chosen = _drawn(prediction).astype(np.float64), list(numbers)
-    drawn = drawn_metrics(prediction, occupant)
     names = [name for name in MATCHED if np.isfinite(drawn[name]).all() and np.ptp(drawn[name])]
     if not names:
         return np.vstack([prediction.accel_mps2, draws[chosen]])

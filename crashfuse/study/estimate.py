@@ -12,7 +12,13 @@ import numpy as np
 
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fit_cache import fitted, settings
-from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, metric_errors, representative_pulses
+from crashfuse.approaches.metric_calibration import (
+    Errors,
+    calibrated_metrics,
+    drawn_metrics,
+    metric_errors,
+    representative_pulses,
+)
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
@@ -66,7 +72,11 @@ class Estimate:
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
         """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
-        return calibrated_metrics(self.prediction, self.metric_errors, self.occupant)
+        return calibrated_metrics(self.prediction, self._drawn, self.metric_errors, self.occupant)
+
+    @cached_property
+    def _drawn(self) -> dict[str, FloatArray]:
+        return drawn_metrics(self.prediction, self.occupant)
 
     @cached_property
     def representative(self) -> dict[str, Prediction]:
@@ -77,7 +87,7 @@ class Estimate:
 
     def representative_pulses(self, draws: Sequence[int] = ()) -> FloatArray:
         """A pulse that looks like a test, then draws as single tests, shape (1 + n, 1250)."""
-        return representative_pulses(self.prediction, self.metric_errors, draws, self.occupant)
+        return representative_pulses(self.prediction, self._drawn, self.metric_errors, draws, self.occupant)
 
 
 @dataclass(frozen=True, eq=False)

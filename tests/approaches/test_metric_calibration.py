@@ -188,7 +188,7 @@ def test_metrics_are_those_of_a_single_test_beside_those_of_the_averaged_pulse(c
     test = campaign.tests[1]
     factors = 1 + 0.02 * stats.norm.ppf((np.arange(400) + 0.5) / 400)
     said = Prediction(test.condition, test.pulse.accel_mps2 / 1.05, factors[:, None] * test.pulse.accel_mps2)
-    usual, wide = (calibrated_metrics(said, {"peak": np.array(z)}) for z in ([], [3.0, -3.0] * 5))
+    usual, wide = (calibrated_metrics(said, drawn_metrics(said), {"peak": np.array(z)}) for z in ([], [3.0, -3.0] * 5))
     raw = pulse_metrics(said.accel_mps2, test.condition.speed_mps)
     assert [metric.of_pulse for metric in usual] == [metric.value for metric in raw]
     assert usual[0].value == pytest.approx(1.05 * float(raw[0].value or 0), rel=1e-3)
@@ -197,7 +197,7 @@ def test_metrics_are_those_of_a_single_test_beside_those_of_the_averaged_pulse(c
         widths[0] * np.sqrt((8 * 0.9**2 + 90) / 18) / 0.9 * stats.t(18).ppf(0.975) / stats.t(8).ppf(0.975), rel=1e-6
     )
     assert usual[1:] == wide[1:]
-    alone = calibrated_metrics(Prediction(test.condition, said.accel_mps2), {})
+    alone = calibrated_metrics(Prediction(test.condition, said.accel_mps2), {}, {})
     assert all(m.lower is None and m.value == m.of_pulse for m in alone)
 
 
@@ -215,10 +215,10 @@ def test_a_representative_pulse_has_the_metrics_of_a_test_where_the_average_has_
     """Peak, SM25, OLC and crush are the medians that a single test shows; errors of left-out tests move it along."""
     prediction = humped(300)
     errors = {"peak": np.array([0.5, 1.0, 0.8])}
-    medians = {each.name: each.value for each in calibrated_metrics(prediction, errors)}
+    medians = {each.name: each.value for each in calibrated_metrics(prediction, drawn_metrics(prediction), errors)}
     averaged = metric_values(prediction.accel_mps2, 12.0)
     assert averaged["peak"] < 0.97 * (medians["peak"] or 0.0)
-    reached = metric_values(representative_pulses(prediction, errors)[0], 12.0)
+    reached = metric_values(representative_pulses(prediction, drawn_metrics(prediction), errors)[0], 12.0)
     for name in MATCHED:
         assert reached[name] == pytest.approx(medians[name], rel=2e-3)
     assert abs(reached["t0"] - averaged["t0"]) < 1.0  # ms: it stays a pulse of this crash
@@ -228,8 +228,8 @@ def test_draws_as_single_tests_are_spread_as_errors_are() -> None:
     """Left-out tests say that draws differ too much: theirs is the spread of metrics, in the order of the draws."""
     prediction = humped(200)
     errors = {name: np.tile([0.3, -0.3], 20) for name in MATCHED}
-    pulses = representative_pulses(prediction, errors, range(200))[1:]
-    reached, drawn = metric_values(pulses, 12.0), drawn_metrics(prediction)
+    drawn = drawn_metrics(prediction)
+    reached = metric_values(representative_pulses(prediction, drawn, errors, range(200))[1:], 12.0)
     distributions = metric_distributions(drawn, errors)
     for name in MATCHED:
         distribution = distributions[name]
@@ -243,9 +243,9 @@ def test_without_draws_or_where_some_never_stop_nothing_is_made_up() -> None:
     """The pulse stays as it is; a metric that some draws lack is not asked for."""
     prediction = humped(50)
     alone = replace(prediction, draws_mps2=None)
-    np.testing.assert_array_equal(representative_pulses(alone, {})[0], prediction.accel_mps2)
+    np.testing.assert_array_equal(representative_pulses(alone, drawn_metrics(alone), {})[0], prediction.accel_mps2)
     fast = replace(prediction, condition=replace(prediction.condition, speed_mps=40.0))  # none stops in the record
-    pulse = representative_pulses(fast, {})[0]
+    pulse = representative_pulses(fast, drawn_metrics(fast), {})[0]
     assert np.isfinite(pulse).all()
     peak = metric_distributions(drawn_metrics(fast), {})["peak"]
     assert peak is not None
