@@ -113,11 +113,11 @@ def departures(campaign: Campaign) -> tuple[Departure, ...]:
 
 def departures_near(campaign: Campaign, condition: Condition) -> tuple[Departure, ...]:
     """How the tests that stand apart at about the speed of a condition differ from the others there."""
-    return tuple(
-        departure
-        for departure in departures(campaign)
-        if abs(campaign.test(departure.test).condition.speed_mps - condition.speed_mps) < SPEED_STEP_MPS
-    )
+    speed_mps = condition.speed_mps
+    near = {test.id for test in campaign.tests if abs(test.condition.speed_mps - speed_mps) < SPEED_STEP_MPS}
+    if all(len(campaign.speed_group(test_id)) <= LEAST for test_id in near):
+        return ()  # without a look at all tests, which takes a second
+    return tuple(departure for departure in departures(campaign) if departure.test in near)
 
 
 def with_both_folds(
