@@ -29,7 +29,7 @@ def add_options(parser: argparse.ArgumentParser, *default: str) -> None:
         help=f"%(choices)s (default: {' '.join(default) or 'none'})",
     )
     group.add_argument(
-        "--draws", type=int, metavar="N", help="whole pulses drawn from the band, beside the expected one (default: 0)"
+        "--draws", type=int, metavar="N", help="whole draws, beside expected and representative pulse (default: 0)"
     )
     group.add_argument("--unit-system", choices=_UNIT_SYSTEMS, help="of the solver's model; has no default")
     group.add_argument(
