@@ -48,13 +48,11 @@ def hold(
         if verdict.run:
             verdict = beside_tests(verdict, *_measured(verdict, record))
         if apart:
-            caveat = Sentence("{} stands apart at about this speed: another test may fold as it did.", read_out(apart))
+            may = Sentence("another test may fold as it did.")
             if verdict.folds:
                 alike, otherwise = (probability_text(share, criteria.confidence) for share in verdict.folds)
-                text = (
-                    "{} stands apart at about this speed: met with probability {} if a test folds as it did, else {}."
-                )
-                caveat = Sentence(text, read_out(apart), otherwise, alike)
+                may = Sentence("met with probability {} if a test folds as it did, else {}.", otherwise, alike)
+            caveat = Sentence("{} stands apart at about this speed: {}", read_out(apart), may)
             verdict = _with_reason(verdict, caveat)
         return _beside_removed(verdict, removed)
 

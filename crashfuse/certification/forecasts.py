@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.metric_calibration import Distribution, drawn_metrics, metric_distributions
+from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
@@ -135,9 +135,8 @@ class Forecaster:
 
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
-        prediction = self.fit.estimate(condition).prediction
-        occupant = self.fit.campaign.occupant
-        drawn = drawn_metrics(prediction, occupant)
+        estimate = self.fit.estimate(condition)
+        prediction, drawn, occupant = estimate.prediction, estimate.drawn, estimate.occupant
         found = metric_distributions(drawn, self.fit.metric_errors)
         of_pulse = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
         known = {name: float(value) if np.isfinite(value) else None for name, value in of_pulse.items()}

@@ -72,10 +72,11 @@ class Estimate:
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
         """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
-        return calibrated_metrics(self.prediction, self._drawn, self.metric_errors, self.occupant)
+        return calibrated_metrics(self.prediction, self.drawn, self.metric_errors, self.occupant)
 
     @cached_property
-    def _drawn(self) -> dict[str, FloatArray]:
+    def drawn(self) -> dict[str, FloatArray]:
+        """Metrics of each draw, or of the pulse itself if there are none."""
         return drawn_metrics(self.prediction, self.occupant)
 
     @cached_property
@@ -87,7 +88,7 @@ class Estimate:
 
     def representative_pulses(self, draws: Sequence[int] = ()) -> FloatArray:
         """A pulse that looks like a test, then draws as single tests, shape (1 + n, 1250)."""
-        return representative_pulses(self.prediction, self._drawn, self.metric_errors, draws, self.occupant)
+        return representative_pulses(self.prediction, self.drawn, self.metric_errors, draws, self.occupant)
 
 
 @dataclass(frozen=True, eq=False)

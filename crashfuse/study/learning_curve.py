@@ -25,7 +25,7 @@ import pandas as pd
 from crashfuse import views
 from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.metric_calibration import Distribution, drawn_metrics, metric_distributions
+from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
@@ -259,8 +259,7 @@ def _predicted(
 
 
 def _measured(estimate: Estimate, test: CrashTest, windows_ms: Sequence[float]) -> Iterator[_Row]:
-    drawn = drawn_metrics(estimate.prediction, estimate.occupant)
-    forecast = metric_distributions(drawn, estimate.metric_errors)
+    forecast = metric_distributions(estimate.drawn, estimate.metric_errors)
     plain = {name: None if metric is None else astuple(metric) for name, metric in forecast.items()}
     for window in windows_ms:
         yield {**measure(estimate, test, window), _FORECAST: plain}

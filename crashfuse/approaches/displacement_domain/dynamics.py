@@ -12,9 +12,15 @@ _REPLAY_STEPS = 1600  # about the resolution at which the displacement domain re
 
 
 def integrate(
-    over_displacement_mps2: FloatArray, step_m: float, over_speed_mps2: FloatArray, speed_mps: float,
-    *, common_mps2: FloatArray | None = None, dt_s: float = DT_S, n_times: int = N_SAMPLES,
-) -> Kinematics:  # fmt: skip
+    over_displacement_mps2: FloatArray,
+    step_m: float,
+    over_speed_mps2: FloatArray,
+    speed_mps: float,
+    *,
+    common_mps2: FloatArray | None = None,
+    dt_s: float = DT_S,
+    n_times: int = N_SAMPLES,
+) -> Kinematics:
     """Integrate the motion for each draw of the acceleration, the sum of a function of s and one of v / v0.
 
     Whole functions are drawn, not new noise at every step, so the spread does not depend on the time step. This is the

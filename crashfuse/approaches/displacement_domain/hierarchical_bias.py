@@ -182,9 +182,14 @@ class HierarchicalBias:
         return np.column_stack([points.displacement_m, x, trend, humps, share, stopping, alike])
 
     def sample(
-        self, condition: Condition, displacement_m: FloatArray, cae: CaeForce, stop: CaeStop, n_draws: int,
+        self,
+        condition: Condition,
+        displacement_m: FloatArray,
+        cae: CaeForce,
+        stop: CaeStop,
+        n_draws: int,
         rng: np.random.Generator,
-    ) -> BiasDraws:  # fmt: skip
+    ) -> BiasDraws:
         """Mean and draws (Student's t) of a new test's bias with its specific deviation and stop, without noise."""
         moving = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
         crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)

@@ -136,9 +136,14 @@ class Rebound:
         return other
 
     def follow(
-        self, pulses: Kinematics, cae_mps2: FloatArray, cae_loading: LoadingPhase, speed_mps: float,
-        rng: np.random.Generator, widening: float = 1.0,
-    ) -> FloatArray:  # fmt: skip
+        self,
+        pulses: Kinematics,
+        cae_mps2: FloatArray,
+        cae_loading: LoadingPhase,
+        speed_mps: float,
+        rng: np.random.Generator,
+        widening: float = 1.0,
+    ) -> FloatArray:
         """:func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others."""
         since = _SinceStop.of(pulses)
         whole = _unloaded(pulses, since, cae_mps2, cae_loading)

@@ -93,9 +93,14 @@ class Table4Bias:
         self.dead_ = bool(self.process_.log_marginal_likelihood_value_ < noise_alone + _DEAD * y.size)
 
     def sample(
-        self, condition: Condition, displacement_m: FloatArray, cae: CaeForce, stop: CaeStop, n_draws: int,  # noqa: ARG002
+        self,
+        condition: Condition,
+        displacement_m: FloatArray,
+        cae: CaeForce,  # noqa: ARG002 - common to all bias models
+        stop: CaeStop,
+        n_draws: int,
         rng: np.random.Generator,
-    ) -> BiasDraws:  # fmt: skip
+    ) -> BiasDraws:
         """Mean and draws at displacements (Eqs. 26 and 27); zero over velocity, which is not in Table 4."""
         x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)

@@ -132,15 +132,17 @@ class Band:
         drawn = {number: self.drawn(tests[number].condition, posterior) for number, posterior in left_out.items()}
         pulses: dict[int, FloatArray] = {}
 
-        def check(widening: float, late: float, *, whole: bool = False) -> list[Coverage]:
+        def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
             for number, draw in drawn.items():
                 pulses[number] = draw(widening, late)
-            draws = [(tests[number], rows[1:, ::CHECK_STRIDE]) for number, rows in pulses.items()]
-            return [Coverage.of(*own, whole=whole) for own in draws]
+            return [Coverage.of(*own, whole=False) for own in draws()]
+
+        def draws() -> list[tuple[CrashTest, FloatArray]]:
+            return [(tests[number], rows[1:, ::CHECK_STRIDE]) for number, rows in pulses.items()]
 
         # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the
         # band. The rebound is less certain and has its own factor.
         first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
         late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
-        return Calibration(first, tuple(check(first, late, whole=True)), late), pulses
+        return Calibration(first, tuple(check(first, late)), late).with_whole(draws()), pulses
