@@ -180,7 +180,7 @@ def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> No
     assert open_campaign.is_dir()
     source = tmp_path / "v5.zip"
     source.write_bytes(zipped(nhtsa_files()))
-    session = visit("data", data_tab="Open another campaign", **OPTIONS)
+    session = visit("data", opening="open", **OPTIONS)
     session.app.file_uploader[0].set_value([(source.name, source.read_bytes(), "application/zip")])
     session.press("Open upload")
     (preview,) = preview_source(source)

@@ -1,7 +1,9 @@
 """Verdicts on the Certify page: what is computed for them, and the tabs that show them."""
 
-from collections.abc import Hashable
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pandas as pd
 import streamlit as st
@@ -10,13 +12,17 @@ from pandas.io.formats.style import Styler
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification import file_store
-from crashfuse.certification.certify import Certification, is_computed
+from crashfuse.certification.certify import APPROACH, Certification, is_computed
 from crashfuse.certification.changes import saved_and_missed
-from crashfuse.certification.criteria import Criteria, criteria_text
+from crashfuse.certification.criteria import Criteria, criteria_text, read_criteria
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import at_most
 from crashfuse.certification.verdict import WORDS
+from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.progress import Watch
+from crashfuse.fact import Fact
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.certification_facts import Place, exceptions, sentences
 from crashfuse.reporting.certification_record import certification_json
@@ -27,8 +33,10 @@ from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.report import certification_report
 from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.study.config import StudyConfig
-from crashfuse.ui.kit import results
-from crashfuse.ui.kit.computation import Request, Task, said_of
+from crashfuse.ui.kit import campaigns, results
+from crashfuse.ui.kit.address import chosen_config
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.computation import Request, Task, jobs, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 from crashfuse.ui.kit.navigation import open_page
@@ -37,6 +45,8 @@ from crashfuse.ui.kit.text import plain
 from crashfuse.ui.predict import fill_in
 
 _CELL = "cell"
+_ANSWERED = "answers"  # in the cache: how many tests need not be run, and of how many
+_LATEST = "latest of Certify"  # session key: what the page has asked last, and its answer
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
 _NUMBERS = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
 _COLOURS = "Many conditions have colours alone: point at a cell for its verdict. All are in certification.csv."
@@ -63,12 +73,15 @@ _RECORD = {
 def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> Request[Verdicts]:
     """Judge criteria at the conditions of a matrix, by the first approach of the settings."""
     approach = config.approaches[0]
-    return Task(
-        ("certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device),
-        f"{campaign.name}: verdicts at {len(matrix.ids)} conditions",
-        lambda watch: certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch),
-        lambda: is_computed(campaign, criteria, matrix, config, Cache()),
-    )
+    key = "certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device
+
+    def compute(watch: Watch) -> Verdicts:
+        verdicts = certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch)
+        Cache().put(_ANSWERED, _cache_key(key), {"saved": verdicts.certification.saved})
+        return verdicts
+
+    title = f"{campaign.name}: verdicts at {len(matrix.ids)} conditions"
+    return Task(key, title, compute, lambda: is_computed(campaign, criteria, matrix, config, Cache()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,3 +240,76 @@ def show_files(judgement: Judgement) -> None:
         download_bytes("matrix.csv", lambda: csv_as_given(matrix_table(certification.matrix)), of)
         download_bytes("certification.json", lambda: certification_json(certification), of)
         download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)
+
+
+def note_latest(
+    campaign: Campaign, criteria: Criteria | None, matrix: Matrix | None, verdicts: Verdicts | None
+) -> None:
+    """Note what this session asks of Certify, and the answer that it sees there, for :func:`latest_answer`."""
+    saved = None if verdicts is None else verdicts.certification.saved
+    st.session_state[_LATEST] = said_of(campaign), (criteria, matrix), (chosen_config(), saved)
+
+
+def latest_answer(view: View) -> Fact:
+    """How many planned tests need not be run, as far as it was computed; else what it takes to know.
+
+    Criteria and conditions are those of the page Certify, or of the campaign's folder before that was opened.
+    """
+    campaign, config = view.campaign, chosen_config()
+    content, (criteria, matrix), (asked_with, saved) = st.session_state.get(_LATEST, (None, (None, None), (None, None)))
+    if content != said_of(campaign):
+        files = [view.folder / name for name in ("criteria.toml", "matrix.csv")]
+        stamps = tuple(campaigns.stamp(file) if file.is_file() else None for file in files)
+        criteria, matrix = _declared(view.folder, stamps, campaign.fingerprint, campaign)
+        asked_with = None
+    if criteria is None:
+        label = "criteria are not declared: start with a usual set"
+        return Fact("answer.no_criteria", "Which planned tests need not be run is a question of criteria.", label)
+    if matrix is None:
+        label = "planned tests are not listed: bring matrix.csv, or type speeds"
+        return Fact("answer.no_matrix", "Which planned tests need not be run takes a list of their conditions.", label)
+    if asked_with != config or saved is None:
+        approach = st.session_state.get("approach") or APPROACH
+        config = replace(config, approaches=(approach,), leave_out="test")
+        saved = _computed(judge(campaign, criteria, matrix, config))
+    if saved is None:
+        label = "Certify tells which planned tests need not be run"
+        return Fact("answer.not_computed", "Criteria and planned tests are there; they were not judged yet.", label)
+    n, of = saved
+    told = f"{n:,} of {of:,} planned test{'s' * (of != 1)} need not be run"
+    why = f"{told} to know these pulse criteria: a test there would meet all at once, with confidence {{}}."
+    return Fact("answer.saved", why.format(f"{criteria.confidence:g}"), told, {"n": n, "of": of})
+
+
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _declared(
+    folder: Path, stamps: Hashable, fingerprint: str, _campaign: Campaign  # noqa: ARG001 - the key
+) -> tuple[Criteria | None, Matrix | None]:  # fmt: skip
+    criteria, matrix = None, None
+    with suppress(CrashfuseError):  # the page Certify says what is wrong or missing
+        criteria = read_criteria(folder / "criteria.toml")
+    with suppress(CrashfuseError):
+        matrix = Matrix.read(folder / "matrix.csv", _campaign.factors)
+    return criteria, matrix
+
+
+def _computed(request: Request[Verdicts]) -> tuple[int, int] | None:
+    """The answer to a request, from memory; from the disk cache if this is the first look for it."""
+    job, known = jobs().get(request.key), _looked_up()
+    if job is not None and job.active:
+        return None
+    if request.key not in known or (known[request.key] is None and job is not None):
+        entry = None if job is not None else Cache().get(_ANSWERED, _cache_key(request.key))
+        result = None if job is None else job.result
+        known[request.key] = tuple(entry["saved"].tolist()) if entry else result and result.certification.saved
+    return known[request.key]
+
+
+@st.cache_resource(show_spinner=False)
+def _looked_up() -> dict[Hashable, tuple[int, int] | None]:
+    """Answers by the key of their request; None where there was none in the cache."""
+    return {}
+
+
+def _cache_key(key: Hashable) -> Mapping[str, object]:
+    return {"asked": key, "code": code_digest("crashfuse.certification.certify")}

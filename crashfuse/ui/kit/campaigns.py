@@ -31,7 +31,6 @@ from crashfuse.ui.kit.visitors import logged_in, note_in_log, visitor
 SAMPLE = "sample"
 _opening = threading.Lock()  # with the list in hand: to make it takes the lock
 _MOST_RECENT = 8
-_LARGEST_LIST = 64 << 10  # bytes of the file
 _PATIENCE_S = 5.0  # to wait for another who writes it
 
 
@@ -278,12 +277,7 @@ def folder_labels(folders: tuple[Path, ...]) -> list[str]:
 
 
 def _listed() -> list[Path]:
-    try:
-        if _recent_file().stat().st_size > _LARGEST_LIST:
-            return []
-        paths = json.loads(_recent_file().read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return []
+    paths = visitors.read_small(_recent_file())
     listed = paths[:_MOST_RECENT] if isinstance(paths, list) else []
     return [Path(path) for path in listed if isinstance(path, str) and Path(path).is_absolute()]
 

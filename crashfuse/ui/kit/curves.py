@@ -200,16 +200,17 @@ def choose_curves(
 def choose_tests(view: View, row: DeltaGenerator) -> tuple[tuple[str, ...], tuple[Further, ...]]:
     """Let the user choose tests, all by default, and add CAE runs and predictions."""
     names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
-    with row, st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
-        only = _choose_several("only", names, "Tests", "all")
-        also, missing = _add_to_tests(view, names)
+    with row.popover("Curves", icon=":material/stacked_line_chart:"):
+        only = _choose_several("only", names, "Tests", "all in use")
+        also, missing = _add(Subject.held_out(view, among_tests=True), usual_approach(), names)
     _show_missing([*_unknown("only", names), *missing])
     return tuple(test for test in view.campaign.test_ids if not only or test in only), also
 
 
 def add_to_runs(view: View) -> tuple[Further, ...]:
     """Let the user add tests, CAE runs and predictions to those of the CAE model."""
-    also, missing = _add_to_tests(view, ())
+    with st.popover("Add curves", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
+        also, missing = _add(Subject.held_out(view, among_tests=True), usual_approach(), ())
     _show_missing(missing)
     return also
 
@@ -275,11 +276,6 @@ def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder
         key, list(labels), st.multiselect, title, format_func=labels.__getitem__, max_selections=_MOST,
         placeholder=placeholder, filter_mode="contains", select_all=False,
     )  # fmt: skip
-
-
-def _add_to_tests(view: View, tests: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
-    with st.popover("Add curves", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
-        return _add(Subject.held_out(view, among_tests=True), usual_approach(), tests)
 
 
 def _add(subject: Subject, approach: str, shown: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
