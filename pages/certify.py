@@ -55,11 +55,10 @@ if criteria is not None and matrix is not None:
 if (verdicts is not None) != st.session_state.get(JUDGED, False):  # the choices above fold away, or unfold
     st.session_state[JUDGED] = verdicts is not None
     st.rerun()
-if verdicts is not None:
-    verdicts = earlier.beside(verdicts, request.key)
-results.note_latest(campaign, criteria, matrix, verdicts)
+results.note_latest(campaign, criteria, matrix)
 if verdicts is None:
     end_page()
+verdicts = earlier.beside(verdicts, request.key)
 since = verdicts.certification.since
 key = request.key, None if since is None else since.earlier.digest
 show_tabs(TABS, Judgement(verdicts, config, view.display, notes_of(view), key), key="certify_tab")

@@ -5,6 +5,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.campaign import Campaign
@@ -19,7 +20,6 @@ from crashfuse.ui.kit import address, campaigns, editing, results
 from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest
-from crashfuse.ui.kit.curves import Subject, add_to_runs, choose_tests, key_of, usual_approach, without_clicks
 from crashfuse.ui.kit.figures import show_cached_figure
 from crashfuse.ui.kit.frame import show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
@@ -35,17 +35,6 @@ _WAYS = {
     "add": ("Add tests or CAE runs", ":material/add:"),
     "open": ("Open another campaign", ":material/folder_open:"),
 }
-_FORMS = {
-    "add": (
-        *("A file or folder of tests or CAE runs on this computer", "its whole path", "Read"),
-        *("Or the files themselves", "Read upload"),
-    ),
-    "open": (
-        *("A campaign folder on this computer", "the folder that holds tests.csv and cae.csv", "Open folder"),
-        *("Or a zip of one, its files together, or test and CAE files to import", "Open upload"),
-    ),
-}
-"""Labels of the forms: of the folder, its example and its button; of the files and their button."""
 _ASKED = "asked for the next prediction"  # session key
 _LAYOUT = """<pre>tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb
 tests/&lt;id&gt;.csv       its pulse: time_ms, acceleration_g
@@ -103,30 +92,30 @@ def _predict_next(request: StudyRequest) -> None:
 def show_tests(view: View) -> None:
     """All tests overlaid, as read or filtered."""
     campaign, test, display = view.campaign, view.held_out, view.display
-    Subject.held_out(view, among_tests=True).offer(usual_approach())
     options = [_AS_READ, *(f"CFC {cfc}" for cfc in _CLASSES)]
     address.default("filter", _AS_READ, options)
-    row = st.container(horizontal=True, vertical_alignment="bottom")
-    with row:
+    with st.container(horizontal=True, vertical_alignment="bottom"):
         editing.choose_tests_in_use(view)
         choice = st.segmented_control(
             "Channel filter class (SAE J211-1)", options, default=_AS_READ, required=True, key="filter",
             persist_state="session", help="For this figure only: approaches use the pulses as read.",
         )  # fmt: skip
-    tests, also = choose_tests(view, row)
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
     show_cached_figure(
-        lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=display)),
+        lambda: _keeping_clicks(campaign.plot(held_out=test.id, cfc=cfc, display=display)),
         f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed",
-        ("tests", campaign.fingerprint, test.id, cfc, display, tests, key_of(also), chosen_config()),
-        name=" ".join([*(tests if len(tests) < len(campaign.tests) else ["tests"]), choice]), beside=also,
-    )  # fmt: skip
+        ("tests", campaign.fingerprint, test.id, cfc, display),
+        name=f"tests {choice}",
+    )
     reading = "as they are in the files"
     if campaign.channel_filter_class is not None:
         reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
     if cfc is None:
-        st.caption(f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart.")
+        st.caption(
+            f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart. In the "
+            "legend a click hides a test, a double click shows it alone."
+        )
         return
     accel = test.pulse.accel_mps2
     pulses = accel, cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
@@ -136,6 +125,11 @@ def show_tests(view: View) -> None:
         f"{peaks[0]:.1f} to {peaks[1]:.1f} {display.unit}. It sees 0–100 ms only: the first and last milliseconds may "
         "differ from those of a filtered full record."
     )
+
+
+def _keeping_clicks(figure: go.Figure) -> go.Figure:
+    """The same figure; what is hidden by a click in its legend stays hidden when it is drawn once more."""
+    return figure.update_layout(uirevision="tests")
 
 
 def show_conditions(view: View) -> None:
@@ -154,14 +148,11 @@ def show_conditions(view: View) -> None:
 def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
-    Subject.held_out(view, among_tests=True).offer(usual_approach())
-    also = add_to_runs(view)
     show_cached_figure(
-        lambda: without_clicks(campaign.plot("cae", also=also, display=view.display)),
+        lambda: _keeping_clicks(campaign.plot("cae", display=view.display)),
         "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
-        ("library", campaign.fingerprint, view.display, key_of(also), chosen_config()),
+        ("library", campaign.fingerprint, view.display),
         name="CAE runs",
-        beside=also,
     )
     lines = "Lines are the runs" if _paired(campaign) else "No run was"
     st.caption(f"The band holds the middle 90 % of all CAE runs at each time. {lines} made at a test's own condition.")
@@ -185,22 +176,22 @@ def _show_quality(view: View) -> None:
 
 def show_opening(way: str) -> None:
     """Show the view in which another campaign is opened, or files to be added are chosen."""
-    label, _ = _WAYS[way]
-    with show_title(label):
+    with show_title(_WAYS[way][0]):
         st.button("Back", icon=":material/arrow_back:", on_click=st.session_state.update, args=({"opening": None},))
-    show_open_forms(way)
+    show_open_forms()
 
 
-def show_open_forms(way: str = "open") -> None:
+def show_open_forms() -> None:
     """Show the ways to open a campaign or files to be added, and what was wrong with the last attempt."""
-    label, example, open_it, dropped, open_them = _FORMS[way]
     folder, upload = st.columns(2, gap="large")
     with folder.form("open folder", border=False):
         st.text_input(
-            label, key="folder", placeholder=example,
-            help="On the computer that crashfuse runs on. Nothing is copied or sent. Other formats are imported.",
+            "A folder or file on this computer", key="folder",
+            placeholder="a campaign, tests or CAE runs: the whole path",
+            help="On the computer that crashfuse runs on. Nothing is copied or sent. What is no campaign is imported: "
+            "you see what was recognised, and choose where it goes, before anything is added.",
         )  # fmt: skip
-        st.form_submit_button(open_it, icon=":material/folder_open:", on_click=_open_folder)
+        st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
     if folders := campaigns.recent_folders():
         with folder.container(horizontal=True, vertical_alignment="center", gap="small"):
             st.caption("Opened before:", width="content")
@@ -211,24 +202,20 @@ def show_open_forms(way: str = "open") -> None:
                 )  # fmt: skip
     with upload.form("open upload", border=False):
         st.file_uploader(
-            dropped, accept_multiple_files=True, key=f"files {st.session_state.get(_ROUND, 0)}",
+            "Or upload files", accept_multiple_files=True,
+            key=f"files {st.session_state.get(_ROUND, 0)}",
             help=f"A campaign is CSV and Parquet. Formats that can be imported: {all_formats()}. Files go to the "
             "computer that crashfuse runs on, no further, and are deleted when it ends. Open what is larger than the "
             "limit as a folder.",
         )  # fmt: skip
-        st.form_submit_button(open_them, icon=":material/upload_file:", on_click=_open_upload)
+        st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
     if problems := st.session_state.get(REFUSED):
         show_problems(problems, place="open")
     import_step.show_unfinished()
-    if way == "add":
-        st.caption("You see what was recognised, and choose the campaign, before anything is added.")
-        return
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
         st.html(_LAYOUT)
-        st.markdown(
-            "Speeds may be in mph, km/h or m/s (`_mph`, `_kph`, `_mps`), weights in lb or kg, time in ms or s, and "
-            "accelerations in g or m/s² (`_g`, `_mps2`): the end of a column's name tells. Pulses of either source "
-            "may be single files or one table, CSV or Parquet."
+        st.caption(
+            "The end of a column's name is its unit: `_mph`, `_kph`, `_mps`, `_lb`, `_kg`, `_ms`, `_s`, `_g`, `_mps2`."
         )
 
 

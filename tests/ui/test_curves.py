@@ -54,17 +54,6 @@ def test_the_nearest_tests_are_those_of_this_speed_first(visit: Visit) -> None:
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_on_data_too_it_is_said_what_a_link_asks_for_in_vain(visit: Visit) -> None:
-    """Of the tests that are shown alone, and of what is put beside them; pins wait for an answer of Predict."""
-    session = visit("data", campaign="campaign", only=["T2", "T8"], also=["cae:none", "at:30mph 2000lb 1500lb"],
-                    pins="30mph 2000lb 1500lb")  # fmt: skip
-    said = beside_the_figure(session)
-    assert "Not among the tests in use and the CAE runs: T8." in said
-    assert "Not among the tests in use and the CAE runs: none." in said
-    assert "Pinned predictions are shown once the page Predict has an answer with these settings." in said
-
-
-@pytest.mark.usefixtures("open_campaign")
 def test_hiding_every_curve_is_possible_and_said(visit: Visit) -> None:
     """An empty figure would look like an error."""
     session = visit("compare", **CAE_ONLY, test="T2")
@@ -197,35 +186,6 @@ def test_it_is_said_which_of_several_settings_are_not_shown(visit: Visit) -> Non
     for words in ("seed 1", "paper settings, all at its speed left out"):
         assert NOT_YET.format("T2", words) in session.words
     assert NEVER.format("fast 0 magic or *seven*") in beside_the_figure(session)
-
-
-@pytest.mark.usefixtures("open_campaign")
-def test_on_data_it_stands_among_the_tests_by_the_name_of_its_own(visit: Visit) -> None:
-    """One with the usual settings, too, as no other is shown there; the CAE runs have it beside them as well."""
-    predicted(visit("compare", **ONE, test="T2"))
-    predicted(visit("compare", **ONE, test="T2", seed="1"))
-    session = visit("data", **ONE, test="T2", also=["by:fast 0 test", SEED_1])
-    for tab in ("Tests", "CAE model"):
-        session.open_tab("data", tab)
-        assert "T2 by Displacement domain, seed 1" in figure(session)
-        (also,) = [each for each in session.app.multiselect if each.label == "Also show"]
-        assert also.value == ["by:fast 0 test", SEED_1]
-        assert "T2 by Displacement domain" in also.options
-    session.app.session_state["test"] = "T3"
-    words = session.run().words
-    for settings in ("the usual settings", "seed 1"):
-        assert NOT_YET.format("T3", settings) in words
-    session.press("Predict T3 with seed 1").finish()
-    assert "T3 by Displacement domain, seed 1" in figure(session)
-
-
-@pytest.mark.usefixtures("open_campaign")
-def test_what_stands_in_the_figure_is_not_asked_for_though_other_approaches_lack_it(visit: Visit) -> None:
-    """A study by one approach is enough for its prediction, where the page would compare two."""
-    predicted(visit("compare", **ONE, test="T2", seed="1"))
-    session = visit("data", approaches=["displacement_domain", "lf_tcn"], test="T2", also=SEED_1)
-    assert "Displacement domain, seed 1" in figure(session)
-    assert NOT_YET.format("T2", "seed 1") not in session.words
 
 
 def fitted(session: Session) -> Session:

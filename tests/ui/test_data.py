@@ -51,7 +51,7 @@ def test_a_newcomer_sees_what_this_is_and_one_button(visit: Visit) -> None:
     session = visit()
     assert "full-frontal barrier tests" in session.words
     assert session.buttons == ["Load the sample campaign", "Open folder", "Open upload"]
-    assert [field.label for field in session.app.text_input] == ["A campaign folder on this computer"]
+    assert [field.label for field in session.app.text_input] == ["A folder or file on this computer"]
     assert len(session.app.file_uploader) == 1
 
 

@@ -33,10 +33,10 @@ from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.report import certification_report
 from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.study.config import StudyConfig
-from crashfuse.ui.kit import campaigns, results
+from crashfuse.ui.kit import results
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import Request, Task, jobs, said_of
+from crashfuse.ui.kit.computation import Request, Task, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
 from crashfuse.ui.kit.navigation import open_page
@@ -46,7 +46,8 @@ from crashfuse.ui.predict import fill_in
 
 _CELL = "cell"
 _ANSWERED = "answers"  # in the cache: how many tests need not be run, and of how many
-_LATEST = "latest of Certify"  # session key: what the page has asked last, and its answer
+_LATEST = "latest of Certify"  # session key: what the page has asked last
+_LOOK_AGAIN_S = 10.0  # at the campaign's files
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
 _NUMBERS = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
 _COLOURS = "Many conditions have colours alone: point at a cell for its verdict. All are in certification.csv."
@@ -78,6 +79,7 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyC
     def compute(watch: Watch) -> Verdicts:
         verdicts = certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch)
         Cache().put(_ANSWERED, _cache_key(key), {"saved": verdicts.certification.saved})
+        _known_answer.clear()
         return verdicts
 
     title = f"{campaign.name}: verdicts at {len(matrix.ids)} conditions"
@@ -242,49 +244,40 @@ def show_files(judgement: Judgement) -> None:
         download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)
 
 
-def note_latest(
-    campaign: Campaign, criteria: Criteria | None, matrix: Matrix | None, verdicts: Verdicts | None
-) -> None:
-    """Note what this session asks of Certify, and the answer that it sees there, for :func:`latest_answer`."""
-    saved = None if verdicts is None else verdicts.certification.saved
-    st.session_state[_LATEST] = said_of(campaign), (criteria, matrix), (chosen_config(), saved)
+def note_latest(campaign: Campaign, criteria: Criteria | None, matrix: Matrix | None) -> None:
+    """Note for :func:`latest_answer` what this session asks of Certify."""
+    st.session_state[_LATEST] = said_of(campaign), criteria, matrix
 
 
 def latest_answer(view: View) -> Fact:
-    """How many planned tests need not be run, as far as it was computed; else what it takes to know.
+    """How many planned tests need not be run, if that was computed; else what it takes to know.
 
     Criteria and conditions are those of the page Certify, or of the campaign's folder before that was opened.
     """
-    campaign, config = view.campaign, chosen_config()
-    content, (criteria, matrix), (asked_with, saved) = st.session_state.get(_LATEST, (None, (None, None), (None, None)))
+    campaign = view.campaign
+    content, criteria, matrix = st.session_state.get(_LATEST, (None, None, None))
     if content != said_of(campaign):
-        files = [view.folder / name for name in ("criteria.toml", "matrix.csv")]
-        stamps = tuple(campaigns.stamp(file) if file.is_file() else None for file in files)
-        criteria, matrix = _declared(view.folder, stamps, campaign.fingerprint, campaign)
-        asked_with = None
+        criteria, matrix = _declared(view.folder, campaign.fingerprint, campaign)
     if criteria is None:
         label = "criteria are not declared: start with a usual set"
-        return Fact("answer.no_criteria", "Which planned tests need not be run is a question of criteria.", label)
+        return Fact("answer.no_criteria", label, label)
     if matrix is None:
         label = "planned tests are not listed: bring matrix.csv, or type speeds"
-        return Fact("answer.no_matrix", "Which planned tests need not be run takes a list of their conditions.", label)
-    if asked_with != config or saved is None:
-        approach = st.session_state.get("approach") or APPROACH
-        config = replace(config, approaches=(approach,), leave_out="test")
-        saved = _computed(judge(campaign, criteria, matrix, config))
-    if saved is None:
+        return Fact("answer.no_matrix", label, label)
+    approach = st.session_state.get("approach") or APPROACH
+    request = judge(campaign, criteria, matrix, replace(chosen_config(), approaches=(approach,), leave_out="test"))
+    if (saved := _known_answer(request.key)) is None:
         label = "Certify tells which planned tests need not be run"
-        return Fact("answer.not_computed", "Criteria and planned tests are there; they were not judged yet.", label)
+        return Fact("answer.unknown", label, label)
     n, of = saved
-    told = f"{n:,} of {of:,} planned test{'s' * (of != 1)} need not be run"
-    why = f"{told} to know these pulse criteria: a test there would meet all at once, with confidence {{}}."
-    return Fact("answer.saved", why.format(f"{criteria.confidence:g}"), told, {"n": n, "of": of})
+    label = f"{n:,} of {of:,} planned test{'s' * (of != 1)} need not be run"
+    confidence = f"with confidence {criteria.confidence:g}"
+    why = f"{label} to know these pulse criteria: a test there would meet all at once, {confidence}."
+    return Fact("answer.saved", why, label, {"n": n, "of": of})
 
 
-@st.cache_resource(max_entries=8, show_spinner=False)
-def _declared(
-    folder: Path, stamps: Hashable, fingerprint: str, _campaign: Campaign  # noqa: ARG001 - the key
-) -> tuple[Criteria | None, Matrix | None]:  # fmt: skip
+@st.cache_resource(max_entries=8, ttl=_LOOK_AGAIN_S, show_spinner=False)
+def _declared(folder: Path, fingerprint: str, _campaign: Campaign) -> tuple[Criteria | None, Matrix | None]:  # noqa: ARG001
     criteria, matrix = None, None
     with suppress(CrashfuseError):  # the page Certify says what is wrong or missing
         criteria = read_criteria(folder / "criteria.toml")
@@ -293,22 +286,11 @@ def _declared(
     return criteria, matrix
 
 
-def _computed(request: Request[Verdicts]) -> tuple[int, int] | None:
-    """The answer to a request, from memory; from the disk cache if this is the first look for it."""
-    job, known = jobs().get(request.key), _looked_up()
-    if job is not None and job.active:
-        return None
-    if request.key not in known or (known[request.key] is None and job is not None):
-        entry = None if job is not None else Cache().get(_ANSWERED, _cache_key(request.key))
-        result = None if job is None else job.result
-        known[request.key] = tuple(entry["saved"].tolist()) if entry else result and result.certification.saved
-    return known[request.key]
-
-
-@st.cache_resource(show_spinner=False)
-def _looked_up() -> dict[Hashable, tuple[int, int] | None]:
-    """Answers by the key of their request; None where there was none in the cache."""
-    return {}
+@st.cache_resource(max_entries=32, show_spinner=False)
+def _known_answer(key: Hashable) -> tuple[int, int] | None:
+    """The answer to a request, from the disk cache, in which it is looked for once."""
+    entry = Cache().get(_ANSWERED, _cache_key(key))
+    return None if entry is None else tuple(entry["saved"].tolist())
 
 
 def _cache_key(key: Hashable) -> Mapping[str, object]:

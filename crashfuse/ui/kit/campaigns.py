@@ -4,7 +4,6 @@ Folders opened before are offered again: a small file in the cache folder holds 
 each of them.
 """
 
-import hashlib
 import json
 import os
 import secrets
@@ -291,4 +290,4 @@ def _is_there(folder: Path) -> bool:
 def _recent_file() -> Path:
     if not logged_in():
         return default_folder() / "recent.json"
-    return default_folder() / f"recent-{hashlib.sha256(visitor().key.encode()).hexdigest()[:16]}.json"
+    return default_folder() / f"recent-{visitors.short_key()}.json"

@@ -11,7 +11,6 @@ from typing import Any
 
 import plotly.graph_objects as go
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.neighbours import nearest_tests
@@ -197,24 +196,6 @@ def choose_curves(
     return Shown(TEST in chosen, approaches, also, band, key, unlike, len(approaches) == len(predictions))
 
 
-def choose_tests(view: View, row: DeltaGenerator) -> tuple[tuple[str, ...], tuple[Further, ...]]:
-    """Let the user choose tests, all by default, and add CAE runs and predictions."""
-    names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
-    with row.popover("Curves", icon=":material/stacked_line_chart:"):
-        only = _choose_several("only", names, "Tests", "all in use")
-        also, missing = _add(Subject.held_out(view, among_tests=True), usual_approach(), names)
-    _show_missing([*_unknown("only", names), *missing])
-    return tuple(test for test in view.campaign.test_ids if not only or test in only), also
-
-
-def add_to_runs(view: View) -> tuple[Further, ...]:
-    """Let the user add tests, CAE runs and predictions to those of the CAE model."""
-    with st.popover("Add curves", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
-        also, missing = _add(Subject.held_out(view, among_tests=True), usual_approach(), ())
-    _show_missing(missing)
-    return also
-
-
 def key_of(also: Sequence[Further]) -> Hashable:
     """Equal for equal curves that were added: part of the key of a cached figure."""
     return tuple(curve if isinstance(curve, str) else curve.text for curve in also)
@@ -231,11 +212,6 @@ def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> s
     if chosen in predictions and predictions[chosen].draws_mps2 is not None:
         return str(chosen)
     return _usual_band(predictions, recommended)
-
-
-def usual_approach() -> str:
-    """The approach whose predictions are added to tests, where none is shown by itself."""
-    return by_preference(chosen_config().approaches)[0]
 
 
 def without_clicks(figure: go.Figure) -> go.Figure:

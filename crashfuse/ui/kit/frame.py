@@ -184,19 +184,18 @@ def _choose_units(page: str) -> None:
         address.want_units()
         visitors.keep_for_visitor(key, st.session_state[key])
 
-    asked = [key for key in labels if address.acts(key, page)]
-    st.markdown(
-        f":small[Units{', sign of braking' if 'sign' in asked else ''}]",
-        help="Kept for you on this machine. Files keep their own units. Braking is negative as an acceleration (SAE "
-        "J1733), positive as a deceleration.",
-    )  # fmt: skip
-    with st.container(horizontal=True, gap="xxsmall", key="units"):
-        for key in asked:
-            label, words = labels[key]
-            address.choose_one(
-                key, label, format_func=words.__getitem__, label_visibility="collapsed", width="content",
-                on_change=keep, args=(key,),
-            )  # fmt: skip
+    with st.container(gap=None, key="units"):
+        st.markdown(
+            f":small[Units{', sign of braking' if address.acts('sign', page) else ''}]",
+            help="Kept for you on this machine. Files keep their own units. SAE J1733: braking is negative.",
+        )
+        with st.container(horizontal=True, gap="xxsmall"):
+            for key, (label, words) in labels.items():
+                if address.acts(key, page):
+                    address.choose_one(
+                        key, label, format_func=words.__getitem__, label_visibility="collapsed", width="content",
+                        on_change=keep, args=(key,),
+                    )  # fmt: skip
 
 
 def _is_adding(page: str) -> bool:

@@ -85,16 +85,17 @@ def logged_in() -> bool:
 
 def kept_for_visitor() -> dict[str, list[str]]:
     """What the visitor wants in every session, as an address has it."""
-    return {key: [text] for key, text in _kept().get(_short_key(), {}).items()}
+    mine = _kept().get(short_key())
+    return {key: [str(text)] for key, text in mine.items()} if isinstance(mine, dict) else {}
 
 
 def keep_for_visitor(key: str, text: str) -> None:
     """Keep it in the cache folder, for this visitor alone; whatever goes wrong, it is only not kept."""
     with suppress(OSError, DataError), sole_writer(default_folder(), _PATIENCE_S):
-        kept = _kept()
-        kept[_short_key()] = {**kept.pop(_short_key(), {}), key: text}
-        latest = dict(list(kept.items())[-_MOST_VISITORS:])
-        write_atomically(default_folder() / _KEPT, json.dumps(latest, indent=1).encode())
+        kept, me, mine = _kept(), short_key(), kept_for_visitor()
+        kept.pop(me, None)
+        latest = [*kept.items(), (me, {**{name: texts[0] for name, texts in mine.items()}, key: text})]
+        write_atomically(default_folder() / _KEPT, json.dumps(dict(latest[-_MOST_VISITORS:])).encode())
 
 
 def read_small(file: Path) -> object:
@@ -105,17 +106,13 @@ def read_small(file: Path) -> object:
         return None
 
 
-def _kept() -> dict[str, dict[str, str]]:
+def _kept() -> dict[str, Any]:
     known = read_small(default_folder() / _KEPT)
-    lists = known if isinstance(known, dict) else {}
-    return {
-        who: {str(key): str(text) for key, text in wanted.items()}
-        for who, wanted in lists.items()
-        if isinstance(wanted, dict)
-    }
+    return known if isinstance(known, dict) else {}
 
 
-def _short_key() -> str:
+def short_key() -> str:
+    """What stands for the visitor in names of files: nobody can guess them by it."""
     return hashlib.sha256(visitor().key.encode()).hexdigest()[:16]
 
 
