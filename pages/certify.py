@@ -55,7 +55,6 @@ if criteria is not None and matrix is not None:
 if (verdicts is not None) != st.session_state.get(JUDGED, False):  # the choices above fold away, or unfold
     st.session_state[JUDGED] = verdicts is not None
     st.rerun()
-results.note_latest(campaign, criteria, matrix)
 if verdicts is None:
     end_page()
 verdicts = earlier.beside(verdicts, request.key)

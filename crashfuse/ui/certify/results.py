@@ -1,9 +1,7 @@
 """Verdicts on the Certify page: what is computed for them, and the tabs that show them."""
 
-from collections.abc import Hashable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Hashable
+from dataclasses import dataclass
 
 import pandas as pd
 import streamlit as st
@@ -12,17 +10,13 @@ from pandas.io.formats.style import Styler
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification import file_store
-from crashfuse.certification.certify import APPROACH, Certification, is_computed
+from crashfuse.certification.certify import Certification, is_computed
 from crashfuse.certification.changes import saved_and_missed
-from crashfuse.certification.criteria import Criteria, criteria_text, read_criteria
+from crashfuse.certification.criteria import Criteria, criteria_text
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import at_most
 from crashfuse.certification.verdict import WORDS
-from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.code_digest import code_digest
-from crashfuse.execution.progress import Watch
-from crashfuse.fact import Fact
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.certification_facts import Place, exceptions, sentences
 from crashfuse.reporting.certification_record import certification_json
@@ -34,8 +28,6 @@ from crashfuse.reporting.report import certification_report
 from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.kit import results
-from crashfuse.ui.kit.address import chosen_config
-from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import Request, Task, said_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable
 from crashfuse.ui.kit.files import download_bytes, download_report, download_table
@@ -45,9 +37,6 @@ from crashfuse.ui.kit.text import plain
 from crashfuse.ui.predict import fill_in
 
 _CELL = "cell"
-_ANSWERED = "answers"  # in the cache: how many tests need not be run, and of how many
-_LATEST = "latest of Certify"  # session key: what the page has asked last
-_LOOK_AGAIN_S = 10.0  # at the campaign's files
 _MANY_PX = 640  # for many conditions: what they come to, below, is not far from the first of them
 _NUMBERS = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
 _COLOURS = "Many conditions have colours alone: point at a cell for its verdict. All are in certification.csv."
@@ -74,16 +63,12 @@ _RECORD = {
 def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig) -> Request[Verdicts]:
     """Judge criteria at the conditions of a matrix, by the first approach of the settings."""
     approach = config.approaches[0]
-    key = "certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device
-
-    def compute(watch: Watch) -> Verdicts:
-        verdicts = certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch)
-        Cache().put(_ANSWERED, _cache_key(key), {"saved": verdicts.certification.saved})
-        _known_answer.clear()
-        return verdicts
-
-    title = f"{campaign.name}: verdicts at {len(matrix.ids)} conditions"
-    return Task(key, title, compute, lambda: is_computed(campaign, criteria, matrix, config, Cache()))
+    return Task(
+        ("certification", said_of(campaign), criteria, matrix, approach, config.preset, config.seed, config.device),
+        f"{campaign.name}: verdicts at {len(matrix.ids)} conditions",
+        lambda watch: certify(campaign, criteria, matrix, approach=approach, config=config, watch=watch),
+        lambda: is_computed(campaign, criteria, matrix, config, Cache()),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,56 +227,3 @@ def show_files(judgement: Judgement) -> None:
         download_bytes("matrix.csv", lambda: csv_as_given(matrix_table(certification.matrix)), of)
         download_bytes("certification.json", lambda: certification_json(certification), of)
         download_report(lambda: certification_report(certification, judgement.display, judgement.notes), of)
-
-
-def note_latest(campaign: Campaign, criteria: Criteria | None, matrix: Matrix | None) -> None:
-    """Note for :func:`latest_answer` what this session asks of Certify."""
-    st.session_state[_LATEST] = said_of(campaign), criteria, matrix
-
-
-def latest_answer(view: View) -> Fact:
-    """How many planned tests need not be run, if that was computed; else what it takes to know.
-
-    Criteria and conditions are those of the page Certify, or of the campaign's folder before that was opened.
-    """
-    campaign = view.campaign
-    content, criteria, matrix = st.session_state.get(_LATEST, (None, None, None))
-    if content != said_of(campaign):
-        criteria, matrix = _declared(view.folder, campaign.fingerprint, campaign)
-    if criteria is None:
-        label = "criteria are not declared: start with a usual set"
-        return Fact("answer.no_criteria", label, label)
-    if matrix is None:
-        label = "planned tests are not listed: bring matrix.csv, or type speeds"
-        return Fact("answer.no_matrix", label, label)
-    approach = st.session_state.get("approach") or APPROACH
-    request = judge(campaign, criteria, matrix, replace(chosen_config(), approaches=(approach,), leave_out="test"))
-    if (saved := _known_answer(request.key)) is None:
-        label = "Certify tells which planned tests need not be run"
-        return Fact("answer.unknown", label, label)
-    n, of = saved
-    label = f"{n:,} of {of:,} planned test{'s' * (of != 1)} need not be run"
-    confidence = f"with confidence {criteria.confidence:g}"
-    why = f"{label} to know these pulse criteria: a test there would meet all at once, {confidence}."
-    return Fact("answer.saved", why, label, {"n": n, "of": of})
-
-
-@st.cache_resource(max_entries=8, ttl=_LOOK_AGAIN_S, show_spinner=False)
-def _declared(folder: Path, fingerprint: str, _campaign: Campaign) -> tuple[Criteria | None, Matrix | None]:  # noqa: ARG001
-    criteria, matrix = None, None
-    with suppress(CrashfuseError):  # the page Certify says what is wrong or missing
-        criteria = read_criteria(folder / "criteria.toml")
-    with suppress(CrashfuseError):
-        matrix = Matrix.read(folder / "matrix.csv", _campaign.factors)
-    return criteria, matrix
-
-
-@st.cache_resource(max_entries=32, show_spinner=False)
-def _known_answer(key: Hashable) -> tuple[int, int] | None:
-    """The answer to a request, from the disk cache, in which it is looked for once."""
-    entry = Cache().get(_ANSWERED, _cache_key(key))
-    return None if entry is None else tuple(entry["saved"].tolist())
-
-
-def _cache_key(key: Hashable) -> Mapping[str, object]:
-    return {"asked": key, "code": code_digest("crashfuse.certification.certify")}
