@@ -85,10 +85,10 @@ CHOICES: dict[str, Choice] = {
     "seed": Choice(int, 0, range(2**32)),
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
-    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "compare", "study", "predict", "history")),
+    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict", "history")),
     "system": Choice(options=tuple(SYSTEMS)),
-    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "study", "predict", "certify")),
-    "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
+    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "train", "compare", "study", "predict", "certify")),
+    "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "train", "compare", "predict")),
     # what is shown on a page
     "corridors": Choice(bool, False, pages=("compare",)),
     "cost": Choice(float, pages=("study",)),
@@ -109,8 +109,8 @@ CHOICES: dict[str, Choice] = {
 }
 _ON_PAGE = {
     "data": ("import", "filter"),
-    "train": ("purpose",),
-    "compare": ("compare_tab", "compared", "explained", "networks", "over_displacement"),
+    "train": ("train_tab", "diagnostics"),
+    "compare": ("compare_tab", "compared", "explained", "over_displacement"),
     "study": ("study_tab", "ways"),
     "predict": ("predict_tab", "predicted", "factor_…", "speed_range", "front_range", "rear_range"),
     "certify": ("approach", "certify_tab", "record"),

@@ -35,6 +35,7 @@ from crashfuse.wording import SYSTEMS
 _EXPORTED = "view whose files are shown"  # session key
 _LONGEST_NAME, _DIGEST = 130, 6
 _QUESTION = ("criteria", "matrix", "uploaded", "confidence", "earlier", "speeds", "front_weights", "rear_weights")
+_OF_TEST = ("train", "compare")  # pages whose figures are of the held-out test
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
     "certification.csv": "Every verdict, one row a condition and criterion.",
@@ -86,7 +87,7 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
     campaign = campaigns.load(state["campaign"])
     display = Display(float(state["window"]), state["unit"], system=SYSTEMS[state["system"]])
     unused, config = [test for test, _ in campaign.unused], chosen_config()
-    if page == "compare":
+    if page in _OF_TEST:
         test = campaign.test(state["test"])
         names.insert(0, test.id)
         details.append(f"Test {test.id} at {display.condition(test.condition)}")
@@ -141,9 +142,9 @@ def _digest(text: str) -> str:
 
 
 def _left_out(page: str) -> list[str]:
-    """Elsewhere than on Compare the figures themselves say what was left out, or all tests were learned from."""
+    """Figures of all tests say it themselves, and what is predicted elsewhere is learned from all."""
     left_out = chosen_config().leave_out
-    return [LEFT_OUT[left_out]] if page == "compare" and left_out == "speed group" else []
+    return [LEFT_OUT[left_out]] if page in _OF_TEST and left_out == "speed group" else []
 
 
 def export_button(show: Callable[[], None]) -> None:
