@@ -8,7 +8,7 @@ from dataclasses import replace
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
@@ -24,6 +24,16 @@ from crashfuse.wording import MPH_LB, Sentence, UnitSystem, probability_text, re
 
 ANSWER = "A test there"
 """Heading of :func:`answer_texts`."""
+ANSWER_WORDS: Mapping[Answer, str] = {
+    "run": "was run",
+    "need not be run": "skip",
+    "to be tested": "run",
+    "would miss": "would miss",
+    "test or redesign": "run",
+    "record for longer": "cannot say",
+    "outside": "cannot say",
+}
+"""The answer at a planned test in a word or two."""
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
@@ -174,7 +184,7 @@ def answer_texts(certification: Certification, *, short: bool = False) -> dict[s
         by = f"{len(tests)} tests" if short and len(tests) > 1 else ", ".join(tests)
         alike = f", as {name(same[i])}" if i in same else ""
         apart = [name(departure.test) for departure in departures_near(certification.campaign, condition)]
-        texts[i] = (f"run: {by}" if tests else certification.answers[i]) + alike
+        texts[i] = ANSWER_WORDS[certification.answers[i]] + (f": {by}" if tests else "") + alike
         texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
     return texts
 

@@ -31,7 +31,7 @@ from crashfuse.units import MS
 from crashfuse.wording import SYSTEMS
 
 _LONGEST_NAME, _DIGEST = 130, 6
-_QUESTION = ("criteria", "matrix", "uploaded", "confidence", "earlier", "speeds", "front_weights", "rear_weights")
+_QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier")
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
     "certification.csv": "Every verdict, one row a condition and criterion.",
@@ -120,7 +120,7 @@ def unusual_settings() -> list[str]:
     if page == "certify":
         chosen = address.parameters("certify")
         said += [LABELS[approach] for approach in chosen.get("approach", [])]
-        asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION or key.startswith("grid_")}
+        asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION}
         said += [_digest(repr(asked))] if asked else []
     said += [f"{config.preset} settings"] if config.preset != usual.preset else []
     return [*said, *([f"seed {config.seed}"] if config.seed != usual.seed else [])]
