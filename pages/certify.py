@@ -2,7 +2,7 @@
 
 import streamlit as st
 
-from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.approaches.registry import APPROACHES
 from crashfuse.certification.certify import APPROACH
 from crashfuse.ui.certify import answer, results
 from crashfuse.ui.certify.criteria import choose_criteria
@@ -23,9 +23,6 @@ with st.expander("Criteria and planned tests", icon=":material/tune:", expanded=
     st.caption("Which of the planned tests need not be run, by which criteria, and how often is that answer wrong?")
     criteria = choose_criteria(view)
     matrix = choose_matrix(view)
-    st.selectbox(
-        "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach", persist_state="session"
-    )
 verdicts = None
 if criteria is not None and matrix is not None:
     request = judge(view.campaign, criteria, matrix)

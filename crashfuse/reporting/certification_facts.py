@@ -1,6 +1,6 @@
 """What is said of a certification: every fact once, with its code and values, and where each of them is shown."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import chain, groupby
@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.evidence import run_near
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
@@ -26,32 +25,34 @@ from crashfuse.reporting.evidence_facts import (
 )
 from crashfuse.study.facts import campaign_facts
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import Sentence, joined, probability_text, read_out, speed, weight
+from crashfuse.wording import Sentence, joined, probability_text, read_out
 
-Place = Literal["summary", "matrix", "record", "domain", "caveats", "changes", "exceptions"]
+Place = Literal["summary", "matrix", "record", "domain", "changes"]
 SUBJECTS = {
     "test.stands_apart": "Tests that stand apart",
+    "since.wrong": "Verdicts that tests run since contradict",
+    "record.none": "No record",
+    "criterion.unsupported": "Criteria whose record does not support the confidence",
+    "test.extrapolated": "Tests outside the range of the CAE runs",
+    "cae.runs_fail": "CAE runs in doubt",
+    "tests.left_out_of_use": "Tests left out of use",
+    "test.not_used": "Tests that are not used",
     "campaign.warning": "Warnings about the campaign",
     "condition.outside": "Conditions outside the validated domain",
-    "test.not_used": "Tests that are not used",
     "condition.no_factor": "Conditions without a factor that the tests have",
     "condition.new_together": "Factors that no test has together",
     "condition.too_short": "Open, because recordings end too early to predict",
-    "test.extrapolated": "Tests outside the range of the CAE runs",
     "criterion.occupant": "Criteria by another occupant model than the usual one",
-    "since.wrong": "Verdicts that tests run since contradict",
     "since.moved": "Verdicts on tests run since that depend on how these were moved to their conditions",
     "since.too_narrow": "Intervals that tests run since contradict",
     "record.wrong": "Wrong verdicts on left-out tests",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
     "record.no_gain": "Probabilities no better than those of the raw CAE",
-    "criterion.unsupported": "Criteria whose record does not support the confidence",
     "criterion.untouched": "Criteria whose limit no left-out test came near",
     "criterion.few": "Criteria whose own record does not support the confidence alone",
-    "record.none": "No record",
 }
-"""What speaks against the verdicts, by code: its heading among the exceptions."""
+"""What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
 ANSWERS: Mapping[Answer, tuple[str, str]] = {
     "run": ("Run already", "{}"),
     "need not be run": ("Need not be run (probability that all criteria are met at once)", "all met at once: {}"),
@@ -66,7 +67,7 @@ ANSWERS: Mapping[Answer, tuple[str, str]] = {
 }
 """Of each answer, what stands before the conditions that have it, and what beside a single one."""
 _MATRIX = ("matrix.saved", "matrix.every", *(f"answer.{answer}" for answer in ANSWERS))
-_MATRIX += ("matrix.none_needed", "matrix.run_first", "matrix.tests_near")
+_MATRIX += ("matrix.none_needed", "matrix.run_first")
 _RECORD = ("record.waived", "since.waived", "record.decided")
 _SINCE = ("since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
 _CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
@@ -85,26 +86,13 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         "record.none",
     ),
     "domain": ("domain.checked", "domain.reach"),
-    "caveats": (
-        *("test.stands_apart", "test.in_doubt", "since.wrong", "record.none", "criterion.unsupported"),
-        *("test.extrapolated", "cae.runs_fail", "tests.left_out_of_use", "test.not_used", "since.too_narrow"),
-        *("since.moved", "condition.no_factor", "condition.new_together", "record.wrong", "record.too_narrow"),
-        *("record.no_gain", "record.bin", "criterion.occupant", "condition.too_short", "campaign.warning"),
-        *("criterion.untouched", "criterion.few"),
-    ),
     "changes": (
         *("since.beside", "since.settings", "since.tested", *_SINCE, "since.wrong", "since.compared"),
         *("since.turned", "since.newly_waived", "since.withdrawn"),
     ),
-    "exceptions": tuple(SUBJECTS),
 }
 """The codes that are shown at each place, the most important one first: on the terminal and at the head of the report,
-below the page's answer, in tabs of the page and sections of the report, beside the answer, and among the exceptions."""
-_OF_TESTS = (
-    "test.in_doubt",
-    "cae.runs_fail",
-    "tests.left_out_of_use",
-)  # of the campaign; others are of a certification
+below the page's answer, and in tabs of the page and sections of the report."""
 _WITH_PROBABILITY = ("need not be run", "to be tested")  # that all criteria are met at once
 _FEW = 6  # conditions, each with its own probability
 _EXPLAINED = 3  # conditions outside, each with its reason
@@ -127,11 +115,10 @@ def facts(certification: Certification) -> tuple[Fact, ...]:
 
 
 class Planned(NamedTuple):
-    """A planned test: the answer, its word (:data:`ANSWER_WORDS`), and what decides it."""
+    """A planned test: the answer in a word (:data:`ANSWER_WORDS`), and what decides it."""
 
     id: str
     condition: Condition
-    answer: Answer
     word: str
     why: str
 
@@ -144,19 +131,8 @@ def planned(certification: Certification) -> tuple[Planned, ...]:
         why = Sentence(ANSWERS[answer][1], _detail(certification, i))
         as_other = f"counts as {same[i]}" if i in same else ""
         texts = [text for text in (why, notes.get(i, ""), as_other) if text]
-        found.append(Planned(i, condition, answer, ANSWER_WORDS[answer], joined(texts, "; ")))
+        found.append(Planned(i, condition, ANSWER_WORDS[answer], joined(texts, "; ")))
     return tuple(found)
-
-
-def caveats(certification: Certification) -> dict[str, tuple[str, ...]]:
-    """What decides whether the answer can be relied on, by subject, the most important first."""
-    found = (*facts(certification), *(own for own in campaign_facts(certification.campaign) if own.code in _OF_TESTS))
-    order = PLACES["caveats"]
-    return _by_subject(by_importance((own for own in found if own.code in order), order))
-
-
-def _by_subject(some: Iterable[Fact]) -> dict[str, tuple[str, ...]]:
-    return {subject: tuple(own.sentence for own in same) for subject, same in groupby(some, lambda own: own.label)}
 
 
 def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:
@@ -172,13 +148,14 @@ def sentences(certification: Certification, place: Place) -> tuple[str, ...]:
 
 def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
-    return _by_subject(shown(certification, "exceptions"))
+    order = tuple(SUBJECTS)
+    against = by_importance((own for own in facts(certification) if own.code in order), order)
+    return {subject: tuple(own.sentence for own in some) for subject, some in groupby(against, lambda own: own.label)}
 
 
 def _campaign(certification: Certification) -> Iterator[Fact]:
     campaign = certification.campaign
-    yield from (own for own in campaign_facts(campaign) if own.code == "test.stands_apart")
-    yield from (fact("campaign.warning", remark) for remark in campaign.remarks)
+    yield from (own for own in campaign_facts(campaign) if own.code in SUBJECTS)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield fact("test.extrapolated", joined([test.id, joined(notes)], ": "), test=test.id)
@@ -215,7 +192,6 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     if first := certification.run_first:
         told = f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
         yield fact("matrix.run_first", told, condition=first)
-        yield from _near(certification, first)
 
 
 def _detail(certification: Certification, i: str) -> str:
@@ -255,26 +231,6 @@ def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
         tests.append(joined(parts, ", "))
     unsettled = ", ".join(verdict.criterion.name for verdict in row if verdict.word == "open")
     return joined([*tests, *([f"open: {unsettled}"] if unsettled else [])], "; ")
-
-
-def _near(certification: Certification, first: str) -> Iterator[Fact]:
-    row, record = certification.rows[first], certification.record
-    there, tests = row[0].condition, run_near(certification.campaign, row[0].condition)
-    if tests:
-        ids = [test.id for test in tests]
-        away = (
-            speed(max(abs(test.condition.speed_mps - there.speed_mps) for test in tests)),
-            weight(max(abs(test.condition.mass_kg - there.mass_kg) for test in tests)),
-        )
-        alone = [trial for trial in record.trials if trial.left_out == "test" and trial.held_out in ids]
-        showed = []
-        for criterion in (verdict.criterion for verdict in row if verdict.word == "open"):
-            if values := [trial.measured for trial in alone if trial.verdict.criterion == criterion]:
-                shown = criterion.shown(*dict.fromkeys((min(values), max(values))))
-                showed.append(Sentence("{} {} ({})", criterion.name, shown, criterion.limits))
-        told = "Within {} and {} of {} the prediction has learned from {}, which showed {}."
-        sentence = Sentence(told, *away, first, read_out(ids), joined(showed, ", ") or "nothing that is open")
-        yield fact("matrix.tests_near", sentence, tests=ids)
 
 
 def _notes_at(certification: Certification) -> tuple[list[str], dict[str, str]]:

@@ -10,9 +10,9 @@ from crashfuse.certification.changes import saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import at_most
 from crashfuse.files.csv_text import without_formulas
-from crashfuse.reporting.certification_facts import Planned, caveats, planned
+from crashfuse.reporting.certification_facts import Planned, exceptions, planned
 from crashfuse.reporting.certification_tables import SHOWN
-from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS
+from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, verdict_matrix
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.outliers import departures
@@ -46,10 +46,11 @@ def show(judgement: Judgement) -> None:
     """Show the answer per planned test, why, what speaks against it, and what would change it."""
     certification = judgement.certification
     _show_headline(certification)
-    subjects = list(caveats(certification).items())
-    for subject, (first, *others) in subjects[:_CAVEATS]:
-        more = f" :gray[and {len(others)} more below]" if others else ""
-        st.markdown(f":material/warning: **{plain(subject)}:** {plain(first)}{more}")
+    subjects = list(exceptions(certification).items())
+    with st.container(key="caveats"):
+        for subject, (first, *others) in subjects[:_CAVEATS]:
+            more = f" :gray[and {len(others)} more below]" if others else ""
+            st.markdown(f":small[:material/warning: **{plain(subject)}:** {plain(first)}{more}]")
     left, right = st.columns([3, 2], gap="medium")
     with left:
         way = choose("Shown as", _WAYS, key="answered")
@@ -68,7 +69,8 @@ def show(judgement: Judgement) -> None:
 
 def _show_headline(certification: Certification) -> None:
     (saved, of), (n, missed) = certification.saved, saved_and_missed(certification)
-    st.markdown(f"## :primary[{saved:,} of {of:,}] planned tests need not be run to know these pulse criteria")
+    answer = f":primary[{saved:,} of {of:,}] planned tests need not be run to know these pulse criteria"
+    st.subheader(answer, anchor=False)
     record = (
         f"{missed} of {n} left-out tests that need not have been run missed a criterion"
         if n
@@ -102,8 +104,9 @@ def _show_matrix(judgement: Judgement) -> None:
     n = len(judgement.certification.matrix.ids)
     with st.container(height=_MANY_PX if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(
-            lambda: judgement.verdicts.plot(display=judgement.display), "Verdicts by planned test and criterion",
-            _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts",
+            lambda: verdict_matrix(judgement.certification, judgement.display, narrow=True),
+            "Verdicts by planned test and criterion", _choose, "verdict matrix", judgement.key, judgement.display,
+            name="verdicts",
         )  # fmt: skip
     told = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
     st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict. All are in certification.csv.")

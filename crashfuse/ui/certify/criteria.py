@@ -4,6 +4,7 @@ from typing import Any
 
 import streamlit as st
 
+from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.criteria import (
     CONFIDENCE,
     RATING,
@@ -45,7 +46,7 @@ def criteria_asked(view: View) -> Criteria | None:
 
 
 def choose_criteria(view: View) -> Criteria | None:
-    """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here."""
+    """Ask for criteria, confidence and approach; None while there are none or they are wrong, which is said here."""
     state, units = st.session_state, view.display.units
     try:
         criteria, wrong = criteria_asked(view), None
@@ -72,6 +73,10 @@ def choose_criteria(view: View) -> Criteria | None:
         st.number_input(
             "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session", width=150,
             help="A criterion counts as met from this probability, as not met from its complement, else it is open.",
+        )  # fmt: skip
+        st.selectbox(
+            "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach",
+            persist_state="session", width=210,
         )  # fmt: skip
         another = _text({"metric": RATING if any(RATING in text for text in state["criteria"]) else MAIN_METRICS[0]})
         st.button(
