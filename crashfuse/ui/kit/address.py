@@ -20,7 +20,6 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.plots.curves import TEST
-from crashfuse.reporting.report.page import REPORT_FORMS
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.wording import SYSTEMS
@@ -92,8 +91,6 @@ CHOICES: dict[str, Choice] = {
     # what is shown on a page
     "corridors": Choice(bool, False, pages=("compare",)),
     "cost": Choice(float, pages=("study",)),
-    "report_form": Choice(str, "whole", REPORT_FORMS, ("compare", "study", "predict")),
-    "report_tests": Choice(tuple, (), pages=("study",), of_campaign=True),
     "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
     "band": Choice(str, "recommended", ("recommended", *APPROACHES), ("compare", "predict")),
     "only": Choice(tuple, (), pages=("data",), of_campaign=True),

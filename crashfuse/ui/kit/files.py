@@ -19,17 +19,20 @@ from crashfuse.reporting.figures import RUN, Further
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import ReportForm, ReportOptions
+from crashfuse.reporting.report.page import REPORT_FORMS
 from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import address, campaigns
-from crashfuse.ui.kit.address import choose_one, chosen_config, kept_choice
+from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import notes_of
+from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import MS
 from crashfuse.wording import SYSTEMS
 
+_EXPORTED = "view whose files are shown"  # session key
 _LONGEST_NAME, _DIGEST = 130, 6
 _QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier")
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
@@ -143,6 +146,24 @@ def _left_out(page: str) -> list[str]:
     return [LEFT_OUT[left_out]] if page == "compare" and left_out == "speed group" else []
 
 
+def export_button(show: Callable[[], None]) -> None:
+    """Button that opens a dialog in which ``show`` draws what can be downloaded; nothing of it is computed before.
+
+    It stays open while the page is redrawn because more of a result is known, until the reader closes it or goes on.
+    """
+    place, state = address.here(), st.session_state
+
+    def show_and_listen() -> None:
+        show()
+        component("closing")(key="closing")
+
+    st.button("Export", icon=":material/download:", key="export", on_click=lambda: state.update({_EXPORTED: place}))
+    if state.get(_EXPORTED) == place:
+        st.dialog("Export", width="large", on_dismiss=lambda: state.pop(_EXPORTED, None))(show_and_listen)()
+    else:
+        state.pop(_EXPORTED, None)
+
+
 def download_table(name: str, table: Callable[[], pd.DataFrame], of: str = "") -> None:
     """Button that downloads a CSV as the command line writes it; before its name stands what it is ``of``."""
     download_bytes(name, lambda: csv_bytes(table()), of, mime="text/csv")
@@ -174,9 +195,10 @@ def _named(name: str, of: str) -> str:
 
 def choose_form(short: str, whole: str) -> ReportForm:
     """Ask for the form of the report, and tell what it then has."""
-    labels, meaning = _FORM_LABELS.__getitem__, _FORM_HELP.format(short, whole)
-    choose_one("report_form", "Report", format_func=labels, help=meaning)
-    form: ReportForm = st.session_state["report_form"]
+    form: ReportForm = st.segmented_control(
+        "Report", REPORT_FORMS, default="whole", required=True, key="report form", persist_state="session",
+        format_func=_FORM_LABELS.__getitem__, help=_FORM_HELP.format(short, whole),
+    )  # fmt: skip
     return form
 
 
@@ -184,10 +206,10 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report, and which tests it shows one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
         form = choose_form(*_OF_STUDY)
-        shown: list[str] = []
+        shown: Sequence[str] = ()
         if len(tests) > 1:
-            shown = kept_choice(
-                "report_tests", tests, st.multiselect, "Tests shown one by one",
+            shown = st.multiselect(
+                "Tests shown one by one", tests, key=f"report tests of {view.name}", persist_state="session",
                 placeholder="all tests" if form == "whole" else "the worst",
                 help="Means are over all tests, whichever are shown.",
             )  # fmt: skip
