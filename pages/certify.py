@@ -38,4 +38,5 @@ if verdicts is None:
 verdicts = results.beside_earlier(verdicts, request.key)
 since = verdicts.certification.since
 key = request.key, None if since is None else since.earlier.digest
-show_tabs(TABS, Judgement(verdicts, view.display, notes_of(view), key), key="certify_tab")
+judgement = Judgement(verdicts, view.display, notes_of(view), key)
+show_tabs(TABS, judgement, key="certify_tab", export=results.show_files)

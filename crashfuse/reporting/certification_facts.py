@@ -27,7 +27,7 @@ from crashfuse.study.facts import campaign_facts
 from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, joined, probability_text, read_out
 
-Place = Literal["summary", "matrix", "record", "domain", "changes"]
+Place = Literal["answer", "summary", "matrix", "record", "domain", "changes"]
 SUBJECTS = {
     "test.stands_apart": "Tests that stand apart",
     "since.wrong": "Verdicts that tests run since contradict",
@@ -66,19 +66,30 @@ ANSWERS: Mapping[Answer, tuple[str, str]] = {
     "outside": ("Outside what the tests check", "outside what the tests check{}"),
 }
 """Of each answer, what stands before the conditions that have it, and what beside a single one."""
-_MATRIX = ("matrix.saved", "matrix.every", *(f"answer.{answer}" for answer in ANSWERS))
-_MATRIX += ("matrix.none_needed", "matrix.run_first")
+_ANSWER = ("matrix.saved", *(f"answer.{answer}" for answer in ANSWERS))
+_MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
 _RECORD = ("record.waived", "since.waived", "record.decided")
 _SINCE = ("since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
 _CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
 _CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
 PLACES: Mapping[Place, tuple[str, ...]] = {
+    "answer": _ANSWER,
     "summary": (
-        *("matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE, *_CONDITIONS, *_CRITERIA),
+        *(
+            *_ANSWER,
+            "matrix.counts",
+            *_MATRIX,
+            *_RECORD,
+            "record.brier",
+            "record.no_gain",
+            *_SINCE,
+            *_CONDITIONS,
+            *_CRITERIA,
+        ),
         "record.none",
     ),
     "matrix": (
-        *("test.stands_apart", *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
+        *("test.stands_apart", *_ANSWER, *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
         *("test.not_used", "criterion.unsupported"),
     ),
     "record": (
@@ -91,7 +102,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("since.turned", "since.newly_waived", "since.withdrawn"),
     ),
 }
-"""The codes that are shown at each place, the most important one first: on the terminal and at the head of the report,
+"""The codes that are shown at each place, the most important one first: at the head of terminal, report and slides,
 below the page's answer, and in tabs of the page and sections of the report."""
 _WITH_PROBABILITY = ("need not be run", "to be tested")  # that all criteria are met at once
 _FEW = 6  # conditions, each with its own probability

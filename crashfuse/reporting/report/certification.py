@@ -45,7 +45,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         *origin,
         date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         words=WORDS,
-        said={place: sentences(certification, place) for place in ("summary", "domain", "record", "changes")},
+        said={place: sentences(certification, place) for place in ("answer", "summary", "domain", "record", "changes")},
         exceptions=exceptions(certification),
         table_of=tables,
         n_conditions=len(certification.matrix.ids),

@@ -1,6 +1,7 @@
 """The planned tests: those of the campaign, of an uploaded file, or typed in, a row each."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError
 from crashfuse.files.csv_text import without_formulas
-from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.certify.entry import SEPARATOR, Field, choose_kept, edit_rows, find_kept, show_wrong, uploaded
 from crashfuse.ui.kit import address, campaigns
@@ -33,7 +33,7 @@ def matrix_asked(view: View) -> Matrix | None:
     """The planned tests that are chosen, at first the campaign's; None if there are none. Raises as :class:`Matrix`."""
     state, own = st.session_state, view.folder / _FILE
     address.default("matrix", _OWN if own.is_file() else _TYPED, _sources(view))
-    address.default("planned", _usual(view.campaign, view.display), follow=not state.get(JUDGED))  # verdicts would go
+    address.default("planned", _usual(view), follow=not state.get(JUDGED))  # verdicts would go
     if state["matrix"] == _OWN:
         return _read(own, campaigns.stamp(own), view.campaign.fingerprint, view.campaign)
     if state["matrix"] == _UPLOAD:
@@ -56,16 +56,6 @@ def choose_matrix(view: View) -> Matrix | None:
     with right:
         if source == _UPLOAD:
             wrong = _show_upload(view.campaign) or wrong
-        elif source == _OWN and matrix is not None and len(matrix.ids) <= _MOST_ROWS:
-            names = view.campaign.factors
-            texts = [
-                _text(i, c.vector, view.display.system, [dict(c.factors).get(name, "") for name in names])
-                for i, c in matrix.items
-            ]
-            st.button(
-                "Change these here", icon=":material/edit:",
-                on_click=lambda: st.session_state.update(matrix=_TYPED, planned=texts),
-            )  # fmt: skip
     if source == _TYPED:
         _edit(view)
     elif matrix is not None:
@@ -134,15 +124,23 @@ def _units(system: UnitSystem) -> tuple[str, str, str]:
     return system.speed, system.weight, system.weight
 
 
-def _usual(campaign: Campaign, display: Display) -> list[str]:
-    """Tests to start with: round speeds over those of the campaign's tests, at their middle weights."""
-    step, factors = _STEPS[display.units.speed], [IN_SI[unit] for unit in _units(display.system)]
+def _usual(view: View) -> list[str]:
+    """Tests to start with: the campaign's, or round speeds over those of its tests, at their middle weights."""
+    campaign, system, own = view.campaign, view.display.system, view.folder / _FILE
+    with suppress(CrashfuseError):
+        if own.is_file():
+            items = _read(own, campaigns.stamp(own), campaign.fingerprint, campaign).items
+            given = [(i, condition.vector, dict(condition.factors)) for i, condition in items]
+            return [
+                _text(i, vector, system, [of.get(name, "") for name in campaign.factors]) for i, vector, of in given
+            ]
+    step, factors = _STEPS[system.speed], [IN_SI[unit] for unit in _units(system)]
     tests = np.array([test.condition.vector for test in campaign.tests]) / factors
     low, high = np.ceil(tests[:, 0].min() / step) * step, np.floor(tests[:, 0].max() / step) * step
     speeds = np.arange(low, high + step / 2, step) if low <= high else [round(float(np.median(tests[:, 0])), 1)]
     front, rear = np.median(tests[:, 1:], axis=0).round()
     return [
-        _text(f"P{number:02d}", np.array([v, front, rear]) * factors, display.system, [""] * len(campaign.factors))
+        _text(f"P{number:02d}", np.array([v, front, rear]) * factors, system, [""] * len(campaign.factors))
         for number, v in enumerate(speeds, start=1)
     ]
 
@@ -169,7 +167,7 @@ def _edit(view: View) -> None:
 def _add(view: View) -> None:
     """Another row like the last, under another id."""
     state = st.session_state
-    rows = state["planned"] or _usual(view.campaign, view.display)
+    rows = state["planned"] or _usual(view)
     known = {text.partition(SEPARATOR)[0] for text in rows}
     name = next(i for n in range(1, _MOST_ROWS + 2) if (i := f"P{n:02d}") not in known)
     state["planned"] = [*state["planned"], SEPARATOR.join([name, *rows[-1].split(SEPARATOR)[1:]])]

@@ -182,7 +182,7 @@ def download_report(write: Callable[[], str], of: str, name: str = "report.html"
 
 def download_bytes(name: str, write: Callable[[], bytes], of: str = "", mime: str | None = None) -> None:
     """Button that downloads a file of any kind, and says what a known one holds."""
-    slides = "The figures of the report, one a slide." if name.endswith(".pptx") else None
+    slides = "The answer, then the figures of the report, one a slide." if name.endswith(".pptx") else None
     st.download_button(
         name, write, file_name=_named(name, of), mime=mime, icon=":material/download:", on_click="ignore",
         help=_HOLDS.get(name, slides),
