@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.matrix import Matrix
-from crashfuse.errors import CrashfuseError
+from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.certify.entry import SEPARATOR, Field, choose_kept, edit_rows, find_kept, show_wrong, uploaded
@@ -105,7 +106,13 @@ def _typed(texts: tuple[str, ...], fingerprint: str, _campaign: Campaign) -> Mat
     table = pd.DataFrame([row[:_SYSTEM] for row in rows], columns=["id", *names])
     for name, column in zip(_campaign.factors, zip(*(row[_SYSTEM + 1 :] for row in rows), strict=True), strict=True):
         table[name] = column
-    return Matrix.of(table, _campaign.factors)
+    try:
+        return Matrix.of(table, _campaign.factors)
+    except DataError as error:  # with rows as a reader counts them
+        problems = [
+            replace(own, where="Planned tests", row=None if own.row is None else own.row + 1) for own in error.problems
+        ]
+        raise DataError(problems) from error
 
 
 def _parts(text: str, campaign: Campaign) -> list[str]:
