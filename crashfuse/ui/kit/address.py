@@ -16,7 +16,6 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.settings import DEVICES, PRESETS
-from crashfuse.certification.verdict import WORDS
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
@@ -103,8 +102,8 @@ CHOICES: dict[str, Choice] = {
     "sweep_metric": Choice(str, next(iter(METRIC_LABELS)), tuple(METRIC_LABELS), ("predict",)),
     "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
     "confidence": Choice(float, pages=("certify",), of_campaign=True),
-    "grid_…": Choice(tuple, pages=("certify",)),
-    "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
+    "planned": Choice(tuple, pages=("certify",), of_campaign=True),
+    "what_if": Choice(tuple, (), pages=("certify",), of_campaign=True),
     "listed": Choice(str, "this", ("this", "all"), pages=("history",)),
 }
 _ON_PAGE = {
@@ -113,12 +112,12 @@ _ON_PAGE = {
     "compare": ("compare_tab", "compared", "explained", "over_displacement"),
     "study": ("study_tab", "ways"),
     "predict": ("predict_tab", "predicted", "factor_…", "speed_range", "front_range", "rear_range"),
-    "certify": ("approach", "certify_tab", "record"),
+    "certify": ("approach", "certify_tab", "answered", "record"),
     "history": ("first", "second", "compared_way", "compared_approach"),
 }
 _ON_PAGE_OF_CAMPAIGN = {
     "data": ("data_tab",),
-    "certify": ("matrix", "uploaded", "earlier", "speeds", "front_weights", "rear_weights", "cell"),
+    "certify": ("matrix", "uploaded", "earlier", "cell"),
 }
 CHOICES |= {key: Choice(pages=(page,)) for page, keys in _ON_PAGE.items() for key in keys}
 CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_PAGE_OF_CAMPAIGN.items() for key in keys}

@@ -34,7 +34,7 @@ from crashfuse.wording import SYSTEMS
 
 _EXPORTED = "view whose files are shown"  # session key
 _LONGEST_NAME, _DIGEST = 130, 6
-_QUESTION = ("criteria", "matrix", "uploaded", "confidence", "earlier", "speeds", "front_weights", "rear_weights")
+_QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier")
 _OF_TEST = ("train", "compare")  # pages whose figures are of the held-out test
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
@@ -124,7 +124,7 @@ def unusual_settings() -> list[str]:
     if page == "certify":
         chosen = address.parameters("certify")
         said += [LABELS[approach] for approach in chosen.get("approach", [])]
-        asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION or key.startswith("grid_")}
+        asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION}
         said += [_digest(repr(asked))] if asked else []
     said += [f"{config.preset} settings"] if config.preset != usual.preset else []
     return [*said, *([f"seed {config.seed}"] if config.seed != usual.seed else [])]
@@ -183,7 +183,7 @@ def download_report(write: Callable[[], str], of: str, name: str = "report.html"
 
 def download_bytes(name: str, write: Callable[[], bytes], of: str = "", mime: str | None = None) -> None:
     """Button that downloads a file of any kind, and says what a known one holds."""
-    slides = "The figures of the report, one a slide." if name.endswith(".pptx") else None
+    slides = "The answer, then the figures of the report, one a slide." if name.endswith(".pptx") else None
     st.download_button(
         name, write, file_name=_named(name, of), mime=mime, icon=":material/download:", on_click="ignore",
         help=_HOLDS.get(name, slides),
