@@ -14,7 +14,6 @@ TABS = {
     "Pulses": compare_figures.show_pulses,
     "Why": compare_figures.show_why,
     "Over displacement": compare_figures.show_over_displacement,
-    "Networks": compare_figures.show_networks,
     "Ratings and metrics": compare.show_ratings,
     "Files and report": compare.show_files,
 }

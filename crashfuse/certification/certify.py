@@ -204,7 +204,7 @@ def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: 
     config = replace(config, approaches=config.approaches[:1])
     forecasts = Forecasts(campaign, criteria.windows_ms, config, cache, SILENT)
     _, trials, cells = _asked(campaign, matrix, config.approaches[0])
-    return all(forecasts.find(asked) is not None for asked in (*cells, *trials))
+    return all(forecasts.is_known(asked) for asked in (*cells, *trials))
 
 
 _Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out with it, the ids of all left out

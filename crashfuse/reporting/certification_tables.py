@@ -1,6 +1,5 @@
 """Every table of a certification: those of its files, and those that pages and reports show."""
 
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -8,7 +7,7 @@ from dataclasses import replace
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
@@ -24,6 +23,16 @@ from crashfuse.wording import MPH_LB, Sentence, UnitSystem, probability_text, re
 
 ANSWER = "A test there"
 """Heading of :func:`answer_texts`."""
+ANSWER_WORDS: Mapping[Answer, str] = {
+    "run": "was run",
+    "need not be run": "skip",
+    "to be tested": "run",
+    "would miss": "would miss",
+    "test or redesign": "run",
+    "record for longer": "cannot say",
+    "outside": "cannot say",
+}
+"""The answer at a planned test in a word or two."""
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
@@ -174,7 +183,7 @@ def answer_texts(certification: Certification, *, short: bool = False) -> dict[s
         by = f"{len(tests)} tests" if short and len(tests) > 1 else ", ".join(tests)
         alike = f", as {name(same[i])}" if i in same else ""
         apart = [name(departure.test) for departure in departures_near(certification.campaign, condition)]
-        texts[i] = (f"run: {by}" if tests else certification.answers[i]) + alike
+        texts[i] = ANSWER_WORDS[certification.answers[i]] + (f": {by}" if tests else "") + alike
         texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
     return texts
 
@@ -210,25 +219,6 @@ def _trials(certification: Certification, display: Display) -> pd.DataFrame:
         }
         for trial in certification.record.counted
     )
-
-
-def _open(certification: Certification, display: Display) -> pd.DataFrame:
-    rows = []
-    for i, verdict in certification.cells:
-        if verdict.word == "open" and verdict.probability is not None:
-            criterion, ends = verdict.criterion, (verdict.lower, verdict.upper)
-            margin = None if verdict.value is None else criterion.margin(verdict.value)
-            half_width = None if ends[0] is None or ends[1] is None else (ends[1] - ends[0]) / 2
-            share = margin / half_width if margin is not None and half_width else math.inf
-            row = {
-                "Condition": i,
-                **_cells(certification, verdict, display, "95 % of tests", "Verdict", "Reason", "Probability"),
-                "Distance": unbroken(display.words(criterion.shown(margin))),
-                "In half widths of the interval": f"{share:.2f}" if math.isfinite(share) else "–",
-                "Probability": probability_text(verdict.probability, certification.criteria.confidence),
-            }
-            rows.append((share, row))
-    return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
 
 
 def _changes(certification: Certification, display: Display) -> pd.DataFrame:
@@ -307,20 +297,6 @@ def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
     return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
 
 
-def _bins(certification: Certification, _: Display) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "Probability given": f"{own.low:g}–{own.high:g}",
-            "On average": f"{own.probability:.3f}",
-            "Verdicts": own.n,
-            "Met": f"{own.met:.3f}",
-            "95 % bounds": f"{own.lower:.3f}–{own.upper:.3f}",
-            "Within them": "yes" if own.holds else "no",
-        }
-        for own in certification.record.reliability
-    )
-
-
 SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
     "conditions": _conditions,
     "criteria": _criteria,
@@ -328,10 +304,8 @@ SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
     "verdicts": lambda own, display: pd.DataFrame(
         {"Condition": i, **_cells(own, verdict, display)} for i, verdict in own.cells
     ),
-    "open": _open,
     "record": _record,
     "trials": _trials,
-    "probabilities": _bins,
     "changes": _changes,
 }
 """Tables for readers, by name; that of changes if it is beside an earlier certification."""

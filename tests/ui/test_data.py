@@ -316,7 +316,7 @@ def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_camp
     session = visit()
     assert session.numbers["Tests"] == "1"
     assert "Only one test: nothing can be left out" in session.words
-    assert session.go("train").buttons == ["Start"]  # fits on all tests
+    assert session.go("train").buttons == ["Export", "Train on all tests"]
     for page in ("compare", "study"):
         session.go(page)
         assert "T1 is the only test of this campaign: left out, it would leave nothing to learn from." in session.words

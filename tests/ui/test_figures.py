@@ -126,7 +126,7 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
         (
             "over_displacement",
             "Over displacement",
-            {"Acceleration": "displacement", "Energy": "energy", "Check of the integration": "integration"},
+            {"Acceleration": "displacement", "Energy": "energy"},
         ),
     ):
         if tab is not None:
@@ -134,31 +134,29 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
         for choice, figure in figures.items():
             session.app.button_group(key=key).set_value(choice).run()
             assert drawn(session) == library(figure, also=["T3"]), figure
-    session.app.button_group(key="over_displacement").set_value("Bias by speed").run()
-    assert drawn(session) == traces(study.campaign.plot("bias", held_out="T2", display=SHOWN))
-    session.app.button_group(key="over_displacement").set_value("Parts of the bias").run()
-    assert drawn(session) == library("bias parts")
     session.app.button_group(key="compare_tab").set_value("Why").run()
     session.app.button_group(key="explained").set_value("cae").run()
     assert drawn(session) == library("scores") + library("rating", approaches=["cae"], also=["T3"])
 
 
 @pytest.mark.usefixtures("quick_networks")
-def test_on_the_networks(open_campaign: Path, visit: "Visit") -> None:
-    """Before and after the tests, side by side on one scale, with what was put beside; and how they learned."""
-    names = ["cae", "lf_tcn", "time_domain"]
+def test_on_train(open_campaign: Path, visit: "Visit") -> None:
+    """The networks before and after the tests on one scale, and how they learned; the bias and its parts; x(t)."""
+    names = ["cae", "lf_tcn", "time_domain", "displacement_domain"]
     study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=names, workers=1)
-    session = visit("compare", test="T2", also=["T3"], curves=["test"], **{**OPTIONS, "approaches": names}).finish()
-    session.app.button_group(key="compare_tab").set_value("Networks").run()
-    beside = [
-        study.plot("T2", "acceleration", approaches=[network], also=["T3"], display=SHOWN)
+    session = visit("train", test="T2", train_tab="Diagnostics", **{**OPTIONS, "approaches": names}).finish()
+    pulses = [
+        study.plot("T2", "acceleration", approaches=["cae", network], band=network, display=SHOWN)
         for network in ("lf_tcn", "time_domain")
     ]
-    share_y_range(beside)
-    assert drawn(session) == traces(*beside)
-    session.app.button_group(key="networks").set_value("Learning curves").run()
+    share_y_range(pulses)
     learning = [study.plot("T2", figure, approaches=["time_domain"]) for figure in ("training", "fine-tuning")]
-    assert drawn(session) == traces(*learning)
+    assert drawn(session) == traces(*pulses, *learning)
+    session.app.button_group(key="diagnostics").set_value("Bias").run()
+    bias = study.campaign.plot("bias", held_out="T2", display=SHOWN)
+    assert drawn(session) == traces(bias, study.plot("T2", "bias parts", display=SHOWN))
+    session.app.button_group(key="diagnostics").set_value("Integration check").run()
+    assert drawn(session) == traces(study.plot("T2", "integration", display=SHOWN))
 
 
 def test_on_certify(open_campaign: Path, visit: "Visit") -> None:

@@ -17,12 +17,10 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.settings import DEVICES, PRESETS
-from crashfuse.certification.verdict import WORDS
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.plots.curves import TEST
-from crashfuse.reporting.report.page import REPORT_FORMS
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
 from crashfuse.wording import SYSTEMS
@@ -94,16 +92,14 @@ CHOICES: dict[str, Choice] = {
     "seed": Choice(int, 0, range(2**32)),
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
-    "window": Choice(window_of, WINDOWS_MS[-1], (), ("data", "compare", "study", "predict", "history")),
+    "window": Choice(window_of, WINDOWS_MS[-1], (), ("data", "train", "compare", "study", "predict", "history")),
     "system": Choice(options=tuple(SYSTEMS)),
-    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "study", "predict", "certify")),
-    "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
+    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "train", "compare", "study", "predict", "certify")),
+    "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "train", "compare", "predict")),
     # what is shown on a page
     "opening": Choice(str, None, ("add", "open"), ("data",), of_campaign=True),
     "corridors": Choice(bool, False, pages=("compare",)),
     "cost": Choice(float, pages=("study",)),
-    "report_form": Choice(str, "whole", REPORT_FORMS, ("compare", "study", "predict")),
-    "report_tests": Choice(tuple, (), pages=("study",), of_campaign=True),
     "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
     "band": Choice(str, "recommended", ("recommended", *APPROACHES), ("compare", "predict")),
     "also": Choice(tuple, (), pages=("compare", "predict"), of_campaign=True),
@@ -114,22 +110,22 @@ CHOICES: dict[str, Choice] = {
     "sweep_metric": Choice(str, next(iter(METRIC_LABELS)), tuple(METRIC_LABELS), ("predict",)),
     "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
     "confidence": Choice(float, pages=("certify",), of_campaign=True),
-    "grid_…": Choice(tuple, pages=("certify",)),
-    "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
+    "planned": Choice(tuple, pages=("certify",), of_campaign=True),
+    "what_if": Choice(tuple, (), pages=("certify",), of_campaign=True),
     "listed": Choice(str, "this", ("this", "all"), pages=("history",)),
 }
 _ON_PAGE = {
     "data": ("import", "filter"),
-    "train": ("purpose",),
-    "compare": ("compare_tab", "compared", "explained", "networks", "over_displacement"),
+    "train": ("train_tab", "diagnostics"),
+    "compare": ("compare_tab", "compared", "explained", "over_displacement"),
     "study": ("study_tab", "ways"),
     "predict": ("predict_tab", "predicted", "factor_…", "speed_range", "front_range", "rear_range"),
-    "certify": ("approach", "certify_tab", "record"),
+    "certify": ("approach", "certify_tab", "answered", "record"),
     "history": ("first", "second", "compared_way", "compared_approach"),
 }
 _ON_PAGE_OF_CAMPAIGN = {
     "data": ("data_tab",),
-    "certify": ("matrix", "uploaded", "earlier", "speeds", "front_weights", "rear_weights", "cell"),
+    "certify": ("matrix", "uploaded", "earlier", "cell"),
 }
 CHOICES |= {key: Choice(pages=(page,)) for page, keys in _ON_PAGE.items() for key in keys}
 CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_PAGE_OF_CAMPAIGN.items() for key in keys}

@@ -349,10 +349,16 @@ class _AnswerLine:
 
     def complete(self) -> None:
         """Add the answer of Certify, and what has to be known of the campaign."""
-        from crashfuse.ui.certify.results import latest_answer  # whose figures and reports take a while
+        from crashfuse.ui.certify.results import last_verdicts  # whose figures and reports take a while
 
-        view, answer = self.view, latest_answer(self.view)
-        self._link("certify", f"**{answer.label}**", answer.sentence, "certify")
+        view = self.view
+        verdicts, told = last_verdicts(view)
+        meaning = "Certify tells which planned tests need not be run."
+        if verdicts is not None:
+            n, of = verdicts.certification.saved
+            told = f"{n:,} of {of:,} planned test{'s' * (of != 1)} need not be run"
+            meaning = "A test there would meet all pulse criteria of Certify at once, with the confidence asked for."
+        self._link("certify", f"**{plain(told)}**", meaning, "certify")
         for fact in campaign_facts(view.campaign):
             label, key = plain(fact.label), f"{fact.code} {fact.label}"
             if fact.code == "test.stands_apart":
