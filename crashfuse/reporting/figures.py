@@ -38,6 +38,7 @@ RUN = "cae:"
 ONE_PROCESS = "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
 """Why there are no parts of the bias to draw."""
 
+_FOLDED = "10px,3px"  # dashes of the pulse if a test folds as the one that stands apart
 _STEP_M = 0.004  # grid of the parts of a bias
 _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it
 _ACCELERATIONS = ("motion", "acceleration")  # figures that begin with acceleration over time
@@ -275,7 +276,7 @@ def other_fold(campaign: Campaign, estimates: Mapping[str, Estimate], band: str 
     if prediction is None or prediction.apart is None or prediction.draws_mps2 is None:
         return {}
     test = departures_near(campaign, prediction.condition)[0].test
-    name = LegendName.of(f"{LABELS[approach]} if it folds as {test}", {**curve_line(approach), "dash": "longdash"})
+    name = LegendName.of(f"{LABELS[approach]} if it folds as {test}", {**curve_line(approach), "dash": _FOLDED})
     return {name: Prediction(prediction.condition, prediction.draws_mps2[prediction.apart].mean(axis=0, dtype=float))}
 
 

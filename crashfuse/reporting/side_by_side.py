@@ -24,10 +24,7 @@ def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[Predict
 
 
 def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> pd.DataFrame:
-    """Main metrics by one approach, for readers: each column but the first is followed by its differences from it.
-
-    Columns are named after their conditions, and by their settings if these are not the first's.
-    """
+    """Main metrics by one approach, for readers: each column but the first is followed by its differences from it."""
     labels = predictions[0].campaign.metric_headings
     (first, base), *others = [
         (who, {metric.name: display.metric(metric) for metric in metrics})
@@ -39,20 +36,33 @@ def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAU
     }
     for who, metrics in others:
         table[who] = [metrics[name].text for name in MAIN_METRICS]
-        table[f"Difference, {who}"] = [_difference(metrics[name], base[name]) for name in MAIN_METRICS]
+        table[f"{who} − {first}"] = [_difference(metrics[name], base[name]) for name in MAIN_METRICS]
     return pd.DataFrame(table)
+
+
+def column_names(predictions: Sequence[PredictedPulse], display: Display) -> list[str]:
+    """Names of predictions beside each other: their conditions, and their settings if these are not the first's."""
+    names, shown = display.apart([prediction.condition for prediction in predictions]), predictions[0].config
+    return [
+        ", ".join(filter(None, [name, otherwise(prediction.config, shown)]))
+        for name, prediction in zip(names, predictions, strict=True)
+    ]
 
 
 def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> list[str]:
     """What has to be known of the columns after the first: where a condition is an extrapolation, what is missing."""
+    return [*extrapolations(predictions, display), *metric_remarks(_columns(predictions, display)[1:])[0]]
+
+
+def extrapolations(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> list[str]:
+    """At which of the further conditions a prediction is an extrapolation."""
     columns, (first, *others) = _columns(predictions, display)[1:], predictions
-    outside = [
+    return [
         Sentence("{}: {}", name, note)
         for (name, _), prediction in zip(columns, others, strict=True)
         for note in prediction.campaign.cae.extrapolation(prediction.condition)
         if prediction.condition != first.condition
     ]
-    return [*outside, *metric_remarks(columns)[0]]
 
 
 def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
@@ -83,11 +93,8 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
 
 
 def _columns(predictions: Sequence[PredictedPulse], display: Display) -> list[tuple[str, Sequence[Metric]]]:
-    names, shown = display.apart([prediction.condition for prediction in predictions]), predictions[0].config
-    return [
-        (", ".join(filter(None, [name, otherwise(prediction.config, shown)])), prediction.estimate.metrics)
-        for name, prediction in zip(names, predictions, strict=True)
-    ]
+    metrics = [prediction.estimate.metrics for prediction in predictions]
+    return list(zip(column_names(predictions, display), metrics, strict=True))
 
 
 def _difference(metric: Metric, base: Metric) -> str:

@@ -66,7 +66,7 @@ def motion(
 
     Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
     """
-    figure = new_figure(height=560 + room_for_names(predictions))
+    figure = new_figure(height=510 + room_for_names(predictions))
     accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
     velocities, displacements = _integrals(measured, predictions, speed_mps, display)
@@ -78,9 +78,9 @@ def motion(
     figure.update_layout(
         hoversubplots="axis",
         xaxis={"anchor": "y3"},
-        yaxis={"domain": [0.62, 1.0], "title": display.accel_title},
-        yaxis2={**look, "domain": [0.31, 0.58], "title": display.title("Velocity", "km/h")},
-        yaxis3={**look, "domain": [0.0, 0.27], "title": "Displacement (mm)"},
+        yaxis={"domain": [0.5, 1.0], "title": display.accel_title},
+        yaxis2={**look, "domain": [0.25, 0.46], "title": display.title("Velocity", "km/h")},
+        yaxis3={**look, "domain": [0.0, 0.21], "title": "Displacement (mm)"},
     )
     if measured is not None:
         shade_window(figure, display.window_ms, rows=3)

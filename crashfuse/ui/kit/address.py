@@ -95,10 +95,12 @@ CHOICES: dict[str, Choice] = {
     "cost": Choice(float, pages=("study",)),
     "report_form": Choice(str, "whole", REPORT_FORMS, ("compare", "study", "predict")),
     "report_tests": Choice(tuple, (), pages=("study",), of_campaign=True),
-    "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
-    "band": Choice(str, "recommended", ("recommended", *APPROACHES), ("compare", "predict")),
+    "compare_curves": Choice(tuple, None, (TEST, *APPROACHES), ("compare",)),
+    "predict_approach": Choice(options=APPROACHES, pages=("predict",)),
+    "predict_curves": Choice(tuple, None, (*APPROACHES, "representative"), ("predict",)),
     "only": Choice(tuple, (), pages=("data",), of_campaign=True),
-    "also": Choice(tuple, (), pages=("data", "compare", "predict"), of_campaign=True),
+    **{f"{page}_also": Choice(tuple, (), pages=(page,), of_campaign=True) for page in ("data", "compare", "predict")},
+    **{f"{page}_nearest": Choice(bool, False, pages=(page,)) for page in ("compare", "predict")},
     "pins": Choice(tuple, (), pages=("data", "compare", "predict")),
     "speed_mph": Choice(float, pages=("predict",)),
     "front_weight_lb": Choice(float, pages=("predict",)),
@@ -113,9 +115,9 @@ CHOICES: dict[str, Choice] = {
 _ON_PAGE = {
     "data": ("import", "filter"),
     "train": ("purpose",),
-    "compare": ("compare_tab", "compared", "explained", "networks", "over_displacement"),
+    "compare": ("compare_tab", "compared", "explained"),
     "study": ("study_tab", "ways"),
-    "predict": ("predict_tab", "predicted", "factor_…", "speed_range", "front_range", "rear_range"),
+    "predict": ("predict_tab", "predicted", "subtracted", "factor_…", "speed_range", "front_range", "rear_range"),
     "certify": ("approach", "certify_tab", "record"),
     "history": ("first", "second", "compared_way", "compared_approach"),
 }
@@ -178,6 +180,11 @@ def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, 
     if usual or (known and state[key] not in known):
         put(key, value)
     defaults[key] = value
+
+
+def is_default(key: str) -> bool:
+    """True if a choice is the default for what is looked at."""
+    return bool(_state().get(key) == _state().get(_DEFAULTS, {}).get(key))
 
 
 def want_units() -> None:

@@ -143,6 +143,12 @@ def _left_out(page: str) -> list[str]:
     return [LEFT_OUT[left_out]] if page == "compare" and left_out == "speed group" else []
 
 
+def export_button(show: Callable[[], None]) -> None:
+    """Button that opens a dialog in which ``show`` draws what can be downloaded; nothing of it is computed before."""
+    if st.button("Export", icon=":material/download:", key="export"):
+        st.dialog("Export", width="large")(show)()
+
+
 def download_table(name: str, table: Callable[[], pd.DataFrame], of: str = "") -> None:
     """Button that downloads a CSV as the command line writes it; before its name stands what it is ``of``."""
     download_bytes(name, lambda: csv_bytes(table()), of, mime="text/csv")
