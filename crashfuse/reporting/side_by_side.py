@@ -8,7 +8,6 @@ import pandas as pd
 from crashfuse.certification.matrix import Matrix
 from crashfuse.reporting.certification_tables import condition_columns, factors_of
 from crashfuse.reporting.earlier_prediction import otherwise
-from crashfuse.reporting.fit_explanations import metric_remarks
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
@@ -26,10 +25,8 @@ def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[Predict
 def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> pd.DataFrame:
     """Main metrics by one approach, for readers: each column but the first is followed by its differences from it."""
     labels = predictions[0].campaign.metric_headings
-    (first, base), *others = [
-        (who, {metric.name: display.metric(metric) for metric in metrics})
-        for who, metrics in _columns(predictions, display)
-    ]
+    columns = [{m.name: display.metric(m) for m in prediction.estimate.metrics} for prediction in predictions]
+    (first, base), *others = zip(column_names(predictions, display), columns, strict=True)
     table = {
         "Pulse metric": [display.heading(labels[name]) for name in MAIN_METRICS],
         first: [base[name].text for name in MAIN_METRICS],
@@ -50,16 +47,11 @@ def column_names(predictions: Sequence[PredictedPulse], display: Display) -> lis
 
 
 def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> list[str]:
-    """What has to be known of the columns after the first: where a condition is an extrapolation, what is missing."""
-    return [*extrapolations(predictions, display), *metric_remarks(_columns(predictions, display)[1:])[0]]
-
-
-def extrapolations(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> list[str]:
-    """At which of the further conditions a prediction is an extrapolation."""
-    columns, (first, *others) = _columns(predictions, display)[1:], predictions
+    """At which conditions after the first a prediction is an extrapolation."""
+    first, *others = predictions
     return [
         Sentence("{}: {}", name, note)
-        for (name, _), prediction in zip(columns, others, strict=True)
+        for name, prediction in zip(column_names(predictions, display)[1:], others, strict=True)
         for note in prediction.campaign.cae.extrapolation(prediction.condition)
         if prediction.condition != first.condition
     ]
@@ -90,11 +82,6 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
         for estimate in prediction.estimates
         for m in estimate.metrics
     )
-
-
-def _columns(predictions: Sequence[PredictedPulse], display: Display) -> list[tuple[str, Sequence[Metric]]]:
-    metrics = [prediction.estimate.metrics for prediction in predictions]
-    return list(zip(column_names(predictions, display), metrics, strict=True))
 
 
 def _difference(metric: Metric, base: Metric) -> str:

@@ -21,7 +21,7 @@ from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report import prediction_report
-from crashfuse.reporting.side_by_side import by_one, column_names, extrapolations, predictions_table, side_by_side
+from crashfuse.reporting.side_by_side import by_one, cautions, column_names, predictions_table, side_by_side
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
@@ -264,7 +264,7 @@ def _show_differences(answer: Answer) -> None:
     at = names.index(choose("Difference", names, key="subtracted", label_of=minus))
     ordered = [shown[at], *shown[:at], *shown[at + 1 :]]
     show_table(side_by_side(ordered, display), "beside")
-    for sentence in extrapolations(ordered, display):
+    for sentence in cautions(ordered, display):
         st.caption(plain(sentence))
 
 

@@ -270,7 +270,7 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert "Made for a test." in session.words
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in session.words
     assert fit["Known to a factor of"].tolist() == ["1.50"]
-    assert session.open_tab("compare", "Files and report").downloads == [
+    assert session.press("Export").downloads == [
         *("scores.csv", "pulses.csv", "metrics.csv", "report.html", "report.pptx"),
         "fused-15mph-lsdyna.zip",
     ]
@@ -302,7 +302,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     assert "LF TCN, Time domain, Fused: still training" in session.words
     assert "Training LF TCN: 3 of 10" in session.words
     assert "Use " not in session.words  # a recommendation of what happens to be known first
-    assert session.open_tab("compare", "Files and report").downloads == ["scores.csv", "pulses.csv", "metrics.csv"]
+    assert session.press("Export").downloads == ["scores.csv", "pulses.csv", "metrics.csv"]
     session.go("train")
     assert "Rated already, T1, 0–60 ms: CAE" in session.words
     assert "Compare T1" in session.buttons
@@ -322,41 +322,6 @@ def test_compare_follows_the_window() -> None:
     session.open_tab("compare", "Ratings and metrics")
     session.app.sidebar.button_group(key="window").set_value(40.0).run()
     assert any("single draws: over 0–40 ms" in caption.value for caption in session.app.caption)
-
-
-CURVE = {"epoch": [1, 2], "train_loss": [1.0, 0.1], "validation_loss": [1.1, 0.2]}
-NETWORK = {"members": 4, "weights": 54433, "learning_curve": CURVE}
-BY_STRENGTH = {
-    "penalty": 0.02,
-    "left_out_delta_v_misfit": 0.02,
-    "rmse": {"0.02": 0.1, "0.06": 0.2},
-    "left_out_rmse": {"0.02": 0.3, "0.06": 0.4},
-}
-BY_ADAM = {"tuning_curve": {"epoch": [1, 2], "train_loss": [1.0, 0.1]}}
-
-
-@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
-@pytest.mark.parametrize(
-    ("state", "n_charts"),
-    [({**NETWORK, **BY_STRENGTH}, 2), ({**NETWORK, **BY_ADAM}, 2), ({**NETWORK, "members": 1}, 1)],
-)
-@pytest.mark.slow
-def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_learned(
-    state: dict[str, object], n_charts: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Figs. 12 and 13 with their ratings; the learning curves by either way to fine-tune, or of the CAE runs alone."""
-    monkeypatch.setitem(FITS, "lf_tcn", NETWORK)
-    monkeypatch.setitem(FITS, "time_domain", state)
-    session = start("compare")
-    session.press("Predict test T1").finish().open_tab("compare", "Networks")
-    assert "Before: trained on CAE runs only" in session.words
-    assert "After: fine-tuned on tests" in session.words
-    before, after = (json.loads(chart.proto.spec)["layout"]["yaxis"] for chart in session.app.get("plotly_chart"))
-    assert before["range"] == after["range"]
-    session.app.button_group(key="networks").set_value("Learning curves").run()
-    assert not session.app.exception
-    assert session.charts == n_charts
-    assert "Training on CAE runs" in session.words
 
 
 # --- Study ---------------------------------------------------------------------------------------------------------
@@ -514,8 +479,7 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
     speed.set_value(600.0).run()  # the field itself would refuse it, and leave what was predicted before
     assert re.search(r"Impact speed \(mph\) is from [\d.]+ to 70 here, not 600: 70 is taken", session.words)
     assert "Extrapolation: speed 70.0 mph lies outside" in session.words
-    assert "lb in all" in session.open_tab("predict", "Metrics").words
-    session.open_tab("predict", "Pulses")
+    assert "lb in all" in session.words
     (drive,) = [box for box in session.app.selectbox if box.label == "Drive"]
     assert drive.options == ["FWD"]
     drive.select("FWD").run()
@@ -550,7 +514,7 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
     assert "LF TCN, Time domain, Fused: still training" in session.words
     assert "Use " not in session.words
     assert "Pin this prediction" not in session.buttons
-    assert "report.html" not in session.open_tab("predict", "Files and report").downloads
+    assert "report.html" not in session.press("Export").downloads
     assert "once every approach is fitted" in session.open_tab("predict", "Over speed").words
     trained.set()
     assert job.wait(SOON)

@@ -182,11 +182,6 @@ def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, 
     defaults[key] = value
 
 
-def is_default(key: str) -> bool:
-    """True if a choice is the default for what is looked at."""
-    return bool(_state().get(key) == _state().get(_DEFAULTS, {}).get(key))
-
-
 def want_units() -> None:
     """Note that the units chosen now are the user's choice for every campaign."""
     _state()[_WANTED] = _state().get("system")

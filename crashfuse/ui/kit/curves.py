@@ -27,7 +27,7 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.side_by_side import by_one
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, find_estimate
-from crashfuse.study.history import earlier_settings, past_results, past_settings
+from crashfuse.study.history import earlier_settings, past_results
 from crashfuse.study.outliers import departures_near
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
@@ -56,7 +56,6 @@ class Shown:
     approach: str  # whose prediction and band it shows; added predictions are by it, too
     others: tuple[str, ...]  # further approaches, the held-out test, the representative pulse
     also: tuple[Further, ...]
-    is_usual: bool
 
     @property
     def test(self) -> bool:
@@ -79,8 +78,8 @@ class Shown:
         return read_out([LABELS[name] for name in self.approaches])
 
     def named(self, drawn: str) -> str:
-        """A name of files: what is drawn, and which curves if they are not the usual ones."""
-        return drawn if self.is_usual else " ".join([drawn, *map(_label, (self.approach, *self.others))])
+        """A name of files: what is drawn, and which curves."""
+        return " ".join([drawn, *map(_label, (self.approach, *self.others))])
 
     def of(self, test: str) -> str:
         """What it shows of a test, in words."""
@@ -89,22 +88,21 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What added predictions are of: a held-out test, alone or in a figure ``among_tests``, or a condition."""
+    """What added predictions are of: a held-out test, or a condition."""
 
     view: View
     condition: Condition
     test: str = ""  # none at a condition
-    among_tests: bool = False  # where no prediction is shown, but for those that are added
 
     @classmethod
-    def held_out(cls, view: View, *, among_tests: bool = False) -> "Subject":
+    def held_out(cls, view: View) -> "Subject":
         """The held-out test."""
-        return cls(view, view.held_out.condition, view.held_out.id, among_tests)
+        return cls(view, view.held_out.condition, view.held_out.id)
 
     @property
     def page(self) -> str:
         """The page that it is shown on, with which the keys of its choices begin."""
-        return "data" if self.among_tests else "compare" if self.test else "predict"
+        return "compare" if self.test else "predict"
 
     @property
     def chosen_approach(self) -> str:
@@ -118,11 +116,8 @@ class Subject:
 
     @property
     def shown(self) -> StudyConfig:
-        """The settings that names leave out: the chosen ones; among tests the usual ones."""
-        chosen = chosen_config()
-        if self.among_tests:
-            return StudyConfig(chosen.approaches, device=chosen.device)
-        return chosen if self.test else replace(chosen, leave_out="test")
+        """The settings that names leave out: the chosen ones."""
+        return chosen_config() if self.test else replace(chosen_config(), leave_out="test")
 
     @property
     def wanted(self) -> dict[StudyConfig, str]:
@@ -131,7 +126,7 @@ class Subject:
         for text in self.settings_asked if not self.test or len(self.view.campaign.tests) > 1 else ():
             if (config := _settings_of(text, self.shown)) is not None:
                 here = config if self.test else replace(config, leave_out="test")
-                if here != self.shown or self.among_tests:
+                if here != self.shown:
                     wanted.setdefault(here, text)
         return wanted
 
@@ -140,31 +135,27 @@ class Subject:
         campaign = self.view.campaign
         key = campaign.fingerprint, jobs().ended
         if self.test:
-            known = _known_of_test(key, self.test, approach, self.shown, self.among_tests, campaign)
+            known = _known_of_test(key, self.test, approach, self.shown, campaign)
         else:
             known = _known_at_conditions(key, self.shown, campaign)
         offered = {config: settings_text(config) for config in known} | self.wanted
-        return {text: earlier_name(approach, config, self.shown, self._of) for config, text in offered.items()}
+        return {text: earlier_name(approach, config, self.shown) for config, text in offered.items()}
 
     def predictions(self, approach: str) -> tuple[EarlierPrediction, ...]:
         """An approach's predictions that were chosen and are there."""
         found = ((config, self._estimate(config, approach)) for config in self.wanted)
-        return tuple(EarlierPrediction(own, config, self.shown, self._of) for config, own in found if own is not None)
+        return tuple(EarlierPrediction(own, config, self.shown) for config, own in found if own is not None)
 
     def offer(self, approach: str) -> None:
         """Offer to predict with settings that were chosen, by a link perhaps, or show how far that is."""
         for config in self.wanted:
             if self._estimate(config, approach) is None:
-                words = otherwise(config, self.shown) or "the usual settings"
+                words = otherwise(config, self.shown)
                 of = plain(self.test) if self.test else "this condition"
                 then = patience(config, "This takes a minute or two; then it stands beside the others.")
                 lacking = f"The prediction of {of} with {words} is not there yet, or is no longer kept."
                 button = " ".join(["Predict", *([of] if self.test else []), "with", words])
                 result_or_none(self._request(config), invitation=f"{lacking} {then}", button=button)
-
-    @property
-    def _of(self) -> str:
-        return self.test if self.among_tests else ""
 
     def _request(self, config: StudyConfig) -> Request[Any]:
         campaign = self.view.campaign
@@ -217,14 +208,13 @@ def choose_curves(
                 key, offered, st.pills, "Beside the prediction", selection_mode="multi", width="content",
                 format_func=_label, help="The choice stays on this page, and is in the link.",
             )  # fmt: skip
-        also, missing = _add(subject, approach, [subject.test])
+        also, missing = _add(subject.view, approach, [subject.test], subject)
     if st.toggle("Nearest tests", key=f"{subject.page}_nearest", persist_state="session", help=_NEAREST_HELP):
         also = (*also, *(test for test in _nearest(subject) if test not in also))
     if subject.test and any(isinstance(curve, PredictedPulse) for curve in also):
         missing.append(f"Pinned predictions learned from {plain(subject.test)}, too.")
     _show_missing(missing)
-    is_usual = address.is_default(key) and address.is_default(subject.chosen_approach)
-    return Shown(approach, tuple(name for name in offered if name in chosen), also, is_usual)
+    return Shown(approach, tuple(name for name in offered if name in chosen), also)
 
 
 def choose_tests(view: View, row: DeltaGenerator) -> tuple[tuple[str, ...], tuple[Further, ...]]:
@@ -232,14 +222,14 @@ def choose_tests(view: View, row: DeltaGenerator) -> tuple[tuple[str, ...], tupl
     names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
     with row, st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
         only = _choose_several("only", names, "Tests", "all")
-        also, missing = _add_to_tests(view, names)
+        also, missing = _add_on_data(view, names)
     _show_missing([*_unknown("only", names), *missing])
     return tuple(test for test in view.campaign.test_ids if not only or test in only), also
 
 
 def add_to_runs(view: View) -> tuple[Further, ...]:
     """Let the user add tests, CAE runs and predictions to those of the CAE model."""
-    also, missing = _add_to_tests(view, ())
+    also, missing = _add_on_data(view, ())
     _show_missing(missing)
     return also
 
@@ -247,11 +237,6 @@ def add_to_runs(view: View) -> tuple[Further, ...]:
 def key_of(also: Sequence[Further]) -> Hashable:
     """Equal for equal curves that were added: part of the key of a cached figure."""
     return tuple(curve if isinstance(curve, str) else curve.text for curve in also)
-
-
-def usual_approach() -> str:
-    """The approach whose predictions are added to tests, where none is shown by itself."""
-    return by_preference(chosen_config().approaches)[0]
 
 
 def without_clicks(figure: go.Figure) -> go.Figure:
@@ -277,36 +262,39 @@ def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder
     )  # fmt: skip
 
 
-def _add_to_tests(view: View, tests: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
+def _add_on_data(view: View, tests: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
     with st.popover("Add curves", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
-        return _add(Subject.held_out(view, among_tests=True), usual_approach(), tests)
+        return _add(view, by_preference(chosen_config().approaches)[0], tests)
 
 
-def _add(subject: Subject, approach: str, shown: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
+def _add(
+    view: View, approach: str, shown: Collection[str], subject: Subject | None = None
+) -> tuple[tuple[Further, ...], list[str]]:
     """Let the user add curves but for tests that are ``shown`` anyway; second are sentences on what is not there."""
-    view, pins, settings = subject.view, pinned(), subject.names(approach)
-    campaign = view.campaign
+    campaign, pins, key = view.campaign, pinned(), f"{subject.page if subject else 'data'}_also"
+    settings = subject.names(approach) if subject else {}
     pin_names = {f"{_PIN}{text}": prediction_name(approach, pin, view.display) for text, pin in pins.items()}
     offered = {
         **{t.id: pulse_name(t.id, t.condition, view.display) for t in campaign.tests if t.id not in shown},
         **settings,
-        **(pin_names if subject.test else {}),
+        **({} if key == "predict_also" else pin_names),
         **_offered_runs(campaign.fingerprint, view.display, campaign),
     }
-    also = _choose_several(f"{subject.page}_also", offered, "Also show", "tests, CAE runs, other settings")
-    if not subject.test:
+    also = _choose_several(key, offered, "Also show", f"tests, CAE runs{', other settings' if subject else ''}")
+    if subject and not subject.test:
         also += [name for name in pin_names if name != f"{_PIN}{subject.condition.text}"]
     wanted = [pins[name.removeprefix(_PIN)] for name in also if name in pin_names]
     found = (predicted(campaign, chosen_config(), condition) for condition in wanted)
     at_pins = by_one(approach, [prediction for prediction in found if prediction is not None])
-    missing = _unknown(f"{subject.page}_also", {*campaign.test_ids, *offered})
+    missing = _unknown(key, {*campaign.test_ids, *offered})
     if wanted and not at_pins:
         missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
-    if wrong := [text for text in subject.settings_asked if _settings_of(text, subject.shown) is None]:
+    asked = subject.settings_asked if subject else ()
+    if subject and (wrong := [text for text in asked if _settings_of(text, subject.shown) is None]):
         texts = " or ".join(text.removeprefix(_SETTINGS)[:80] for text in wrong)
         missing.append(f"Not shown: {plain(texts)}. There are no such settings.")
     pulses = [name for name in also if name not in pin_names and name not in settings]
-    return (*pulses, *subject.predictions(approach), *at_pins), missing
+    return (*pulses, *(subject.predictions(approach) if subject else ()), *at_pins), missing
 
 
 def _unknown(key: str, known: Collection[str]) -> list[str]:
@@ -347,13 +335,10 @@ def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[st
 
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
 def _known_of_test(
-    key: Hashable, test_id: str, approach: str, shown: StudyConfig, among_tests: bool, _campaign: Campaign  # noqa: ARG001
+    key: Hashable, test_id: str, approach: str, shown: StudyConfig, _campaign: Campaign  # noqa: ARG001
 ) -> Sequence[StudyConfig]:  # fmt: skip
     """Settings of past results with a prediction of a test; the key is of the data and of what was computed here."""
-    if not among_tests:
-        return earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
-    past = past_settings(past_results(), _campaign, test_id, approach, shown)
-    return sorted(past, key=lambda config: (config.preset, config.seed, config.leave_out != "test"))  # usual one first
+    return earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
 
 
 @st.cache_resource(max_entries=20, ttl=_LOOK_AGAIN_S, show_spinner=False)
