@@ -6,10 +6,12 @@ from weakref import WeakKeyDictionary
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.fact import Fact, by_importance
+from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G
-from crashfuse.wording import joined
+from crashfuse.wording import Sentence, acceleration, joined
 
 
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
@@ -25,6 +27,24 @@ def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...
     doubtful = [Fact("test.in_doubt", text, "Test in doubt") for text in doubtful_tests(campaign, condition)]
     beyond = [Fact("condition.extrapolated", text, "Extrapolation") for text in campaign.cae.extrapolation(condition)]
     return (*apart, *doubtful, *beyond)
+
+
+def window_facts(test: CrashTest, window_ms: float) -> tuple[Fact, ...]:
+    """What the rated window of a test does not hold: its peak, its time of zero velocity."""
+    metrics = {m.name: m for m in checked_metrics(test.pulse.accel_mps2, test.condition.speed_mps)}
+    peak_g, peak_ms, ttzv_ms = (metrics[name].value for name in ("peak", "peak_time", "t0"))
+    late: list[str] = []
+    if peak_g is not None and peak_ms is not None and peak_ms >= window_ms:
+        late.append(Sentence(f"the peak, {{}} at {peak_ms:.1f} ms,", acceleration(peak_g * G)))
+    if ttzv_ms is None or ttzv_ms >= window_ms:
+        late.append(f"zero velocity, {'after the record' if ttzv_ms is None else f'at {ttzv_ms:.1f} ms'},")
+    if not late:
+        return ()
+    verb = "is" if len(late) == 1 else "are"
+    what = joined(late, " and ")
+    sentence = Sentence(f"{{}}: {{}} {verb} not in the rated window, 0–{window_ms:g} ms.", test.id, what)
+    values = {"test": test.id, "window_ms": window_ms, "peak_g": peak_g, "peak_ms": peak_ms, "ttzv_ms": ttzv_ms}
+    return (Fact("test.beyond_window", sentence, "Beyond the window", values),)
 
 
 _known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()

@@ -19,7 +19,7 @@ from crashfuse.ui.kit import address, campaigns, editing, results
 from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest
-from crashfuse.ui.kit.curves import Subject, add_to_runs, choose_tests, key_of, usual_approach, without_clicks
+from crashfuse.ui.kit.curves import add_to_runs, choose_tests, key_of, without_clicks
 from crashfuse.ui.kit.figures import show_cached_figure
 from crashfuse.ui.kit.navigation import open_page, show_link
 from crashfuse.ui.kit.results import show_problems, show_table
@@ -90,7 +90,6 @@ def show_tests(view: View) -> None:
     """All tests overlaid, as read or filtered."""
     campaign, test, display = view.campaign, view.held_out, view.display
     editing.show_tests_in_use(view)
-    Subject.held_out(view, among_tests=True).offer(usual_approach())
     options = [_AS_READ, *(f"CFC {cfc}" for cfc in _CLASSES)]
     address.default("filter", _AS_READ, options)
     row = st.container(horizontal=True, vertical_alignment="bottom")
@@ -138,7 +137,6 @@ def show_conditions(view: View) -> None:
 def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
-    Subject.held_out(view, among_tests=True).offer(usual_approach())
     also = add_to_runs(view)
     show_cached_figure(
         lambda: without_clicks(campaign.plot("cae", also=also, display=view.display)),

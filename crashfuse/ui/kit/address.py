@@ -91,10 +91,12 @@ CHOICES: dict[str, Choice] = {
     # what is shown on a page
     "corridors": Choice(bool, False, pages=("compare",)),
     "cost": Choice(float, pages=("study",)),
-    "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
-    "band": Choice(str, "recommended", ("recommended", *APPROACHES), ("compare", "predict")),
+    "compare_curves": Choice(tuple, None, (TEST, *APPROACHES), ("compare",)),
+    "predict_approach": Choice(options=APPROACHES, pages=("predict",)),
+    "predict_curves": Choice(tuple, None, (*APPROACHES, "representative"), ("predict",)),
     "only": Choice(tuple, (), pages=("data",), of_campaign=True),
-    "also": Choice(tuple, (), pages=("data", "compare", "predict"), of_campaign=True),
+    **{f"{page}_also": Choice(tuple, (), pages=(page,), of_campaign=True) for page in ("data", "compare", "predict")},
+    **{f"{page}_nearest": Choice(bool, False, pages=(page,)) for page in ("compare", "predict")},
     "pins": Choice(tuple, (), pages=("data", "compare", "predict")),
     "speed_mph": Choice(float, pages=("predict",)),
     "front_weight_lb": Choice(float, pages=("predict",)),
@@ -109,9 +111,9 @@ CHOICES: dict[str, Choice] = {
 _ON_PAGE = {
     "data": ("import", "filter"),
     "train": ("train_tab", "diagnostics"),
-    "compare": ("compare_tab", "compared", "explained", "over_displacement"),
+    "compare": ("compare_tab", "compared", "explained"),
     "study": ("study_tab", "ways"),
-    "predict": ("predict_tab", "predicted", "factor_…", "speed_range", "front_range", "rear_range"),
+    "predict": ("predict_tab", "predicted", "subtracted", "factor_…", "speed_range", "front_range", "rear_range"),
     "certify": ("approach", "certify_tab", "answered", "record"),
     "history": ("first", "second", "compared_way", "compared_approach"),
 }
