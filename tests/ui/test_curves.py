@@ -69,17 +69,6 @@ def test_a_test_that_stands_apart_is_always_among_the_nearest(visit: Visit, monk
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_on_data_too_it_is_said_what_a_link_asks_for_in_vain(visit: Visit) -> None:
-    """Of the tests that are shown alone, and of what is put beside them; pins wait for an answer of Predict."""
-    session = visit("data", campaign="campaign", only=["T2", "T8"], data_also=["cae:none", "at:30mph 2000lb 1500lb"],
-                    pins="30mph 2000lb 1500lb")  # fmt: skip
-    said = beside_the_figure(session)
-    assert "Not among the tests in use and the CAE runs: T8." in said
-    assert "Not among the tests in use and the CAE runs: none." in said
-    assert "Pinned predictions are shown once the page Predict has an answer with these settings." in said
-
-
-@pytest.mark.usefixtures("open_campaign")
 def test_a_page_begins_with_the_curves_that_matter(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """The recommended prediction, the CAE model and the test; files of other curves have other names."""
     captions: list[Caption] = []

@@ -318,7 +318,7 @@ def test_compare_follows_the_window() -> None:
     """The parts of the rating are those of the window in the sidebar."""
     session = start("compare").press("Predict test T1").finish()
     session.open_tab("compare", "Ratings and metrics")
-    session.app.sidebar.button_group(key="window").set_value(40.0).run()
+    session.app.sidebar.selectbox(key="window").select(40.0).run()
     assert any("single draws: over 0–40 ms" in caption.value for caption in session.app.caption)
 
 
@@ -378,7 +378,7 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert (
         " for this campaign.** Where no test of about the same speed was left" in session.words
     )  # as the figure has it
-    session.app.button_group(key="window").set_value(20.0).run()
+    session.app.selectbox(key="window").select(20.0).run()
     assert "This is over 0–60 ms." in session.words
     session.open_tab("study", "Bands")
     assert session.charts == 2

@@ -11,7 +11,6 @@ from typing import Any
 
 import plotly.graph_objects as go
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.neighbours import nearest_tests
@@ -208,30 +207,13 @@ def choose_curves(
                 key, offered, st.pills, "Beside the prediction", selection_mode="multi", width="content",
                 format_func=_label, help="The choice stays on this page, and is in the link.",
             )  # fmt: skip
-        also, missing = _add(subject.view, approach, [subject.test], subject)
+        also, missing = _add(subject, approach, [subject.test])
     if st.toggle("Nearest tests", key=f"{subject.page}_nearest", persist_state="session", help=_NEAREST_HELP):
         also = (*also, *(test for test in _nearest(subject) if test not in also))
     if subject.test and any(isinstance(curve, PredictedPulse) for curve in also):
         missing.append(f"Pinned predictions learned from {plain(subject.test)}, too.")
     _show_missing(missing)
     return Shown(approach, tuple(name for name in offered if name in chosen), also)
-
-
-def choose_tests(view: View, row: DeltaGenerator) -> tuple[tuple[str, ...], tuple[Further, ...]]:
-    """Let the user choose tests, all by default, and add CAE runs and predictions."""
-    names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
-    with row, st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
-        only = _choose_several("only", names, "Tests", "all")
-        also, missing = _add_on_data(view, names)
-    _show_missing([*_unknown("only", names), *missing])
-    return tuple(test for test in view.campaign.test_ids if not only or test in only), also
-
-
-def add_to_runs(view: View) -> tuple[Further, ...]:
-    """Let the user add tests, CAE runs and predictions to those of the CAE model."""
-    also, missing = _add_on_data(view, ())
-    _show_missing(missing)
-    return also
 
 
 def key_of(also: Sequence[Further]) -> Hashable:
@@ -262,26 +244,19 @@ def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder
     )  # fmt: skip
 
 
-def _add_on_data(view: View, tests: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
-    with st.popover("Add curves", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
-        return _add(view, by_preference(chosen_config().approaches)[0], tests)
-
-
-def _add(
-    view: View, approach: str, shown: Collection[str], subject: Subject | None = None
-) -> tuple[tuple[Further, ...], list[str]]:
+def _add(subject: Subject, approach: str, shown: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
     """Let the user add curves but for tests that are ``shown`` anyway; second are sentences on what is not there."""
-    campaign, pins, key = view.campaign, pinned(), f"{subject.page if subject else 'data'}_also"
-    settings = subject.names(approach) if subject else {}
+    view, pins, key = subject.view, pinned(), f"{subject.page}_also"
+    campaign, settings = view.campaign, subject.names(approach)
     pin_names = {f"{_PIN}{text}": prediction_name(approach, pin, view.display) for text, pin in pins.items()}
     offered = {
         **{t.id: pulse_name(t.id, t.condition, view.display) for t in campaign.tests if t.id not in shown},
         **settings,
-        **({} if key == "predict_also" else pin_names),
+        **(pin_names if subject.test else {}),
         **_offered_runs(campaign.fingerprint, view.display, campaign),
     }
-    also = _choose_several(key, offered, "Also show", f"tests, CAE runs{', other settings' if subject else ''}")
-    if subject and not subject.test:
+    also = _choose_several(key, offered, "Also show", "tests, CAE runs, other settings")
+    if not subject.test:
         also += [name for name in pin_names if name != f"{_PIN}{subject.condition.text}"]
     wanted = [pins[name.removeprefix(_PIN)] for name in also if name in pin_names]
     found = (predicted(campaign, chosen_config(), condition) for condition in wanted)
@@ -289,12 +264,11 @@ def _add(
     missing = _unknown(key, {*campaign.test_ids, *offered})
     if wanted and not at_pins:
         missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
-    asked = subject.settings_asked if subject else ()
-    if subject and (wrong := [text for text in asked if _settings_of(text, subject.shown) is None]):
+    if wrong := [text for text in subject.settings_asked if _settings_of(text, subject.shown) is None]:
         texts = " or ".join(text.removeprefix(_SETTINGS)[:80] for text in wrong)
         missing.append(f"Not shown: {plain(texts)}. There are no such settings.")
     pulses = [name for name in also if name not in pin_names and name not in settings]
-    return (*pulses, *(subject.predictions(approach) if subject else ()), *at_pins), missing
+    return (*pulses, *subject.predictions(approach), *at_pins), missing
 
 
 def _unknown(key: str, known: Collection[str]) -> list[str]:
