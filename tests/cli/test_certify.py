@@ -84,6 +84,9 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, t
     record = json.loads((tmp_path / "out" / "certification.json").read_text(encoding="utf-8"))
     told = record["track_record"]
     assert sum(trials["counted"]) == sum(told[word]["n"] for word in ("met", "not met", "open", "outside"))
+    for unit in ("verdicts", "tests"):
+        (bound,) = trials[f"bounds.{unit}"].unique()
+        assert bound == record["bounds"][unit] or np.isnan(bound)
     counts = verdicts["verdict"].value_counts()
     assert record["verdicts"] == {word: int(counts.get(word, 0)) for word in ("met", "not met", "open", "outside")}
     by_criterion = [own["verdicts"] for own in record["by_criterion"].values()]
