@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 IMPORTANCE = (
     "test.stands_apart",
     "test.in_doubt",
+    "tests.cae_tuned",
     "condition.extrapolated",
     "cae.runs_fail",
     "tests.left_out_of_use",

@@ -105,12 +105,12 @@ class Changes:
     @property
     def outcomes(self) -> dict[str, WrongShare]:
         """The wrong ones of verdicts met or not met on metrics of these tests, each once, and of the tests."""
-        return trial_bounds(strictest_per_metric(self.since.latest))
+        return trial_bounds(strictest_per_metric(self.since.without_tuned(self.since.latest)))
 
     @property
     def outcomes_before(self) -> dict[str, WrongShare]:
         """The same of certifications before the earlier one."""
-        return trial_bounds(strictest_per_metric(self.earlier.trials))
+        return trial_bounds(strictest_per_metric(self.since.without_tuned(self.earlier.trials)))
 
     @cached_property
     def record(self) -> TrackRecord:

@@ -131,9 +131,14 @@ class TestedSince:
         metrics = {criterion.metric for criterion in criteria.items}
         return tuple(
             replace(trial, verdict=_as_of_today(trial.verdict, criteria.confidence))
-            for trial in self.all_trials
+            for trial in self.without_tuned(self.all_trials)
             if trial.verdict.criterion.metric in metrics
         )
+
+    def without_tuned(self, trials: Sequence[Trial]) -> tuple[Trial, ...]:
+        """Those that may support something: of tests that the CAE model was tuned to, only what was wrong."""
+        tuned = {test.id for test in self.campaign.tests if test.cae_tuned}
+        return tuple(trial for trial in trials if trial.wrong or trial.held_out not in tuned)
 
     @cached_property
     def gone_runs(self) -> tuple[RemovedTest, ...]:

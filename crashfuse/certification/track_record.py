@@ -243,6 +243,8 @@ class TrackRecord:
     """Of tests that were run after an earlier certification had judged them; part of what is supported alone."""
     whole: tuple[tuple[LeftOut, bool], ...] = ()
     """Whether each left-out test lies inside its band of whole pulses; nothing without a band."""
+    tuned: tuple[Trial, ...] = ()
+    """Of tests that the CAE model was tuned to; they support nothing and count nowhere."""
 
     def __repr__(self) -> str:
         decided, wrong = self.decided

@@ -54,10 +54,10 @@ def certify(arguments: argparse.Namespace) -> None:
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it
         file_store.keep_certification(content, campaign)
-    say_facts(campaign, display)
+    before = say_facts(campaign, display)
     print(counts_table(certification, display.units).to_string(index=False))
     told = *sentences(certification, "summary"), *sentences(certification, "changes")
-    print(*map(display.words, dict.fromkeys(told)), sep="\n")
+    print(*map(display.words, [own for own in dict.fromkeys(told) if own not in before]), sep="\n")
     if alone:
         print(f"{alone} --since holds one against them.")
     say_written(arguments.out, "certification")

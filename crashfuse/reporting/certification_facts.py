@@ -22,7 +22,7 @@ from crashfuse.reporting.evidence_facts import (
     listed_conditions,
     record_facts,
 )
-from crashfuse.study.facts import campaign_facts
+from crashfuse.study.facts import campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, joined, probability_text, read_out, speed, weight
 
@@ -32,6 +32,7 @@ SUBJECTS = {
     "campaign.warning": "Warnings about the campaign",
     "condition.outside": "Conditions outside the validated domain",
     "test.not_used": "Tests that are not used",
+    "tests.cae_tuned": "Tests that the CAE model was tuned to",
     "condition.no_factor": "Conditions without a factor that the tests have",
     "condition.new_together": "Factors that no test has together",
     "condition.too_short": "Open, because recordings end too early to predict",
@@ -68,7 +69,7 @@ _CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "summary": (
         *("matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE, *_CONDITIONS, *_CRITERIA),
-        "record.none",
+        *("record.none", "tests.cae_tuned"),
     ),
     "matrix": (
         *("test.stands_apart", *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
@@ -76,7 +77,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
     ),
     "record": (
         *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.brier", "record.no_gain"),
-        "record.none",
+        *("record.none", "tests.cae_tuned"),
     ),
     "domain": ("domain.checked", "domain.reach"),
     "changes": (
@@ -127,6 +128,8 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
 def _campaign(certification: Certification) -> Iterator[Fact]:
     campaign = certification.campaign
     yield from (own for own in campaign_facts(campaign) if own.code == "test.stands_apart")
+    if any(test.cae_tuned is not False for test in campaign.tests):
+        yield tuning_fact(campaign)
     yield from (fact("campaign.warning", remark) for remark in campaign.remarks)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
@@ -214,7 +217,8 @@ def _near(certification: Certification, first: str) -> Iterator[Fact]:
             speed(max(abs(test.condition.speed_mps - there.speed_mps) for test in tests)),
             weight(max(abs(test.condition.mass_kg - there.mass_kg) for test in tests)),
         )
-        alone = [trial for trial in record.trials if trial.left_out == "test" and trial.held_out in ids]
+        trials = (*record.trials, *record.tuned)
+        alone = [trial for trial in trials if trial.left_out == "test" and trial.held_out in ids]
         showed = []
         for criterion in (verdict.criterion for verdict in row if verdict.word == "open"):
             if values := [trial.measured for trial in alone if trial.verdict.criterion == criterion]:

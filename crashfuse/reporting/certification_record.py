@@ -8,7 +8,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.track_record import WrongShare
+from crashfuse.certification.track_record import WrongShare, trial_bounds
 from crashfuse.reporting.certification_facts import exceptions, sentences
 from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, share_columns
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
@@ -75,6 +75,8 @@ def certification_record(certification: Certification) -> dict[str, object]:
         **provenance(campaign, campaign.test_ids, config),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "settings": certification_settings(campaign, config, criteria.confidence),
+        "cae_tuned": {test.id: test.cae_tuned for test in campaign.tests if test.cae_tuned is not None},
+        "about": {test.id: dict(test.about) for test in campaign.tests if test.about},
         "tests_sha256": {test.id: test.digest for test in campaign.tests},
         "command": certify_command(config, campaign.units, since=certification.since is not None),
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
@@ -106,6 +108,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             "waived_with_those_since": share_columns(WrongShare(missed_with_since, saved_with_since)),
             "telling": share_columns(WrongShare(telling_wrong, telling)),
             "intervals": {"n": intervals, "inside": inside},
+            "tuned": {unit: share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
             "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
             "brier": brier[0],
             "brier_raw_cae": brier[1],

@@ -28,7 +28,7 @@ _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "prob
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
     *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted", "shift"),
-    *("bounds.verdicts", "bounds.tests"),
+    *("bounds.verdicts", "bounds.tests", "tuned"),
 )
 _JUDGED = ("met", "not met", "decided")
 
@@ -61,7 +61,8 @@ def certification_table(certification: Certification) -> pd.DataFrame:
 def track_record_table(certification: Certification) -> pd.DataFrame:
     """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
 
-    The last columns are the same in each row: the bounds of the share of wrong verdicts of the whole record.
+    The bounds, of the share of wrong verdicts of the whole record, are the same in each row. Not counted are those on
+    tests that the CAE model was tuned to.
     """
     basis, record = _bases(certification.campaign), certification.record
     bounds = [share.at_most for share in record.bounds().values()]
@@ -69,9 +70,10 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
         (
             t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
             v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
-            v.criterion.unit, not record.repeats(t), t.shift, *bounds,
+            v.criterion.unit, not (tuned or record.repeats(t)), t.shift, *bounds, tuned,
         )
-        for t in (*record.trials, *record.since)
+        for tuned, trials in ((False, (*record.trials, *record.since)), (True, record.tuned))
+        for t in trials
         for v in [t.verdict]
     ]  # fmt: skip
     return _numbers_of(rows, _TRIAL_COLUMNS)

@@ -29,7 +29,8 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
     """How often verdicts on left-out tests were wrong, intervals too narrow, and probabilities contradicted."""
     record, criteria = certification.record, certification.criteria
     if not record.trials:
-        yield fact("record.none", "There is no record: with a single test, none can be left out.")
+        why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
+        yield fact("record.none", f"There is no record: {why}.")
         return
     (n, wrong), (telling, missed), bounds = record.decided, record.telling.decided, record.bounds()
     yield fact(
