@@ -154,6 +154,8 @@ class Trial:
         By the raw CAE model, with its error in the other tests as band; None for ratings, and of planned tests.
     shift : float
         What a planned test showed beyond ``measured`` because it was not quite at the condition, by the CAE model.
+    given : (str, str)
+        When the verdict on a planned test was given, and the key that sealed it; empty if neither is known.
     """
 
     held_out: str
@@ -162,6 +164,7 @@ class Trial:
     measured: float
     cae_probability: float | None
     shift: float = 0.0
+    given: tuple[str, str] = ("", "")
 
     @property
     def met(self) -> bool:

@@ -51,6 +51,8 @@ def _since(changes: Changes) -> dict[str, object]:
                 "said": tuple(getattr(trial.verdict, name) for name in ("word", "probability", "lower", "upper")),
                 "measured": trial.measured,
                 "shift": trial.shift,
+                "date": trial.given[0],
+                "sealed": trial.given[1],
             }
             for trial in since.all_trials
         ],

@@ -208,6 +208,15 @@ def _tested(changes: Changes) -> Iterator[Fact]:
     ):
         if some:
             yield fact("since.tested", Sentence("{}: {}.", told, listed(some)), tests=[str(own) for own in some])
+    given = {trial.held_out: trial.given for trial in since.all_trials}
+    for is_older, told in (
+        (True, "Verdicts older than their test, by the dates of both, which are worth more than any left-out one"),
+        (False, "Verdicts not older than their test, by the dates of both"),
+        (None, "Whether these verdicts are older than their test is not known, as it has no date (about_date)"),
+    ):
+        if tests := [test for test, older in since.is_older.items() if older is is_older]:
+            stated = [f"{t} ({given[t][0]}{', sealed' if given[t][1] else ''})" if given[t][0] else t for t in tests]
+            yield fact("since.dated", f"{told}: {listed(stated)}.", tests=tests, older=is_older)
     for trial in since.all_trials:
         criterion = trial.verdict.criterion
         if trial.verdict.decided and criterion.is_met_by(trial.measured + trial.shift) is not trial.met:

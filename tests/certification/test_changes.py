@@ -254,6 +254,32 @@ def test_a_test_is_made_for_the_nearest_condition_though_a_little_off(
     assert since.elsewhere == (() if counts else others)
 
 
+def test_verdicts_are_dated_against_their_tests(later: Certification) -> None:
+    """By the dates of both; a later certification keeps when, and under which key, a verdict was given."""
+    stated = {"T2": "2026-11-25", "T3": "2026-11-24", "T4": "in spring"}
+    tests = tuple(
+        replace(test, about=(("about_date", stated[test.id]),) if test.id in stated else ())
+        for test in later.campaign.tests
+    )
+    dated = replace(later, campaign=replace(later.campaign, tests=tests))
+    before = replace(earlier(dated, alike(dated, MET), "T1"), sealed="ab12")
+    beside = dated.beside(before)
+    groups = {fact["older"]: fact["tests"] for fact in values(beside, "since.dated")}
+    assert groups == {True: ["T2"], False: ["T3"], None: ["T4"]}
+    again = parse_earlier(certification_json(beside))
+    assert {trial.given for trial in again.trials} == {(before.date, "ab12")}
+
+
+def test_of_tests_that_were_tuned_to_only_what_was_wrong_before_counts(later: Certification) -> None:
+    """So that tuning hides no mistake, and no right verdict rests on it."""
+    tuned = tuple(replace(test, cae_tuned=True) for test in later.campaign.tests)
+    before = earlier(later, alike(later, MET), "T1")
+    found = replace(later, campaign=replace(later.campaign, tests=tuned)).beside(before)
+    assert found.since is not None
+    assert {trial.wrong for trial in found.since.all_trials} == {False, True}
+    assert found.record.since == tuple(t for t in later.beside(before).record.since if t.wrong)
+
+
 def test_a_repeat_of_a_test_that_was_known_counts_for_nothing(later: Certification) -> None:
     """Its verdict was given by one who had seen the answer."""
     first, second, *_ = later.campaign.test_ids
