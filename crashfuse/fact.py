@@ -7,6 +7,7 @@ IMPORTANCE = (
     "test.stands_apart",
     "test.in_doubt",
     "test.beyond_window",
+    "tests.cae_tuned",
     "condition.extrapolated",
     "cae.runs_fail",
     "tests.left_out_of_use",

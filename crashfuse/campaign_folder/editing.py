@@ -34,9 +34,10 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
 from crashfuse.campaign_folder.writer import append_to_table, check_ids, pulse_csv, quality_columns, table_row
 from crashfuse.condition import Condition
+from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, shortened
 from crashfuse.files.atomic import new_folder
-from crashfuse.files.csv_text import csv_text
+from crashfuse.files.csv_text import csv_text, original
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import Pulse
 
@@ -136,6 +137,21 @@ def use_again(folder: Path, ids: Sequence[str]) -> str:
         test_ids, unused = _tests(folder)
         _require(ids, unused, "left out of use")
         return _set_unused(folder, test_ids, _without(unused, ids), f"In use again: {_named(ids)}")
+
+
+def say_tuned(folder: Path, ids: Sequence[str], tuned: bool | None) -> str:
+    """Say whether the CAE model was tuned to tests, in the column ``cae_tuned``; otherwise as :func:`leave_out`."""
+    with taking_turns(folder):
+        test_ids, _ = _tests(folder)
+        _require(ids, test_ids, "there")
+        what = f"CAE model {'' if tuned else 'not '}tuned to: {_named(ids)}"
+        table = folder / "tests.csv"
+        before = table.read_bytes().decode("utf-8-sig")
+        text = _with_cells(before, "cae_tuned", dict.fromkeys(ids, TUNED[tuned]))
+        if text != before:  # or there is nothing that could be undone
+            with changing(folder, what) as new:
+                new(table).write_bytes(text.encode())
+        return what
 
 
 def remove_tests(folder: Path, ids: Sequence[str]) -> str:
@@ -263,11 +279,15 @@ def _is_same(one: Pulse, other: Pulse) -> bool:
 def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
     """The text of the condition table, ready for rows to be appended, and its columns.
 
-    Columns of run quality that it lacks are added to its header; its rows are then short, which counts as empty cells.
+    Columns that it lacks and that are no factors are added to its header; its rows are then short, which counts as
+    empty cells.
     """
     quality = quality_columns([addition.quality for addition in additions])
+    if any("cae_tuned" in dict(addition.condition.factors) for addition in additions):
+        quality.append("cae_tuned")
     if table is None:
-        factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
+        names = dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors)
+        factors = [name for name in names if name not in quality]
         header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors, *quality]
         return csv_text([header]), header
     text = path.read_bytes().decode("utf-8-sig")
@@ -394,6 +414,30 @@ def _without_rows(text: str, ids: Sequence[str]) -> str:
     kept, start = lines[: reader.line_num], reader.line_num
     for cells in reader:
         if len(cells) <= at or cells[at].strip() not in ids:
+            kept += lines[start : reader.line_num]
+        start = reader.line_num
+    return "".join(kept)
+
+
+def _with_cells(text: str, column: str, cells: Mapping[str, str]) -> str:
+    """The text of a condition table with these cells, by id, in a column, which is added if it lacks it."""
+    lines = io.StringIO(text, newline="").readlines()
+    reader = csv.reader(lines, skipinitialspace=True)
+    header = [original(cell.strip()) for cell in next(reader)]
+    place, start = header.index("id"), reader.line_num
+    kept = lines[:start]
+    if column not in header:
+        header.append(column)
+        ending = lines[start - 1][len(lines[start - 1].rstrip("\r\n")) :] or "\n"
+        kept[-1] = f"{kept[-1].rstrip()},{column}{ending}"
+    for row in reader:
+        own = row[place].strip() if len(row) > place else ""
+        if own in cells:
+            changed = [*map(original, row), *[""] * (len(header) - len(row))]
+            changed[header.index(column)] = cells[own]
+            ending = "\r\n" if lines[reader.line_num - 1].endswith("\r\n") else "\n"
+            kept.append(csv_text([changed]).removesuffix("\n") + ending)
+        else:
             kept += lines[start : reader.line_num]
         start = reader.line_num
     return "".join(kept)

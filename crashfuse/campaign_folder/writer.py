@@ -76,7 +76,10 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
 
 def condition_rows(campaign: Campaign, role: str, speed: str, weight: str) -> tuple[list[str], list[list[object]]]:
     """The columns and rows of ``tests.csv`` or ``cae.csv``, speeds and weights in these units."""
-    rows = [(test.id, test.condition) for test in campaign.tests]
+    rows = [
+        (test.id, replace(test.condition, factors=(*test.condition.factors, *test.statements)))
+        for test in campaign.tests
+    ]
     quality: tuple[RunQuality, ...] = ()
     if role == "cae":
         rows, quality = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)), campaign.cae.quality

@@ -11,7 +11,7 @@ from crashfuse.fact import Fact, by_importance
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G
-from crashfuse.wording import Sentence, acceleration, joined
+from crashfuse.wording import Sentence, acceleration, joined, read_out
 
 
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
@@ -52,6 +52,8 @@ _known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()
 
 def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
     yield from map(_apart, departures(campaign))
+    if any(test.cae_tuned for test in campaign.tests):
+        yield tuning_fact(campaign)
     quality = campaign.quality
     if quality.failing:
         sentence = joined([quality.summary, *quality.named])
@@ -65,6 +67,23 @@ def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
         yield Fact("campaign.warning", warning, "Warning")
     if campaign.notice:
         yield Fact("campaign.notice", campaign.notice, campaign.notice.partition(":")[0])
+
+
+def tuning_fact(campaign: Campaign) -> Fact:
+    """Which tests the CAE model was tuned to, and of which that is not said."""
+    tuned = [test.id for test in campaign.tests if test.cae_tuned]
+    unknown = [test.id for test in campaign.tests if test.cae_tuned is None]
+    sentences = []
+    if tuned:
+        sentences.append(
+            f"The CAE model was tuned to {read_out(tuned)}: what is predicted of a test, left out, that its CAE model "
+            "has seen proves little, and supports no verdict."
+        )
+    if unknown:
+        of = "the tests" if len(unknown) == len(campaign.tests) else read_out(unknown)
+        sentences.append(f"Whether the CAE model was tuned to {of} is not said (column cae_tuned of tests.csv).")
+    label = f"CAE model tuned to {', '.join(tuned)}" if tuned else "Tuning not said"
+    return Fact("tests.cae_tuned", joined(sentences), label, {"tuned": tuned, "unknown": unknown})
 
 
 def _apart(departure: Departure) -> Fact:
