@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.condition import Condition
+from crashfuse.condition import About, Condition
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.units import MPH
@@ -21,7 +21,7 @@ class CrashTest:
     """A physical test.
 
     ``pulse`` is on the study grid, padded with zeros beyond ``recorded_s``, the end of the record; ``faults`` are what
-    its sensor did wrong.
+    its sensor did wrong, ``about`` where it comes from.
     """
 
     id: str
@@ -29,6 +29,7 @@ class CrashTest:
     pulse: Pulse
     recorded_s: float = math.inf
     faults: tuple[SensorFault, ...] = ()
+    about: About = ()
 
     def __repr__(self) -> str:
         return f"<CrashTest {self.id!r} at {self.condition}>"

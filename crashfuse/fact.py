@@ -7,6 +7,7 @@ IMPORTANCE = (
     "test.stands_apart",
     "test.in_doubt",
     "condition.extrapolated",
+    "cae.ended_otherwise",
     "cae.runs_fail",
     "tests.left_out_of_use",
     "campaign.warning",

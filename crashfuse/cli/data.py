@@ -2,7 +2,9 @@
 
 import argparse
 import shlex
+from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 from crashfuse.errors import UsageError
 
@@ -74,7 +76,7 @@ def edit(arguments: argparse.Namespace) -> None:
         raise UsageError("--because is the reason of --leave-out.")
     leaving = partial(leave_out, why=arguments.because or "")
     asked = ((leaving, arguments.leave_out), (use_again, arguments.use), (remove_tests, arguments.remove))
-    for change_it, ids in asked:
+    for change_it, ids in (*asked, (_set_about, arguments.about)):
         if ids:
             print(f"{change_it(folder, ids)}. crashfuse edit {shlex.quote(str(folder))} --undo takes it back.")
             return
@@ -82,6 +84,16 @@ def edit(arguments: argparse.Namespace) -> None:
     print("Changes that --undo takes back, the last one first:" if kept else "There is no change that can be undone.")
     for change in kept:
         print(f"  {change.when}  {change.what}")
+
+
+def _set_about(folder: Path, given: Sequence[str]) -> str:
+    from crashfuse.campaign_folder.editing import set_about
+
+    test_id, *pairs = given
+    about = {name: value for name, is_given, value in (pair.partition("=") for pair in pairs) if name and is_given}
+    if not about or len(about) < len(pairs):
+        raise UsageError("--about takes a test and NAME=VALUE, such as T09 laboratory=MGA.")
+    return set_about(folder, test_id, about)
 
 
 def add_edit_options(parser: argparse.ArgumentParser) -> None:
@@ -93,4 +105,6 @@ def add_edit_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--because", metavar="WHY", help="why they are left out; it stands in every report")
     what.add_argument("--use", nargs="+", metavar="ID", help="tests to use again")
     what.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
+    help_ = "where a test comes from: its id, then laboratory=…, date=…"
+    what.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help=help_)
     what.add_argument("--undo", action="store_true", help="undo the last change: an import or one of these")

@@ -259,7 +259,7 @@ def add_settled(out: Path, settled: Sequence[Settled]) -> tuple[Added, ...]:
     """Add settled records to a campaign, or start a new one with them: all or, on any problem, none."""
     additions: dict[Role, list[Addition]] = {}
     for one in settled:
-        addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality)
+        addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality, one.about)
         additions.setdefault(one.role, []).append(addition)
     return add_to_campaign(out, additions)
 
