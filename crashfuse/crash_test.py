@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.condition import Condition
+from crashfuse.condition import About, Condition
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.units import MPH
@@ -23,8 +23,8 @@ class CrashTest:
     """A physical test.
 
     ``pulse`` is on the study grid, padded with zeros beyond ``recorded_s``, the end of the record; ``faults`` are what
-    its sensor did wrong. ``cae_tuned`` says whether the CAE model was tuned to it, None if nobody says; ``about`` are
-    the columns that begin with ``about_``: laboratory, date.
+    its sensor did wrong. ``cae_tuned`` says whether the CAE model was tuned to it, None if nobody says; ``about``
+    where it comes from: laboratory, date.
     """
 
     id: str
@@ -33,7 +33,7 @@ class CrashTest:
     recorded_s: float = math.inf
     faults: tuple[SensorFault, ...] = ()
     cae_tuned: bool | None = None
-    about: tuple[tuple[str, str], ...] = ()
+    about: About = ()
 
     def __repr__(self) -> str:
         return f"<CrashTest {self.id!r} at {self.condition}>"

@@ -9,6 +9,7 @@ IMPORTANCE = (
     "test.beyond_window",
     "tests.cae_tuned",
     "condition.extrapolated",
+    "cae.ended_otherwise",
     "cae.runs_fail",
     "tests.left_out_of_use",
     "campaign.warning",

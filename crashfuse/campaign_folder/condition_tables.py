@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from crashfuse.cae_library import QUALITIES, RunQuality
-from crashfuse.condition import FILE_UNITS, Condition
+from crashfuse.condition import ABOUT, FILE_UNITS, About, Condition
 from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.files.archive import name_trouble
@@ -35,6 +35,7 @@ _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg:
 _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
 _MOST_ROWS = {"tests": 20_000, "cae": MOST_ROWS}
+_BY_ROW = ("ids", "conditions", "rows", "quality", "about", "tuned")
 _UNSAFE = re.compile(r'[/\\:*?|<>"]')
 _FORMULA = ("=", "+", "-", "@")
 _LONGEST_ID = 180  # bytes of one made of a foreign name
@@ -53,9 +54,9 @@ class ConditionTable:
     conditions: tuple[Condition, ...]
     rows: tuple[int, ...]
     quality: tuple[RunQuality, ...] = ()  # what the solver says of each; empty if the table says nothing
+    about: tuple[About, ...] = ()  # likewise
     units: UnitSystem = MPH_LB  # of the columns
     tuned: tuple[bool | None, ...] = ()  # whether the CAE model was tuned to each; empty if the table says nothing
-    about: tuple[tuple[tuple[str, str], ...], ...] = ()  # columns that begin with "about_", of each; empty without any
 
     @property
     def speeds_mps(self) -> FloatArray:
@@ -66,10 +67,8 @@ class ConditionTable:
         """The table without the rows at these places."""
         left_out = {*places}
         keep = [place not in left_out for place in range(len(self.ids))]
-        ids, conditions = tuple(compress(self.ids, keep)), tuple(compress(self.conditions, keep))
-        rows, quality = tuple(compress(self.rows, keep)), tuple(compress(self.quality, keep))
-        tuned, about = tuple(compress(self.tuned, keep)), tuple(compress(self.about, keep))
-        return replace(self, ids=ids, conditions=conditions, rows=rows, quality=quality, tuned=tuned, about=about)
+        lists: dict[str, Any] = {name: tuple(compress(getattr(self, name), keep)) for name in _BY_ROW}
+        return replace(self, **lists)
 
 
 def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
@@ -116,20 +115,21 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
         values[name] = factor * numbers
     quality = _read_quality(frame, where, problems)
     found_columns = [column for column, _ in columns.values()]
-    about = [name for name in names if name.startswith("about_")]
-    extra = [name for name in names if name not in {"id", "cae_tuned", *about, *QUALITIES, *found_columns}]
-    _check_factors(frame[[*extra, *about]], where, problems)
+    sources = [name for name in names if name.startswith(ABOUT)]
+    extra = [name for name in names if name not in {"id", "cae_tuned", *sources, *QUALITIES, *found_columns}]
+    _check_factors(frame[[*extra, *sources]], where, problems)
     tuned = _read_tuned(frame, where, problems) if role == "tests" else ()
     if not sound:
         return None
+    cells = frame[sources].to_numpy(dtype=object).tolist() if sources else []
+    about = tuple(tuple((name, cell) for name, cell in zip(sources, row, strict=True) if cell) for row in cells)
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=object).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     found_units = [column.rpartition("_")[2] for column in found_columns]
     given = (found_units[0], found_units[1], found_units[2]) if len(found_units) == len(FILE_UNITS) else FILE_UNITS
     conditions = tuple(Condition.of_vector([v, front, rear], fac, given) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
-    texts = tuple(tuple(zip(about, map(str, row), strict=True)) for row in frame[about].to_numpy()) if about else ()
-    table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, units, tuned, texts)
+    table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, about, units, tuned)
     return table if len(sound) == len(frame) else table.without({*range(len(frame))} - {*sound})
 
 

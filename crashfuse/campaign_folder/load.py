@@ -132,7 +132,9 @@ def read_folder(folder: str | Path) -> Campaign:
         warnings += _shortened([line for line in findings(tables, pulses) if line.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
-    cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, failed)
+    cae = CaeLibrary(
+        runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, failed, runs.about
+    )
     check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
     of_tests, n = tables["tests"], len(tables["tests"].ids)

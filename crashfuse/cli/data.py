@@ -2,7 +2,9 @@
 
 import argparse
 import shlex
+from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 from crashfuse.errors import UsageError
 
@@ -79,6 +81,7 @@ def edit(arguments: argparse.Namespace) -> None:
         (remove_tests, arguments.remove),
         (partial(say_tuned, tuned=True), arguments.cae_tuned),
         (partial(say_tuned, tuned=False), arguments.not_cae_tuned),
+        (_set_about, arguments.about),
     )
     for change_it, ids in asked:
         if ids:
@@ -88,6 +91,16 @@ def edit(arguments: argparse.Namespace) -> None:
     print("Changes that --undo takes back, the last one first:" if kept else "There is no change that can be undone.")
     for change in kept:
         print(f"  {change.when}  {change.what}")
+
+
+def _set_about(folder: Path, given: Sequence[str]) -> str:
+    from crashfuse.campaign_folder.editing import set_about
+
+    test_id, *pairs = given
+    about = {name: value for name, is_given, value in (pair.partition("=") for pair in pairs) if name and is_given}
+    if not about or len(about) < len(pairs):
+        raise UsageError("--about takes a test and NAME=VALUE, such as T09 laboratory=MGA.")
+    return set_about(folder, test_id, about)
 
 
 def add_edit_options(parser: argparse.ArgumentParser) -> None:
@@ -101,4 +114,6 @@ def add_edit_options(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
     what.add_argument("--cae-tuned", nargs="+", metavar="ID", help="tests that the CAE model was tuned to")
     what.add_argument("--not-cae-tuned", nargs="+", metavar="ID", help="tests that it was not tuned to")
+    help_ = "where a test comes from: its id, then laboratory=…, date=…"
+    what.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help=help_)
     what.add_argument("--undo", action="store_true", help="undo the last change: an import or one of these")

@@ -263,11 +263,8 @@ def add_settled(out: Path, settled: Sequence[Settled], cae_tuned: bool | None = 
     """Add settled records to a campaign, or start a new one with them: all or, on any problem, none."""
     additions: dict[Role, list[Addition]] = {}
     for one in settled:
-        condition = one.condition
-        if cae_tuned is not None and one.role == "tests":
-            factors = dict(condition.factors) | {"cae_tuned": TUNED[cae_tuned]}
-            condition = replace(condition, factors=tuple(factors.items()))
-        addition = Addition(one.id, condition, one.pulse, _entry(one), one.quality)
+        tuned = [("cae_tuned", TUNED[cae_tuned])] if cae_tuned is not None and one.role == "tests" else []
+        addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality, (*tuned, *one.about))
         additions.setdefault(one.role, []).append(addition)
     return add_to_campaign(out, additions)
 

@@ -5,7 +5,8 @@ from weakref import WeakKeyDictionary
 
 from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.campaign import Campaign
-from crashfuse.condition import Condition
+from crashfuse.campaign_folder.condition_tables import listed
+from crashfuse.condition import ABOUT, Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.fact import Fact, by_importance
 from crashfuse.signals.metrics import checked_metrics
@@ -54,6 +55,16 @@ def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
     yield from map(_apart, departures(campaign))
     if any(test.cae_tuned for test in campaign.tests):
         yield tuning_fact(campaign)
+    of_runs = zip(campaign.cae.ids, campaign.cae.about, strict=False)  # none, where nothing is recorded
+    ends = {run: dict(about).get(f"{ABOUT}termination") for run, about in of_runs}
+    if odd := {run: str(end) for run, end in ends.items() if end not in ("normal", None)}:
+        pairs = {test.id: campaign.cae.paired_run(test.condition) for test in campaign.tests}
+        tests = [test for test, run in pairs.items() if run is not None and campaign.cae.ids[run] in odd]
+        resting = f"tests paired with them: {listed(tests) or 'none'}"
+        runs = listed(f"{run} ({end})" for run, end in odd.items())
+        sentence = f"CAE runs that did not end normally: {runs}; {resting}. Run them again, or leave them out."
+        label = f"{len(odd)} CAE runs did not end normally"
+        yield Fact("cae.ended_otherwise", sentence, label, {"runs": odd, "paired_tests": tests})
     quality = campaign.quality
     if quality.failing:
         sentence = joined([quality.summary, *quality.named])
