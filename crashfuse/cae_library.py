@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.condition import SAME_CONDITION, STEP_KG, STEP_MPS, Condition
+from crashfuse.condition import SAME_CONDITION, STEP_KG, STEP_MPS, About, Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, speed, weight
 
@@ -119,6 +119,8 @@ class CaeLibrary:
         nothing that is learned depends on it.
     left_out : tuple of (str, RunQuality)
         Ids of runs that were left out for exceeding the campaign's limits, with what the solver says of them.
+    about : tuple of tuple of (str, str)
+        Where each run comes from; empty if nothing is recorded for any.
     """
 
     ids: tuple[str, ...]
@@ -126,6 +128,7 @@ class CaeLibrary:
     accel_mps2: npt.NDArray[np.float32]
     quality: tuple[RunQuality, ...] = ()
     left_out: tuple[tuple[str, RunQuality], ...] = ()
+    about: tuple[About, ...] = ()
 
     def __repr__(self) -> str:
         return f"<CaeLibrary of {len(self):,} runs>"

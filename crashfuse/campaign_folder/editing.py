@@ -12,7 +12,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
+from itertools import chain, islice, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -32,11 +32,19 @@ from crashfuse.campaign_folder.history import changing, is_vacant, settle, takin
 from crashfuse.campaign_folder.load import FILES
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
-from crashfuse.campaign_folder.writer import append_to_table, check_ids, pulse_csv, quality_columns, table_row
-from crashfuse.condition import Condition
+from crashfuse.campaign_folder.writer import (
+    append_to_table,
+    check_ids,
+    further_cells,
+    further_columns,
+    pulse_csv,
+    table_row,
+)
+from crashfuse.condition import ABOUT, About, Condition
+from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, shortened
 from crashfuse.files.atomic import new_folder
-from crashfuse.files.csv_text import csv_text
+from crashfuse.files.csv_text import csv_text, original
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import Pulse
 
@@ -53,13 +61,19 @@ _MOST_TRIES = 5  # lines that look like the start of the list, and like its end
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Addition:
-    """A pulse to be added to a campaign folder, what the solver says of it, and provenance for ``campaign.toml``."""
+    """A pulse to be added to a campaign folder, what is known of it, and provenance for ``campaign.toml``."""
 
     id: str
     condition: Condition
     pulse: Pulse
     provenance: Mapping[str, str | float | Sequence[str]] = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
+    about: About = ()
+
+    @property
+    def further(self) -> dict[str, object]:
+        """The cells of its row beyond id and condition."""
+        return further_cells(self.quality, self.about)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +152,18 @@ def use_again(folder: Path, ids: Sequence[str]) -> str:
         return _set_unused(folder, test_ids, _without(unused, ids), f"In use again: {_named(ids)}")
 
 
+def say_tuned(folder: Path, ids: Sequence[str], tuned: bool | None) -> str:
+    """Say whether the CAE model was tuned to tests, in the column ``cae_tuned``; otherwise as :func:`leave_out`."""
+    what = f"CAE model {'' if tuned else 'not '}tuned to: {_named(ids)}"
+    return _set_cells(folder, ids, {"cae_tuned": TUNED[tuned]}, what)
+
+
+def set_about(folder: Path, test_id: str, about: Mapping[str, str]) -> str:
+    """Say where a test comes from, in its ``about_`` columns; otherwise as :func:`leave_out`."""
+    what = f"About {_named([test_id])}: {', '.join(f'{name} {value}' for name, value in about.items())}"
+    return _set_cells(folder, [test_id], {f"{ABOUT}{name}": value for name, value in about.items()}, what)
+
+
 def remove_tests(folder: Path, ids: Sequence[str]) -> str:
     """Take tests out of a campaign folder, rows and pulses; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
@@ -149,12 +175,33 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
         with changing(folder, what) as new:
             if {*ids} & {*unused}:
                 _write_unused(settings, _without(unused, ids), new(settings))
-            new(table).write_bytes(_without_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
+            new(table).write_bytes(_with_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
             for path in _pulse_tables(folder, "tests"):
                 append_to_table(path, new(path), [], without=ids)
             for path in (folder / "tests" / f"{test_id}.{ending}" for test_id in ids for ending in _ENDINGS):
                 if path.is_file():
                     new(path)  # without a content
+        return what
+
+
+def _set_cells(folder: Path, ids: Sequence[str], values: Mapping[str, str], what: str) -> str:
+    """Set cells of tests by column, which is added if the table lacks it; returns ``what`` that was."""
+    with taking_turns(folder):
+        _require(ids, _tests(folder)[0], "there")
+        path = folder / "tests.csv"
+        before = path.read_bytes().decode("utf-8-sig")
+        ending = "\r\n" if "\r\n" in before else "\n"
+        text, header = _with_columns(before, [*values])
+
+        def row(cells: Sequence[str]) -> str:
+            pairs = zip_longest(header, map(original, cells), fillvalue="")
+            return csv_text([[values.get(name, cell) for name, cell in pairs]]).removesuffix("\n") + ending
+
+        text = _with_rows(text, ids, row)
+        _check_readable({path.name: text})
+        if text != before:  # or there is nothing that could be undone
+            with changing(folder, what) as new:
+                new(path).write_bytes(text.encode())
         return what
 
 
@@ -191,7 +238,7 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
         new[role] = [addition for addition in of_role if addition.id not in there]
         added.append(Added(role, tuple(addition.id for addition in new[role]), there))
         text, header = _table_to_extend(folder / f"{role}.csv", table, new[role])
-        rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in new[role]]
+        rows = [table_row(header, addition.id, addition.condition, addition.further) for addition in new[role]]
         tables[f"{role}.csv"] = text + csv_text(rows)
         for addition in new[role]:
             values = {"id": addition.id, "as": role, **addition.provenance}
@@ -263,19 +310,22 @@ def _is_same(one: Pulse, other: Pulse) -> bool:
 def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
     """The text of the condition table, ready for rows to be appended, and its columns.
 
-    Columns of run quality that it lacks are added to its header; its rows are then short, which counts as empty cells.
+    Further columns that it lacks are added to its header; its rows are then short, which counts as empty cells.
     """
-    quality = quality_columns([addition.quality for addition in additions])
+    further = further_columns([addition.further for addition in additions])
     if table is None:
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
-        header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors, *quality]
+        header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors, *further]
         return csv_text([header]), header
-    text = path.read_bytes().decode("utf-8-sig")
+    return _with_columns(path.read_bytes().decode("utf-8-sig"), further)
+
+
+def _with_columns(text: str, further: Sequence[str]) -> tuple[str, list[str]]:
     header = [cell.strip() for cell in next(csv.reader(io.StringIO(text), skipinitialspace=True))]
     text = text if text.endswith("\n") else f"{text}\n"
-    if new := [name for name in quality if name not in header]:
+    if new := [name for name in further if name not in header]:
         first, _, others = text.partition("\n")
-        text, header = f"{first.rstrip()},{','.join(new)}\n{others}", [*header, *new]
+        text, header = f"{first.rstrip()},{csv_text([new])}{others}", [*header, *new]
     return text, header
 
 
@@ -386,14 +436,14 @@ def _values(text: str) -> dict[str, object] | None:
         return None
 
 
-def _without_rows(text: str, ids: Sequence[str]) -> str:
-    """The text of a condition table without the rows of these ids; the other lines stay to the byte."""
+def _with_rows(text: str, ids: Sequence[str], new: Callable[[list[str]], str] = lambda _: "") -> str:
+    """The text of a condition table with new rows, or none, of these ids; the other lines stay to the byte."""
     lines = io.StringIO(text, newline="").readlines()
     reader = csv.reader(lines, skipinitialspace=True)
     at = [cell.strip() for cell in next(reader)].index("id")
     kept, start = lines[: reader.line_num], reader.line_num
     for cells in reader:
-        if len(cells) <= at or cells[at].strip() not in ids:
-            kept += lines[start : reader.line_num]
+        is_asked = len(cells) > at and cells[at].strip() in ids
+        kept += [new(cells)] if is_asked else lines[start : reader.line_num]
         start = reader.line_num
     return "".join(kept)

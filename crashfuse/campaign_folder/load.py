@@ -132,13 +132,19 @@ def read_folder(folder: str | Path) -> Campaign:
         warnings += _shortened([line for line in findings(tables, pulses) if line.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
-    cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, failed)
+    cae = CaeLibrary(
+        runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, failed, runs.about
+    )
     check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
-    tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
+    of_tests, n = tables["tests"], len(tables["tests"].ids)
+    tests = zip(
+        of_tests.ids, of_tests.conditions, pulses["tests"], of_tests.tuned or (None,) * n, of_tests.about or ((),) * n,
+        strict=True,
+    )  # fmt: skip
     crash_tests = tuple(
-        CrashTest(test_id, condition, Pulse(GRID_S, accel), ends_s.get(test_id, math.inf), faults.get(test_id, ()))
-        for test_id, condition, accel in tests
+        CrashTest(i, condition, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about)
+        for i, condition, accel, tuned, about in tests
     )
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}

@@ -20,7 +20,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
 from crashfuse.campaign_folder.load import read_folder
 from crashfuse.campaign_folder.settings import QualitySettings, occupant_lines
-from crashfuse.condition import Condition
+from crashfuse.condition import About, Condition
 from crashfuse.errors import DataError, Problem, require_a
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_bytes, csv_text, original, write_rows
@@ -76,27 +76,32 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
 
 def condition_rows(campaign: Campaign, role: str, speed: str, weight: str) -> tuple[list[str], list[list[object]]]:
     """The columns and rows of ``tests.csv`` or ``cae.csv``, speeds and weights in these units."""
-    rows = [(test.id, test.condition) for test in campaign.tests]
-    quality: tuple[RunQuality, ...] = ()
+    rows = [(test.id, test.condition, further_cells(RunQuality(), test.statements)) for test in campaign.tests]
     if role == "cae":
-        rows, quality = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)), campaign.cae.quality
-    quality = quality or (RunQuality(),) * len(rows)
-    factors = list(dict.fromkeys(name for _, condition in rows for name, _ in condition.factors))
+        cae = campaign.cae
+        quality, about = cae.quality or (RunQuality(),) * len(cae), cae.about or ((),) * len(cae)
+        rows = list(zip(cae.ids, cae.conditions, map(further_cells, quality, about), strict=True))
+    factors = list(dict.fromkeys(name for _, condition, _ in rows for name, _ in condition.factors))
     units = f"speed_{speed}", f"front_weight_{weight}", f"rear_weight_{weight}"
-    header = ["id", *units, *factors, *quality_columns(quality)]
-    return header, [table_row(header, *row, of_run) for row, of_run in zip(rows, quality, strict=True)]
+    header = ["id", *units, *factors, *further_columns([further for *_, further in rows])]
+    return header, [table_row(header, *row) for row in rows]
 
 
-def quality_columns(quality: Sequence[RunQuality]) -> list[str]:
-    """The columns of what the solver says of runs."""
-    return [name for name in QUALITIES if any(getattr(run, name) is not None for run in quality)]
+def further_cells(quality: RunQuality, about: About) -> dict[str, object]:
+    """What the solver says of a run, and where a test or run comes from, by column."""
+    return {name: value for name in QUALITIES if (value := getattr(quality, name)) is not None} | dict(about)
 
 
-def table_row(header: Sequence[str], run_id: str, condition: Condition, quality: RunQuality) -> list[object]:
-    """The cells of a condition in the columns of a table, empty for factors and quality it does not have."""
+def further_columns(rows: Sequence[Mapping[str, object]]) -> list[str]:
+    """The columns of such cells, those of the solver first."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return [*(name for name in QUALITIES if name in names), *(name for name in names if name not in QUALITIES)]
+
+
+def table_row(header: Sequence[str], run_id: str, condition: Condition, further: Mapping[str, object]) -> list[object]:
+    """The cells of a condition in the columns of a table, empty for what it does not have."""
     quantities = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
-    of_run = {name: value for name in QUALITIES if (value := getattr(quality, name)) is not None}
-    cells: dict[str, object] = {"id": run_id, **dict(condition.factors), **of_run}
+    cells: dict[str, object] = {"id": run_id, **dict(condition.factors), **further}
     for (quantity, units), value in zip(quantities.items(), condition.vector.tolist(), strict=True):
         for unit, factor in units.items():
             cells[f"{quantity}_{unit}"] = float(value) if factor == 1.0 else float(f"{value / factor:.12g}")

@@ -53,7 +53,7 @@ def hold(
 def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | None], dict[str, Condition]]:
     trials = {
         trial.held_out: trial
-        for trial in record.trials
+        for trial in (*record.trials, *record.tuned)
         if trial.left_out == "test" and trial.held_out in verdict.run and trial.verdict.criterion == verdict.criterion
     }
     off = {i: t.verdict.condition for i, t in trials.items() if not t.verdict.condition.is_at(verdict.condition)}

@@ -13,7 +13,7 @@ from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.condition_tables import Role, listed
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS
 from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
-from crashfuse.condition import Condition
+from crashfuse.condition import About, Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.importing.channels import agreeing_channels, average, measurement_problems, missing_choices
 from crashfuse.importing.detection import (
@@ -209,6 +209,7 @@ class Settled:
     steps: tuple[str, ...]  # everything that was found and done, in order
     quality: RunQuality = field(default_factory=RunQuality)  # of a CAE run
     role: Role = "tests"
+    about: About = ()
 
     def __repr__(self) -> str:
         return f"<Settled {self.id!r}: {self.condition}>"
@@ -285,7 +286,8 @@ def settled_at(
     names = tuple(channel.name for channel in channels)
     quality = record.quality if role == "cae" else RunQuality()
     found = unit, sign, zero_s, cfc, tuple(steps)
-    return Settled(record.id, record.source, condition, pulse, names, *found, quality, role)
+    about = record.about_with(channels if role == "tests" else ())
+    return Settled(record.id, record.source, condition, pulse, names, *found, quality, role, about)
 
 
 def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) -> Pulse:

@@ -55,6 +55,12 @@ _UNEVEN = 0.02  # of a step, in a time channel
 ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
 
 _ABOUT_THE_TEST = ("Type of the test", "Subtype of the test", "Title")
+_ABOUT = {
+    "laboratory": "Laboratory name",
+    "test_number": "Laboratory test ref. number",
+    "reference": "Customer test ref. number",
+    "date": "Date of the test",
+}
 _OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
 
 
@@ -72,6 +78,8 @@ class Channel:
     source: str = ""  # transducer, calculation, camera, simulation or parameter
     filter_class: str = ""  # as a number: 60
     status: str = ""  # ok, channel failed, questionable data …
+    sensor: str = ""
+    prefilter: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +166,10 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
         comments=tuple(value for name, value in header if name.lower() == "comments"),
         source=_first_of(header, "Data source") or "",
         status=status,
+        sensor=" ".join(filter(None, (_first_of(header, f"Transducer {what}") for what in ("type", "id")))),
+        prefilter=" ".join(
+            filter(None, (_first_of(header, name) for name in ("Pre-filter type", "Cut off frequency")))
+        ),
     )
     implicit = (_first_of(header, "Reference channel") or "").lower() == "implicit"
     return channel, None if implicit else _first_of(header, "Reference channel name")
@@ -262,6 +274,8 @@ def record_of(test: IsommeTest, source: str) -> Record:
             code.cutoff_hz,
             origin=channel.source or origin,
             status=channel.status,
+            sensor=channel.sensor,
+            prefilter=channel.prefilter,
         )
     if not recorded:
         raise DataError(list(untimed.values()))
@@ -280,7 +294,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
     side = test.descriptor(f"Impact side test object {vehicle}") or ""
     other = other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
     steps, channels = (*notes, *why), tuple(recorded.values())
-    return Record(test.name, source, condition, channels, chosen, steps, zero, unread=untimed, other_setup=other)
+    about = {name: test.descriptor(descriptor) or "" for name, descriptor in _ABOUT.items()}
+    said = steps, zero
+    return Record(test.name, source, condition, channels, chosen, *said, unread=untimed, other_setup=other, about=about)
 
 
 def _on_a_vehicle(channel: Channel) -> ChannelCode | None:

@@ -6,12 +6,12 @@ the file has grown to a gigabyte, ``binout0000_`` after a restart of some versio
 
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from itertools import chain
-from pathlib import Path, PurePath
+from pathlib import Path, PurePath, PurePosixPath
 from typing import IO, Any, NamedTuple
 
 import numpy as np
@@ -28,18 +28,21 @@ from crashfuse.readers.solver_run import (
     initial_speed,
     note_of_kept,
     proposed_nodes,
+    read_listing,
     run_record,
+    sha256_of,
     units_of,
     vehicle_mass_kg,
 )
 
 _NAME = re.compile(
-    r"(?:(?P<job>.+)\.)?(?P<kind>binout|nodouthf|nodout|glstat|matsum)(?P<number>\d*)"
+    r"(?:(?P<job>.+)\.)?(?P<kind>binout|nodouthf|nodout|glstat|matsum|d3hsp|messag|mes(?=\d))(?P<number>\d*)"
     r"(?P<label>[^.]*?)(?P<restarts>_*)(?:%(?P<part>\d+))?(?:\.(?:txt|asc))?",
     re.IGNORECASE | re.DOTALL,
 )
 _INPUT = re.compile(r"\.(key|k|dyn|dyna|inp)$", re.IGNORECASE)
 _NODES = ("binout", "nodout", "nodouthf")
+_LISTINGS = ("d3hsp", "messag", "mes")
 _KIND = "binout or nodout of LS-DYNA"
 
 # size limits of a library; only the needed part of a binout is read, however long it is
@@ -60,7 +63,9 @@ def _named(path: PurePath) -> _FileName | None:
     if (match := _NAME.fullmatch(path.name)) is None:
         return None
     kind, family = match["kind"].lower(), match["number"]
-    label = match["label"] if kind == "binout" else f"{family}{match['label']}{match['restarts']}"
+    if kind == "mes" and int(family):  # one a processor; the first has all
+        return None
+    label = match["label"] if kind in ("binout", "mes") else f"{family}{match['label']}{match['restarts']}"
     job = "-".join(filter(None, (_INPUT.sub("", match["job"] or ""), label.strip("_- "))))
     return _FileName(kind, job, family, (len(match["restarts"]), int(match["part"] or 0)))
 
@@ -141,21 +146,37 @@ def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
 
 def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...]:
     """Read LS-DYNA runs (a file, the folder of one or of many, a zip): nodes, else rigid bodies."""
-    with opened_members(path, lambda file: _named(file) is not None, _KIND, limits) as (members, budget):
-        runs = _runs_of(members, path)
+
+    def wanted(file: PurePath) -> bool:
+        return _named(file) is not None or (file != path and _INPUT.search(file.name) is not None)
+
+    with opened_members(path, wanted, _KIND, limits) as (members, budget):
+        runs, decks = (
+            _runs_of(members, path),
+            {member.path: member for member in members if _named(member.path) is None},
+        )
         if not runs:
             raise DataError(Problem(path.name, _KIND, "none", "choose the folder of a run"))
         most = min(_MOST_NODES, max(_MOST_IN_ALL // len(runs), _FEWEST_NODES))
 
         def record(run_id: str) -> Record:
             source = path.name if len(runs) == 1 else run_id
-            return _record(run_id, source, runs[run_id], budget, most, travel, zipped=path.suffix.lower() == ".zip")
+            zipped = path.suffix.lower() == ".zip"
+            return _record(run_id, source, runs[run_id], decks, budget, most, travel, zipped=zipped)
 
         return read_all(runs, record, path.name)
 
 
 def _record(
-    run_id: str, source: str, files: _RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool
+    run_id: str,
+    source: str,
+    files: _RunFiles,
+    decks: Mapping[PurePosixPath, Member],
+    budget: Budget,
+    most: int,
+    travel: Travel | None,
+    *,
+    zipped: bool,
 ) -> Record:
     run, glstat, matsum = _histories(files, budget, most, travel, zipped=zipped)
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
@@ -169,8 +190,25 @@ def _record(
     if speed_mps is not None and energy is not None and energy > 0 and initial > 0:
         mass = vehicle_mass_kg(2 * energy / initial**2)
     speed_or_why, mass_and_source = (speed_mps, no_speed), (mass, "from the kinetic energy at that speed (glstat)")
-    quality = quality_of(glstat, matsum)
-    return run_record(run_id, source, run.nodes, proposed, units, speed_or_why, mass_and_source, quality, steps)
+    quality, about = quality_of(glstat, matsum), _about(files, decks, run, budget, steps)
+    return run_record(run_id, source, run.nodes, proposed, units, speed_or_why, mass_and_source, quality, steps, about)
+
+
+def _about(
+    files: _RunFiles, decks: Mapping[PurePosixPath, Member], run: Histories, budget: Budget, steps: list[str]
+) -> dict[str, str]:
+    """What the run's files say of it, and its listing if it has one, which also names the deck."""
+    about = {"solver": "LS-DYNA", **run.about}
+    for member in (files.text[kind] for kind in _LISTINGS if kind in files.text):
+        listing = read_listing(member.chunks(budget))
+        if not listing.is_of(run.title, about.get("date", "")):
+            steps.append(f"Careful: {member.where} is the listing of another run; it is left out.")
+            continue
+        about |= listing.about
+        if (deck := decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
+            about["deck_sha256"] = sha256_of(deck.chunks(budget))
+        break
+    return about
 
 
 def _histories(

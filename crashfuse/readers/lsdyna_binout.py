@@ -29,6 +29,7 @@ from crashfuse.readers.lsdyna_histories import (
 )
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import History, axis_of_travel
+from crashfuse.readers.vocabulary import iso_date
 from crashfuse.signals.pulse import FloatArray
 
 _CD, _DATA, _VARIABLE, _BEGIN_TABLE, _END_TABLE, _TABLE_OFFSET = 2, 3, 4, 5, 6, 7
@@ -53,7 +54,7 @@ _VARIABLES = {
     name: frozenset({"time", *(form.format(axis) for form in forms for axis in AXES)})
     for name, forms in _DATABASES.items()
 }
-_METADATA = frozenset({"ids", "legend", "legend_ids", "title"})
+_METADATA = frozenset({"ids", "legend", "legend_ids", "title", "version", "revision", "date"})
 _TITLE_BYTES = 80
 _PREFIX = {"rbdout": "body "}
 _SAMPLED = 20  # states
@@ -187,6 +188,7 @@ class _Metadata:
     title: str
     ids: npt.NDArray[np.integer[Any]]
     titles: dict[str, str]
+    about: dict[str, str]  # version and date
 
 
 @dataclass
@@ -258,7 +260,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     count = sum(map(len, families))
     holding = len({part.where for part in parts})
     notes = (f"Nodes from {holding} of {count} files of binout, joined.",) if count > 1 else ()
-    return Histories(title, nodes, total, start, fastest, notes=notes), glstat, matsum
+    return Histories(title, nodes, total, start, fastest, notes, parts[0].of.about), glstat, matsum
 
 
 def _states_of(file: _LsdaFile, database: str) -> States:
@@ -293,8 +295,11 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
                 states.setdefault(folder[0], []).append(folder)
         for database in _DATABASES:
             if (ids := file.read((database, "metadata"), "ids")) is not None and ids.dtype.kind in "iu":
-                title = printable(_text(file, (database, "metadata"), "title").strip())
-                metadata[database] = _Metadata(title, ids, _titles(file, database))
+                stated = ("title", "version", "revision", "date")
+                title, version, revision, date = (_text(file, (database, "metadata"), of).strip() for of in stated)
+                versions = " ".join(dict.fromkeys(filter(None, (version, revision))))
+                about = {"version": versions, "date": iso_date(date, "%m/%d/%Y")}
+                metadata[database] = _Metadata(printable(title), ids, _titles(file, database), about)
             if not states.get(database):
                 continue
             if database not in metadata:

@@ -8,7 +8,7 @@ import re
 from array import array
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.members import COPY_AGAIN
-from crashfuse.readers.solver_run import Energies, History, axis_of_travel
+from crashfuse.readers.solver_run import STAMP, Energies, History, axis_of_travel
+from crashfuse.readers.vocabulary import iso_date
 from crashfuse.signals.pulse import FloatArray
 
 MOST_NODES = 200_000  # limit of the nodes listed in a file
@@ -59,6 +60,7 @@ class Histories:
     start: FloatArray = field(default_factory=lambda: np.zeros((3, 1)))
     fastest: FloatArray = field(default_factory=lambda: np.zeros(3))
     notes: tuple[str, ...] = ()  # what was joined or left out
+    about: Mapping[str, str] = field(default_factory=dict)  # version and date
 
 
 def nodes_to_keep(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
@@ -144,9 +146,13 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int, travel: Travel |
     """Read the translation of at most so many nodes from an ASCII ``nodout`` as a stream."""
     reader = _Nodout(where, most, travel)
     lines = _lines_of(chunks, where)
-    title = printable(next(lines, b"").decode("latin-1").strip())
+    first, second = (next(lines, b"").decode("latin-1") for _ in range(2))
+    title, stamp = printable(first.strip()), STAMP.search(f"{first}\n{second}")
+    reader.take(second.encode("latin-1"))
     whole = all(map(reader.take, lines))
-    return reader.histories(title, to_the_end=whole or next(lines, None) is None)
+    histories = reader.histories(title, to_the_end=whole or next(lines, None) is None)
+    about = {"version": stamp[2], "date": iso_date(stamp[3], "%m/%d/%Y")} if stamp else {}
+    return replace(histories, about=about)
 
 
 class _Nodout:

@@ -23,7 +23,7 @@ from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import is_numbered, opened_members
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
-from crashfuse.readers.vocabulary import doubt_of, speed, weight
+from crashfuse.readers.vocabulary import doubt_of, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS
 from crashfuse.wording import Sentence
@@ -41,6 +41,7 @@ NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
 _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
 _SPEED = 41
+_ABOUT = {"laboratory": 4, "test_number": 0, "reference": 6, "date": 3}  # fields of TEST; the number is the file's
 _MOST_LINES = 20_000  # of a specification
 _MOST_SAMPLES = 1_000_000
 _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
@@ -61,6 +62,7 @@ class Sensor:
     status: str
     redundant: bool
     comment: str
+    maker: str = ""
 
     @property
     def is_of_the_vehicle(self) -> bool:
@@ -115,6 +117,7 @@ def nhtsa_record(
     condition: PartialCondition,
     notes: Sequence[str],
     other_setup: str,
+    about: Mapping[str, str],
 ) -> Record:
     """Read the channels of one vehicle into a record, proposing those at the best location.
 
@@ -125,7 +128,7 @@ def nhtsa_record(
     damaged: dict[Sensor, Problem] = {}
     for sensor, read in sensors.items():
         try:
-            channels[sensor] = replace(read(), status=sensor.quality)
+            channels[sensor] = replace(read(), status=sensor.quality, sensor=sensor.maker)
         except DataError as error:
             damaged[sensor] = error.problems[0]
     wanted, _ = _at_best_place([entry for entry in sensors if not doubt_of(entry.quality)])
@@ -148,6 +151,7 @@ def nhtsa_record(
         "0 is first contact, by the format's definition",
         unread={str(entry.number): problem for entry, problem in damaged.items()},
         other_setup=other_setup,
+        about={**about, "test_number": stem.lstrip("vV"), "date": iso_date(about["date"], "%d/%b/%Y")},
     )
 
 
@@ -196,7 +200,8 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         condition, steps = _condition(sections, candidates[0].vehicle, specification.where)
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
-        return (nhtsa_record(specification.path.stem, path.name, sensors, condition, steps, other),)
+        about = {name: _field(test, index) for name, index in _ABOUT.items()}
+        return (nhtsa_record(specification.path.stem, path.name, sensors, condition, steps, other, about),)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:
@@ -242,6 +247,7 @@ def _listed(fields: list[str], where: str) -> Sensor:
         status=fields[17].upper(),
         redundant=fields[18].upper() == "R",
         comment=fields[19],
+        maker=fields[9],
     )
 
 

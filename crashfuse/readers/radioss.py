@@ -17,9 +17,9 @@ import re
 import struct
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
-from pathlib import Path, PurePath
+from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +42,8 @@ from crashfuse.readers.radioss_history import (
     with_names,
 )
 from crashfuse.readers.record import Record
+from crashfuse.readers.solver_run import read_listing, sha256_of
+from crashfuse.readers.vocabulary import iso_date
 from crashfuse.signals.pulse import FloatArray
 
 _KIND = "a time history of Radioss (T01), or the CSV of it"
@@ -65,6 +67,7 @@ _NAME = re.compile(
     r"(?P<run>.*[^.])T(?P<part>\d\d)(?P<more>[a-i]?)|(?P<new_run>.+)_(?P<new_part>\d{4})(_(?P<new_more>[a-i]))?\.thy",
     re.IGNORECASE | re.DOTALL,
 )
+_BESIDE = re.compile(r".+_(?:(?P<listing>(?!0000)\d{4}\.out)|0000\.(?:rad|k|key))", re.IGNORECASE | re.DOTALL)
 _HEAD = 200  # bytes
 _CUT = "The last state is cut short and left out."
 
@@ -97,7 +100,7 @@ class _BinaryFile:
         if len(first) != 84 or not 1000 <= _ints(first[:4])[0] <= 9999:
             raise self._damaged(OTHER_KIND)
         self.title = _text(first[4:])
-        self._next(records)  # date
+        self._about = _about(_text(self._next(records)))
         counts = self._next(records)
         self._factors: tuple[float, ...] = ()
         if len(counts) == 4:  # newer forms: how many records follow here, the length of titles, factors of the units
@@ -124,7 +127,7 @@ class _BinaryFile:
         unread = dict.fromkeys(f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES)
         factors = self._factors if all(0 < factor < 1e6 for factor in self._factors) else ()
         notes = (_CUT,) if self._left_over else ()
-        return TimeHistory(self.title, time, model, self._watched(time), tuple(unread), factors, notes)
+        return TimeHistory(self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about)
 
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
         found: dict[str, dict[str, FloatArray]] = {}
@@ -217,6 +220,14 @@ class _BinaryFile:
 
     def _damaged(self, found: str) -> DataError:
         return DataError(Problem(self._where, _KIND, found, COPY_AGAIN))
+
+
+def _about(text: str) -> dict[str, str]:
+    """Of the date and the solver as a time history has them."""
+    date, is_there, solver = text.partition(" RADIOSS ")
+    words = solver.split(",", 1)
+    name = words[0].strip() if is_there else ""
+    return {"solver": name or "Radioss", "version": words[-1].strip(), "date": iso_date(date, "%a %b %d %H:%M:%S %Y")}
 
 
 def _text(title: bytes) -> str:
@@ -341,15 +352,39 @@ def _split(label: str) -> tuple[str, str, str] | None:
 
 def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFAULT_LIMITS) -> tuple[Record, ...]:
     """Read Radioss runs (a time history, its CSV, a folder of one or of many, a zip), their parts joined."""
-    with opened_members(path, _belongs, _KIND, limits) as (members, budget):
-        runs = _runs(members, path)
+
+    def wanted(file: PurePath) -> bool:
+        return _belongs(file) or (file != path and _BESIDE.fullmatch(file.name) is not None)
+
+    with opened_members(path, wanted, _KIND, limits) as (members, budget):
+        others = {member.path: member for member in members if _BESIDE.fullmatch(member.path.name)}
+        runs = _runs([member for member in members if member.path not in others], path)
         if not runs:
             raise DataError(Problem(path.name, _KIND, "none", "check the path"))
 
         def record(run_id: str) -> Record:
-            return record_of(_read(runs[run_id], budget), run_id, runs[run_id][0].path.name, travel)
+            first = runs[run_id][0].path
+            history = _with_listing(_read(runs[run_id], budget), first, others, budget, alone=len(runs) == 1)
+            return record_of(history, run_id, first.name, travel)
 
         return read_all(runs, record, path.name)
+
+
+def _with_listing(
+    history: TimeHistory, first: PurePosixPath, others: Mapping[PurePosixPath, Member], budget: Budget, *, alone: bool
+) -> TimeHistory:
+    """With what the listing of the run's last part says, and its deck (``run_0000.rad``)."""
+    beside = {path: _BESIDE.fullmatch(path.name) for path in sorted(others) if path.parent == first.parent}
+    run, about, notes = _parts_of_name(first.name)[0], dict(history.about), list(history.notes)
+    listings = [path for path, match in beside.items() if match and match["listing"]]
+    mine = [path for path in listings if path.name.startswith(f"{run}_")]
+    if mine:
+        about |= read_listing(others[mine[-1]].chunks(budget)).about
+    elif listings and alone:
+        notes.append(f"Careful: {listings[-1].name} is the listing of another run; it is left out.")
+    for path in (path for path in beside if path not in listings and path.name.startswith(f"{run}_")):
+        about |= {"deck": path.name, "deck_sha256": sha256_of(others[path].chunks(budget))}
+    return replace(history, about=about, notes=tuple(notes))
 
 
 def is_time_history_csv(path: Path) -> bool:

@@ -4,7 +4,7 @@ Columns of nodes that the file does not name are told apart by the run's initial
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -86,6 +86,7 @@ class TimeHistory:
     unread: tuple[str, ...] = ()  # what else the file holds, for display: rigid walls, sections …
     unit_factors: tuple[float, ...] = ()  # to SI, of mass, length and time
     notes: tuple[str, ...] = ()  # what was joined, aligned or left out
+    about: Mapping[str, str] = field(default_factory=lambda: {"solver": "Radioss"})
 
     @property
     def energies(self) -> Energies:
@@ -251,7 +252,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     steps += note_of_kept(len(kept), len(nodes))
     mass, quality = _mass(run, set_out, source), run.energies.quality
     speed_or_why = speed_mps, no_speed
-    return run_record(run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps)
+    return run_record(run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps, run.about)
 
 
 def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from crashfuse.cae_library import RunQuality
+from crashfuse.condition import ABOUT, About
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_of, is_computed, is_simulated, weight
 from crashfuse.signals.pulse import FloatArray
@@ -17,6 +18,7 @@ from crashfuse.wording import Sentence, joined
 
 _UNEQUAL = 0.01  # of the mass: allowed for rounding and scale errors
 _LISTED = 5  # channels in a message
+_LONGEST = 190  # characters of a column on where a record comes from
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +145,8 @@ class RecordedChannel:
         What the file says of its source ("transducer", "simulation"), else its label if that says so; empty if nothing.
     status : str
         What the file says of its quality ("ok", "channel failed", "questionable data"); empty if nothing.
+    sensor, prefilter : str
+        The sensor (maker, model, serial number), and the filter before recording, in the file's words.
     """
 
     name: str
@@ -154,6 +158,8 @@ class RecordedChannel:
     unit_from: str = "the file"
     origin: str = ""
     status: str = ""
+    sensor: str = ""
+    prefilter: str = ""
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -233,6 +239,8 @@ class Record:
         What the solver says of a CAE run.
     other_setup : str
         What the file calls the test, if that is no full-frontal barrier crash ("VEHICLE INTO VEHICLE").
+    about : mapping of str to str
+        Where it comes from, in the file's words: laboratory, test_number, date; solver, version, deck, termination.
     """
 
     id: str
@@ -246,6 +254,7 @@ class Record:
     unread: Mapping[str, Problem] = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
     other_setup: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Record {self.id!r} of {printable(self.source)}: channels {self.listed}>"
@@ -271,6 +280,14 @@ class Record:
         if unknown:
             raise UsageError(f"There is no channel {', '.join(unknown)} in {self.source}; it has {self.listed}.")
         return tuple(dict.fromkeys(channel for channel in found.values() if channel is not None))
+
+    def about_with(self, channels: Sequence[RecordedChannel]) -> About:
+        """Columns on where it comes from, with the sensors and filters of these channels."""
+        words = {"sensor": [one.sensor for one in channels]}
+        words["prefilter"] = [one.prefilter or (f"{one.cutoff_hz:g} Hz" if one.cutoff_hz else "") for one in channels]
+        texts = {name: "; ".join(dict.fromkeys(filter(None, of))) for name, of in words.items()}
+        stated = {**self.about, **texts}
+        return tuple((f"{ABOUT}{name}", text) for name in stated if (text := printable(stated[name].strip(), _LONGEST)))
 
     def in_unit(self, unit: str, unit_from: str) -> "Record":
         """The record with the unit of the channels that state none."""

@@ -4,8 +4,9 @@ No solver records which nodes are accelerometers: titles tell; without titles, n
 are proposed. LS-DYNA records no units either: crash models are built in mm, s, t; in mm, ms, kg; or in m, s, kg.
 """
 
+import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.readers.vocabulary import ACCELERATION_UNITS, speed, weight
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 from crashfuse.wording import Sentence, number
@@ -34,6 +35,14 @@ _SLOWEST_MPS = 1.0
 _LEAST_OF_FASTEST = 0.2  # a vehicle is at its fastest when it sets out; what is accelerated first is none
 _OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
 
+STAMP = re.compile(r"([^\n]*)\n *ls-dyna +\(?(?:version +)?(\S.*?)\)? +date +(\d\d/\d\d/\d{4})")
+"""The title and the line below it in every text file of LS-DYNA."""
+_DATE = re.compile(r"\bdate *:? *(\d\d/\d\d/\d{4})", re.IGNORECASE)
+_VERSION = re.compile(r"(?:Version|Revision|Build tag) *: *([^|*\s](?:[^|*\n]*[^|*\s])?)")
+_LISTED = {"deck": re.compile(r"(?:Input file *:|\bi *=)(?: *i *=)? *(?:\S*[/\\])?([^/\\\s|]+)")}
+_ENDED = re.compile(rb"(n ?o ?r ?m ?a ?l|e ?r ?r ?o ?r) +t ?e ?r ?m ?i ?n ?a ?t ?i ?o ?n|user break", re.IGNORECASE)
+_OVERLAP = 100  # bytes; the words may lie across two chunks
+
 LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
 _SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run that ended at once
 FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
@@ -41,6 +50,43 @@ _SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass
 
 # of a run: its unit of time in s, the unit of acceleration (None: not known), and a sentence
 Units = tuple[float, str | None, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """What the listing of a run says of it, and the title and date that it is stamped with; empty if it does not."""
+
+    about: Mapping[str, str]
+    title: str = ""
+
+    def is_of(self, title: str, date: str) -> bool:
+        """Whether it may be that of the run with this title and date."""
+        pairs = (self.title, title), (self.about.get("date", ""), date)
+        return all(one == other or not (one and other) for one, other in pairs)
+
+
+def read_listing(chunks: Iterable[bytes]) -> Listing:
+    """Read the listing of a run of LS-DYNA (``d3hsp``, ``messag``, ``mes0000``) or Radioss (``run_0001.out``)."""
+    head, before, ended = b"", b"", "killed"
+    for chunk in chunks:
+        head = head or chunk
+        for match in _ENDED.finditer(before[-_OVERLAP:] + chunk):
+            ended = match[1].replace(b" ", b"").decode().lower() if match[1] else "killed"
+        before = chunk
+    text = head.decode("latin-1")
+    stamp, date = STAMP.search(text), _DATE.search(text)
+    about = {name: " ".join(found) for name, words in _LISTED.items() if (found := words.findall(text)[:1])}
+    about |= {"version": " ".join(dict.fromkeys(_VERSION.findall(text)[:2])), "termination": ended}
+    about["date"] = iso_date(date[1], "%m/%d/%Y") if date else ""
+    return Listing({name: value for name, value in about.items() if value}, stamp[1].strip() if stamp else "")
+
+
+def sha256_of(chunks: Iterable[bytes]) -> str:
+    """SHA-256 of a file."""
+    digest = hashlib.sha256()
+    for chunk in chunks:
+        digest.update(chunk)
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -211,6 +257,7 @@ def run_record(
     mass_and_source: tuple[float | None, str],
     quality: RunQuality,
     steps: Sequence[str],
+    about: Mapping[str, str],
 ) -> Record:
     """The record of a run: its nodes as channels, and what its quantities add to the steps."""
     per_second, unit, _ = units
@@ -235,7 +282,8 @@ def run_record(
         channels.append(RecordedChannel(node.name, label, per_second * node.time, accel, unit))
     names = tuple(node.name for node in proposed)
     condition = PartialCondition(speed_mps, mass_kg)
-    return Record(run_id, source, condition, tuple(channels), names, tuple(told), no_speed=no_speed, quality=quality)
+    found = (condition, tuple(channels), names, tuple(told))
+    return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

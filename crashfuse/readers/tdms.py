@@ -57,6 +57,18 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 from crashfuse.wording import time_text
 
+_OF_NHTSA = {
+    "laboratory": "test_tstprf",
+    "test_number": "test_tstno",
+    "reference": "test_tstref",
+    "date": "test_tstdat",
+}
+_ABOUT = {  # words in the names of properties
+    "laboratory": r"lab(orator\w*|or)?([ _-]*name)?|test[ _-]*(facility|house|site)",
+    "test_number": r"test[ _-]*(no|nr|num(ber)?|id|ref\w*)\.?",
+    "date": r"(test[ _-]*)?date([ _-]*(of[ _-]*(the[ _-]*)?test|time))?",
+}
+_SENSOR = ("sensor", "sensor name", "sensor_name", "transducer id", "transducer_id", "serial number", "serial_number")
 _MOST_CHANNELS = 200  # of a test that could be its pulse
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _MOST_VALUES = 20_000_000  # in all of them
@@ -96,7 +108,8 @@ def _waveform(
         _text_of(properties, f"data {name}") or _text_of(properties, f"data_{name}") for name in ("source", "status")
     )
     origin = origin or (channel.group if is_simulated(channel.group) else "")
-    return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, origin=origin, status=status)
+    sensor = next(filter(None, (_text_of(properties, key) for key in _SENSOR)), "")
+    return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, "the file", origin, status, sensor)
 
 
 class _Candidate(NamedTuple):
@@ -136,8 +149,16 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         steps.append(f"Left out for lack of samples or of their time: {', '.join(map(printable, unread))}.")
     chosen, why = _proposed(channels, len(found), what)
     about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
-    recorded, other = tuple(channels.values()), other_setup(about)
-    return Record(record_id, where, condition, recorded, chosen, (*steps, *why), unread=unread, other_setup=other)
+    recorded, other, steps = tuple(channels.values()), other_setup(about), [*steps, *why]
+    pedigree = {
+        name: text
+        for name, words in _ABOUT.items()
+        for key in file.properties
+        if re.fullmatch(words, key) and (text := _text_of(file.properties, key))
+    }
+    return Record(
+        record_id, where, condition, recorded, chosen, tuple(steps), unread=unread, other_setup=other, about=pedigree
+    )
 
 
 def _read_channels(
@@ -273,7 +294,8 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     condition = PartialCondition(speed * KPH or None, mass or None)
     other = other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
-    return nhtsa_record(stem, where, readers, condition, steps, other)
+    about = {name: _text_of(test, key) for name, key in _OF_NHTSA.items()}
+    return nhtsa_record(stem, where, readers, condition, steps, other, about)
 
 
 def _sensor(place: int, properties: Properties) -> Sensor:
@@ -291,4 +313,5 @@ def _sensor(place: int, properties: Properties) -> Sensor:
         status=status,
         redundant=kind == "R",
         comment=printable(_text_of(properties, "inst_inscom")),
+        maker=_text_of(properties, "inst_insman"),
     )

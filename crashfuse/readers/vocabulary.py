@@ -21,7 +21,9 @@ data, scaling factor changed, system noise), which laboratories spell in their o
 
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from enum import IntEnum
 
 from crashfuse.errors import UsageError, printable
@@ -126,6 +128,13 @@ def number_and_unit(text: str) -> tuple[float, str] | None:
     if match is None:
         return None
     return float(match.group().replace(",", ".")), text.strip()[match.end() :].strip()
+
+
+def iso_date(text: str, form: str) -> str:
+    """A date as 2017-10-03, if it is of this form; else as it is."""
+    with suppress(ValueError):
+        return datetime.strptime(text.strip(), form).date().isoformat()
+    return text
 
 
 class _InBoth(Quantity):

@@ -23,7 +23,7 @@ from crashfuse.reporting.evidence_facts import (
     listed_conditions,
     record_facts,
 )
-from crashfuse.study.facts import campaign_facts
+from crashfuse.study.facts import campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, joined, probability_text, read_out
 
@@ -39,6 +39,7 @@ SUBJECTS = {
     "test.not_used": "Tests that are not used",
     "campaign.warning": "Warnings about the campaign",
     "condition.outside": "Conditions outside the validated domain",
+    "tests.cae_tuned": "Tests that the CAE model was tuned to",
     "condition.no_factor": "Conditions without a factor that the tests have",
     "condition.new_together": "Factors that no test has together",
     "condition.too_short": "Open, because recordings end too early to predict",
@@ -69,24 +70,14 @@ ANSWERS: Mapping[Answer, tuple[str, str]] = {
 _ANSWER = ("matrix.saved", *(f"answer.{answer}" for answer in ANSWERS))
 _MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
 _RECORD = ("record.waived", "since.waived", "record.decided")
-_SINCE = ("since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
+_SINCE = ("since.dated", "since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
 _CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
 _CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
 PLACES: Mapping[Place, tuple[str, ...]] = {
     "answer": _ANSWER,
     "summary": (
-        *(
-            *_ANSWER,
-            "matrix.counts",
-            *_MATRIX,
-            *_RECORD,
-            "record.brier",
-            "record.no_gain",
-            *_SINCE,
-            *_CONDITIONS,
-            *_CRITERIA,
-        ),
-        "record.none",
+        *(*_ANSWER, "matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE, *_CONDITIONS),
+        *(*_CRITERIA, "record.none", "tests.cae_tuned"),
     ),
     "matrix": (
         *("test.stands_apart", *_ANSWER, *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
@@ -94,7 +85,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
     ),
     "record": (
         *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.brier", "record.no_gain"),
-        "record.none",
+        *("record.none", "tests.cae_tuned"),
     ),
     "domain": ("domain.checked", "domain.reach"),
     "changes": (
@@ -166,7 +157,9 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
 
 def _campaign(certification: Certification) -> Iterator[Fact]:
     campaign = certification.campaign
-    yield from (own for own in campaign_facts(campaign) if own.code in SUBJECTS)
+    yield from (own for own in campaign_facts(campaign) if own.code in SUBJECTS and own.code != "tests.cae_tuned")
+    if any(test.cae_tuned is not False for test in campaign.tests):
+        yield tuning_fact(campaign)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield fact("test.extrapolated", joined([test.id, joined(notes)], ": "), test=test.id)

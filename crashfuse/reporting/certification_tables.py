@@ -11,7 +11,7 @@ from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.certification.track_record import TrackRecord, WrongShare
 from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.files.csv_text import csv_bytes
@@ -37,6 +37,7 @@ _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "prob
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
     *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted", "shift"),
+    *("bounds.verdicts", "bounds.tests", "tuned"),
 )
 _JUDGED = ("met", "not met", "decided")
 
@@ -67,15 +68,21 @@ def certification_table(certification: Certification) -> pd.DataFrame:
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
+    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
+
+    The bounds, of the share of wrong verdicts of the whole record, are the same in each row. Not counted are those on
+    tests that the CAE model was tuned to.
+    """
     basis, record = _bases(certification.campaign), certification.record
+    bounds = [share.at_most for share in record.bounds().values()]
     rows = [
         (
             t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
             v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
-            v.criterion.unit, not record.repeats(t), t.shift,
+            v.criterion.unit, not (tuned or record.repeats(t)), t.shift, *bounds, tuned,
         )
-        for t in (*record.trials, *record.since)
+        for tuned, trials in ((False, (*record.trials, *record.since)), (True, record.tuned))
+        for t in trials
         for v in [t.verdict]
     ]  # fmt: skip
     return _numbers_of(rows, _TRIAL_COLUMNS)
@@ -150,20 +157,20 @@ def _bases(campaign: Campaign) -> dict[str, str]:
     return {**campaign.metric_bases, RATING: campaign.rating_basis}
 
 
-def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, object]]:
+def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, float | None]]:
     """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
     counts = record.counts(criterion)
     (met, wrongly_met), (missed, wrongly_missed) = counts["met"], counts["not met"]
     counts |= {"decided": (met + missed, wrongly_met + wrongly_missed)}
     return {
-        word: {"n": n, **({"wrong": wrong, "wrong_at_most": bound(wrong, n)} if word in _JUDGED else {})}
+        word: share_columns(WrongShare(wrong, n)) if word in _JUDGED else {"n": n}
         for word, (n, wrong) in counts.items()
     }
 
 
-def bound(wrong: int, n: int) -> float | None:
-    """Exact one-sided 95 % upper bound of the share of wrong verdicts; None without any."""
-    return round(largest_share(wrong, n), 4) if n else None
+def share_columns(share: WrongShare) -> dict[str, float | None]:
+    """A share of wrong ones with its exact one-sided 95 % upper bound, None without any, as in JSON."""
+    return {"n": share.n, "wrong": share.wrong, "wrong_at_most": share.at_most}
 
 
 def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd.DataFrame:
@@ -257,7 +264,7 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
     record, rows = certification.record, []
     for criterion in (*certification.criteria.items, None):
         counts = record.counts(criterion)
-        most = record_counts(record, criterion)["decided"]["wrong_at_most"]
+        bounds = record.bounds(criterion)
         confidence = certification.criteria.confidence
         rows.append(
             {
@@ -266,7 +273,11 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
                 **{
                     word.capitalize(): f"{n}, {wrong} wrong" if wrong else f"{n}" for word, (n, wrong) in counts.items()
                 },
-                unbroken("Wrong at most (95 %)"): "–" if most is None else f"{100 * float(str(most)):.1f} %",
+                **{
+                    unbroken(f"Wrong at most (95 %), by {unit[:-1]}"): "–" if most is None else f"{100 * most:.1f} %"
+                    for unit, share in bounds.items()
+                    for most in [share.at_most]
+                },
                 "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
             }
         )

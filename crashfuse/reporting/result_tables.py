@@ -1,7 +1,9 @@
 """Tables of the numbers of studies, predictions and plans, as written to files and as read."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from itertools import chain
 
 import numpy as np
 import pandas as pd
@@ -10,6 +12,8 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.cae.quality import QualityVerdict
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.condition_tables import listed
+from crashfuse.condition import ABOUT, About
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.estimate import Estimate
@@ -186,6 +190,22 @@ def curve_table(curve: LearningCurve, display: Display = DEFAULT) -> pd.DataFram
             **({"Decided (%)": (100 * table["decided"]).map("{:.0f}".format)} if "decided" in table else {}),
         }
     )
+
+
+def about_table(campaign: Campaign) -> pd.DataFrame:
+    """Where tests and CAE runs come from, as far as that is stated; empty if it is not."""
+    rows = [(test.id, [test.about]) for test in campaign.tests if test.about]
+    rows += [(f"{len(campaign.cae):,} CAE runs", list(campaign.cae.about))] if any(campaign.cae.about) else []
+    return pd.DataFrame({"Of": of, **_about_cells(about)} for of, about in rows).fillna("–")
+
+
+def _about_cells(about: Sequence[About]) -> dict[str, str]:
+    counts: dict[str, Counter[str]] = {}
+    for name, value in chain.from_iterable(about):
+        counts.setdefault(name.removeprefix(ABOUT).replace("_", " ").capitalize(), Counter())[value] += 1
+    if len(about) == 1:
+        return {name: next(iter(values)) for name, values in counts.items()}
+    return {name: listed(f"{v} ({n})" for v, n in values.most_common()) for name, values in counts.items()}
 
 
 _OF = {

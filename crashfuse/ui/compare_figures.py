@@ -1,4 +1,4 @@
-"""Figures of the page Compare: pulses, why a rating is what it is, over displacement, networks."""
+"""Figures of the page Compare: pulses, and why a rating is what it is."""
 
 from collections.abc import Hashable
 from functools import partial
@@ -25,9 +25,8 @@ _CORRIDORS_HELP = (
     "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test and 0 outside the outer one. Their half "
     "widths are 5 % and 50 % of the largest acceleration in the rated window."
 )
-_CURVES = "Acceleration"
-_OF_CURVES = {
-    _CURVES: (
+_CURVES = {
+    "Over displacement": (
         "displacement",
         "Acceleration over displacement, up to maximum crush: {}",
         "Marks: maximum crush with its 95 % interval. The area under each curve is the absorbed energy per unit mass, "
@@ -38,8 +37,13 @@ _OF_CURVES = {
         "Absorbed energy over crush: {}",
         "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force.",
     ),
+    _RESIDUALS: (
+        "residuals",
+        "Prediction minus what was measured, over time: {}",
+        "Where a band leaves zero, the test left that band. RMS: over the rated window.",
+    ),
 }
-"""Figures of curves that the user chooses: the library's name, the alternative text, and what to see."""
+"""Figures beside that of the motion: the library's name, the alternative text, and what to see."""
 
 
 def _row() -> DeltaGenerator:
@@ -47,49 +51,43 @@ def _row() -> DeltaGenerator:
 
 
 def show_pulses(comparison: Comparison) -> None:
-    """Show acceleration, velocity and displacement over time, or what the predictions miss."""
+    """Show the test and its prediction in the figure that the user picks."""
     test = comparison.test
     with _row():
-        shown = choose("Figure", [_MOTION, _RESIDUALS], key="compared")
+        shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
         corridors = shown == _MOTION and st.toggle(
             "Corridors of the rating", key="corridors", persist_state="session", help=_CORRIDORS_HELP
         )
         curves = comparison.choose_curves()
+    figure, alt, caption = _CURVES.get(shown, ("motion", "Acceleration, velocity and displacement over time: {}", ""))
     notes = notes_of(comparison.view)
     notes_here = tuple(note for note in notes if note.test == test.id)
-    alt = f"Acceleration, velocity and displacement over time: {curves.of(test.id)}"
-    name = "pulses with corridors" if corridors else "pulses"
-    if shown == _RESIDUALS:
-        alt, name = (
-            f"Prediction of test {test.id} by {curves.by or 'others'} minus what was measured, over time",
-            "residuals",
-        )
+    name = "pulses with corridors" if corridors else "pulses" if shown == _MOTION else shown.lower()
     show_cached_figure(
-        lambda: comparison.plot(shown.lower(), curves, corridors=corridors, notes=notes_here), alt, shown, corridors,
-        notes_here, comparison.key, curves.key, beside=curves.also, name=curves.named(name, of_test=shown == _MOTION),
+        lambda: comparison.plot(figure, curves, corridors=corridors, notes=notes_here), alt.format(curves.of(test.id)),
+        shown, corridors, notes_here, comparison.key, curves.key, beside=curves.also, name=curves.named(name),
     )  # fmt: skip
-    st.caption("".join(whole_sentences(comparison.fold.estimates)))
-    if shown == _RESIDUALS:
-        st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
+    st.caption(caption or "".join(whole_sentences(comparison.fold.estimates)))
     edit_notes(comparison.view, notes)
 
 
 def show_why(comparison: Comparison) -> None:
     """Show the parts of the ratings, and explain that of one approach."""
     display, test, advice = comparison.view.display, comparison.test, comparison.advice
-    names = list(comparison.fold.ratings)
-    with _row():
-        first = comparison.recommended or names[-1]
-        approach = choose("Approach", names, key="explained", default=first, label_of=LABELS.__getitem__)
-        curves = comparison.choose_curves(offered=())
+    approach = comparison.approach
     explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
-    st.markdown(f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**")
+    with _row():
+        headline = f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**"
+        st.markdown(headline, width="content")
+        curves = comparison.choose_curves(offered=())
     draw = partial(comparison.study.plot, test.id, display=display)
-    alt = f"The four scores of every prediction of test {test.id}, as bars"
-    show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
+    bars, words = st.columns(2, gap="medium")
+    with bars:
+        alt = f"The four scores of every prediction of test {test.id}, as bars"
+        show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
     parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
-    st.markdown("\n".join(f"- {said[part]}" for part in parts), help=glossary.RATING_PARTS)
+    words.markdown("\n".join(f"- {said[part]}" for part in parts), help=glossary.RATING_PARTS)
     if advice is not None:
         test_account = _account(comparison.key, advice.approach, comparison)
         if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):
@@ -109,16 +107,3 @@ def show_why(comparison: Comparison) -> None:
 def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account:  # noqa: ARG001
     campaign, config = _comparison.view.campaign, _comparison.config
     return account(campaign, config, _comparison.fold, _comparison.window_ms, approach=approach)
-
-
-def show_over_displacement(comparison: Comparison) -> None:
-    """Show test, CAE model and its correction over displacement, in the figure that the user picks."""
-    with _row():
-        choice = choose("Figure", list(_OF_CURVES), key="over_displacement")
-        curves = comparison.choose_curves()
-    figure, alt, caption = _OF_CURVES[choice]
-    shown = "acceleration over displacement" if choice == _CURVES else choice.lower()
-    draw, alt = partial(comparison.plot, figure, curves), alt.format(curves.of(comparison.test.id))
-    name = curves.named(shown)
-    show_cached_figure(draw, alt, choice, comparison.key, curves.key, name=name, beside=curves.also)
-    st.caption(caption)

@@ -13,7 +13,7 @@ from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.campaign_folder.load import unread_files
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.formats import all_formats
-from crashfuse.reporting.result_tables import quality_table
+from crashfuse.reporting.result_tables import about_table, quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import import_step
 from crashfuse.ui.kit import address, campaigns, editing, results
@@ -143,6 +143,9 @@ def show_conditions(view: View) -> None:
     )
     st.markdown(f"**The tests, and how their paired CAE runs rate before any correction** ({campaign.rating_basis})")
     show_table(results.conditions_table(campaign, view.display), "conditions")
+    if not (about := about_table(campaign)).empty:
+        st.markdown("**Where tests and CAE runs come from**")
+        show_table(about, "about")
 
 
 def show_library(view: View) -> None:

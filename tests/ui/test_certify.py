@@ -111,7 +111,9 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     session = certified(visit("certify", **LINK))
     expected = of_library(asking)
     answered = planned(expected.certification)
-    assert [label.split("**")[1] for label in session.buttons if label.startswith("**")] == [row.word for row in answered]
+    assert [label.split("**")[1] for label in session.buttons if label.startswith("**")] == [
+        row.word for row in answered
+    ]
     assert "{} of {}".format(*expected.certification.saved) in session.words
     for told in exceptions(expected.certification).values():
         assert told[0] in session.words

@@ -113,30 +113,20 @@ def test_on_data(open_campaign: Path, visit: "Visit") -> None:
 
 
 def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
-    """Over time with corridors and another test beside, residuals, over displacement, and why it is rated so."""
-    session = opened(visit, "compare", "Predict test T2", test="T2", also=["T3"], corridors="true", band="cae")
+    """Over time with corridors and another test beside, over displacement, residuals, and why it is rated so."""
+    link = {"test": "T2", "compare_also": ["T3"], "corridors": "true", "explained": "cae"}
+    session = opened(visit, "compare", "Predict test T2", **link)
     study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=APPROACHES, workers=1)
 
     def library(figure: str, **options: Any) -> list[list[dict[str, Any]]]:
-        return traces(study.plot("T2", figure, display=SHOWN, **options))
+        return traces(study.plot("T2", figure, approaches=["cae"], also=["T3"], display=SHOWN, **options))
 
-    assert drawn(session) == library("motion", also=["T3"], corridors=True)
-    for key, tab, figures in (
-        ("compared", None, {"Residuals": "residuals"}),
-        (
-            "over_displacement",
-            "Over displacement",
-            {"Acceleration": "displacement", "Energy": "energy"},
-        ),
-    ):
-        if tab is not None:
-            session.app.button_group(key="compare_tab").set_value(tab).run()
-        for choice, figure in figures.items():
-            session.app.button_group(key=key).set_value(choice).run()
-            assert drawn(session) == library(figure, also=["T3"]), figure
+    assert drawn(session) == library("motion", corridors=True)
+    for choice, figure in (("Over displacement", "displacement"), ("Energy", "energy"), ("Residuals", "residuals")):
+        session.app.button_group(key="compared").set_value(choice).run()
+        assert drawn(session) == library(figure), figure
     session.app.button_group(key="compare_tab").set_value("Why").run()
-    session.app.button_group(key="explained").set_value("cae").run()
-    assert drawn(session) == library("scores") + library("rating", approaches=["cae"], also=["T3"])
+    assert drawn(session) == traces(study.plot("T2", "scores", display=SHOWN)) + library("rating")
 
 
 @pytest.mark.usefixtures("quick_networks")
@@ -206,7 +196,7 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
     at = {"speed_mph": 30.0, "front_weight_lb": 2050.0, "rear_weight_lb": 1500.0}
     pin = Condition.of(**{**at, "speed_mph": 20.0})
     link = {name: str(value) for name, value in at.items()}
-    session = opened(visit, "predict", "Predict", also=["T3"], pins=[pin.text], **link)
+    session = opened(visit, "predict", "Predict", predict_also=["T3"], pins=[pin.text], **link)
     campaign = load_campaign(open_campaign)
     prediction = predict(campaign, Condition.of(**at), APPROACHES)
     also: list[Further] = ["T3", predict(campaign, Condition.parse(pin.text), "displacement_domain")]
@@ -216,7 +206,10 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
         ("Energy over crush", "energy"),
     ):
         session.app.button_group(key="predicted").set_value(choice).run()
-        assert drawn(session) == traces(prediction.plot(figure, also=also, band="displacement_domain", display=SHOWN))
+        expected = prediction.plot(
+            figure, approaches=["displacement_domain"], also=also, representative=False, display=SHOWN
+        )
+        assert drawn(session) == traces(expected)
     session.app.button_group(key="predict_tab").set_value("Over speed").run()
     session.press("Predict over speed").finish()
     session.app.selectbox(key="sweep_metric").set_value("peak").run()

@@ -23,7 +23,7 @@ from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
-from crashfuse.reporting.result_tables import quality_table
+from crashfuse.reporting.result_tables import about_table, quality_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import campaign_facts
 from crashfuse.wording import Sentence, speed, weight
@@ -76,6 +76,7 @@ def render(
         campaign=campaign,
         config=config,
         tests=tests_table(campaign, display),
+        pedigree=about_table(campaign),
         library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
         quality=[quality.summary, *quality.named],
         quality_table=quality_table(quality),
@@ -103,6 +104,9 @@ def render_in_frame(template: str, title: str, display: Display, *, facts: Seque
     return _templates(display).get_template(f"{template}.html.j2").render(own | common)
 
 
+_HEADINGS = {"cae_tuned": "CAE model tuned to it"}
+
+
 def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
     """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
     rows = (
@@ -112,6 +116,7 @@ def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
             **dict(test.condition.factors),
             "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
             "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",
+            **{_HEADINGS.get(name) or name[len("about_") :].replace("_", " "): v for name, v in test.statements if v},
         }
         for test in campaign.tests
         for run in [campaign.cae.paired_run(test.condition)]
