@@ -5,7 +5,6 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.campaign import Campaign
@@ -103,7 +102,7 @@ def show_tests(view: View) -> None:
     editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
     show_cached_figure(
-        lambda: _keeping_clicks(campaign.plot(held_out=test.id, cfc=cfc, display=display)),
+        lambda: campaign.plot(held_out=test.id, cfc=cfc, display=display),
         f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed",
         ("tests", campaign.fingerprint, test.id, cfc, display),
         name=f"tests {choice}",
@@ -114,7 +113,7 @@ def show_tests(view: View) -> None:
     if cfc is None:
         st.caption(
             f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart. In the "
-            "legend a click hides a test, a double click shows it alone."
+            "legend a click hides a test, a double click shows it alone, until the figure is drawn anew."
         )
         return
     accel = test.pulse.accel_mps2
@@ -122,14 +121,8 @@ def show_tests(view: View) -> None:
     peaks = [abs(pulse * display.accel_scale).max() for pulse in pulses]
     st.caption(
         f"Thick: filtered to {choice}; thin: as read, {reading}. The filter takes the peak of {plain(test.id)} from "
-        f"{peaks[0]:.1f} to {peaks[1]:.1f} {display.unit}. It sees 0–100 ms only: the first and last milliseconds may "
-        "differ from those of a filtered full record."
+        f"{peaks[0]:.1f} to {peaks[1]:.1f} {display.unit}."
     )
-
-
-def _keeping_clicks(figure: go.Figure) -> go.Figure:
-    """The same figure; what is hidden by a click in its legend stays hidden when it is drawn once more."""
-    return figure.update_layout(uirevision="tests")
 
 
 def show_conditions(view: View) -> None:
@@ -152,7 +145,7 @@ def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
     show_cached_figure(
-        lambda: _keeping_clicks(campaign.plot("cae", display=view.display)),
+        lambda: campaign.plot("cae", display=view.display),
         "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
         ("library", campaign.fingerprint, view.display),
         name="CAE runs",
