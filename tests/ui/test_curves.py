@@ -105,10 +105,7 @@ def test_what_a_figure_shows_is_said_in_words() -> None:
     shown = Shown("fused", ("test", "cae"), ())
     assert shown.of("T2") == "test T2 and its prediction by CAE and Fused"
     assert replace(shown, others=()).of("T2") == "test T2, prediction by Fused"
-    assert (shown.named("pulses"), replace(shown, is_usual=False).named("pulses")) == (
-        "pulses",
-        "pulses Fused Test CAE",
-    )
+    assert shown.named("pulses") == "pulses Fused Test CAE"
 
 
 def predicted(session: Session, test: str = "T2") -> Session:

@@ -66,7 +66,7 @@ def motion(
 
     Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
     """
-    figure = new_figure(height=510 + room_for_names(predictions))
+    figure = new_figure(height=490 + room_for_names(predictions))
     accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
     velocities, displacements = _integrals(measured, predictions, speed_mps, display)
