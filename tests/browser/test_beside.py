@@ -34,7 +34,8 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(sma
     assert "Test" not in legend(user)
     user.press("0–40 ms", f"{SIDEBAR} button")
     user.wait(lambda: "window=40" in user.browser.current_url)
-    user.find('input[aria-label^="Also show"]').send_keys("C01", Keys.ENTER)  # the popover is still open
+    user.opens("Curves")
+    user.find('input[aria-label^="Also show"]').send_keys("C01", Keys.ENTER)
     user.sees("C01 · ", FIGURE)
     user.press("Nearest tests", "label")
     user.sees("T3 · 26.0 mph", FIGURE)
