@@ -31,7 +31,7 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: User) -
     press_tool(engineer, '[title^="Copy this table"]')
     copied = engineer.wait(lambda: engineer.browser.execute_async_script(_CLIPBOARD))
     assert copied.splitlines()[0].split("\t")[:2] == ["Approach", "0–20 ms"]
-    engineer.open_tab("Files and report")
+    engineer.press("Export")
     scores = rows(engineer.downloads_file("scores.csv"))
     assert {(row["held_out"], row["approach"]) for row in scores} == {("T1", "cae"), ("T1", "displacement_domain")}
     assert all(f"{float(row['overall']):.3f} {row['grade']}" in shown for row in scores)
@@ -152,11 +152,11 @@ def test_predict_answers_another_speed_at_once(small_server: Server, user: User)
     user.find('[data-testid="stSidebar"] a[href*="speed_mph=31.4"]')  # to be opened beside this one
     user.browser.back()
     user.find('[aria-label*="31.5 mph, front"]')
-    user.open_tab("Metrics")
     user.fill("Impact speed (mph)", "5")
     table = user.sees("[≤ ", TABLE)
     assert "[open]" in table  # of whose ends neither is known
     assert "open, " not in table
+    user.press("More: ", "summary")
     assert "which leaves open: OLC" in user.sees("OLC's restraint is over")
     user.open_tab("Over speed")
     user.press("Predict over speed")

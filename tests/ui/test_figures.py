@@ -126,7 +126,9 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
         session.app.button_group(key="compared").set_value(choice).run()
         assert drawn(session) == library(figure), figure
     session.app.button_group(key="compare_tab").set_value("Why").run()
-    assert drawn(session) == traces(study.plot("T2", "scores", display=SHOWN)) + library("rating")
+    assert drawn(session) == traces(
+        study.plot("T2", "scores", display=SHOWN), study.plot("T2", "rating", approaches=["cae"], display=SHOWN)
+    )
 
 
 @pytest.mark.usefixtures("quick_networks")
