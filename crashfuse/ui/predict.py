@@ -210,7 +210,7 @@ def show_pins(answer: Answer) -> None:
 
     st.button(
         "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
-        help="Keeps it in the figures, a table of differences, the link, the report, and the list on History; up to "
+        help="Keeps it in the figures, a table of differences, the link, the report, and the past results; up to "
         f"{MOST_PINS}.",
     )  # fmt: skip
     if pins:

@@ -12,7 +12,6 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
-from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError
 from crashfuse.reporting.figures import ONE_PROCESS
@@ -166,11 +165,6 @@ class _Diagnosis:
     def test(self) -> str:
         return self.request.held_out[0]
 
-    @property
-    def others(self) -> Campaign:
-        """What they have learned from."""
-        return self.request.config.training_campaign(self.view.campaign, self.test)
-
     def show(self, figure: str, alt: str, meaning: str, approaches: tuple[str, ...] | None = None) -> None:
         """Show a figure of the test, and what to see in it."""
         self.show_drawn(
@@ -256,25 +250,27 @@ def _show_networks(diagnosis: _Diagnosis) -> None:
 
 
 def _show_bias(diagnosis: _Diagnosis) -> None:
-    """Show the bias that each test measured, and the parts of that which is expected in the held-out one."""
-    test, view = plain(diagnosis.test), diagnosis.view
+    test, view = diagnosis.test, diagnosis.view
     diagnosis.show_drawn(
-        partial(view.campaign.plot, "bias", held_out=diagnosis.test, display=view.display), "bias by speed",
+        partial(view.campaign.plot, "bias", held_out=test, display=view.display), "bias by speed",
         "What the CAE model got wrong in each test, over displacement, coloured by speed",
     )  # fmt: skip
     st.caption(
         f"What has to be added to the CAE model to get each test. The displacement domain is fitted to these, but not "
-        f"to {test}, which is held out. The steep ends are at zero velocity."
+        f"to {plain(test)}, which is held out. The steep ends are at zero velocity."
     )
+
+
+def _show_parts(diagnosis: _Diagnosis) -> None:
     if diagnosis.request.config.preset == "paper":
         st.info(ONE_PROCESS)
         return
     alt = f"Parts of the bias that is expected in test {diagnosis.test}, over displacement, each with its 95 % band"
+    n = len(diagnosis.request.config.training_campaign(diagnosis.view.campaign, diagnosis.test).tests)
     meaning = (
-        f"What the other {len(diagnosis.others.tests)} tests predict of the bias in {test}. Shared: the same in every "
-        "test. Ratio: the CAE model's pulse, its trend and its humps, times a factor. Parts can cancel each other: "
-        "their sum is better known than each. Of the test's own part, its repeatability, only the size can be "
-        "predicted."
+        f"What the other {n} tests predict of the bias in {plain(diagnosis.test)}. Shared: the same in every test. "
+        "Ratio: the CAE model's pulse, its trend and its humps, times a factor. Parts can cancel each other: their sum "
+        "is better known than each. Of the test's own part, its repeatability, only the size can be predicted."
     )
     diagnosis.show("bias parts", alt, meaning)
 
@@ -288,4 +284,9 @@ def _show_integration(diagnosis: _Diagnosis) -> None:
     )
 
 
-_DIAGNOSTICS = {"Networks": _show_networks, "Bias": _show_bias, "Integration check": _show_integration}
+_DIAGNOSTICS = {
+    "Networks": _show_networks,
+    "Bias by speed": _show_bias,
+    "Parts of the bias": _show_parts,
+    "Integration check": _show_integration,
+}

@@ -19,9 +19,6 @@ def test_compare_shows_ratings_a_sentence_and_one_tab_at_a_time(engineer: User) 
     engineer.open_tab("Ratings and metrics")
     engineer.sees("Single draws", TABLE)
     engineer.wait(lambda: not engineer.all(FIGURE))
-    engineer.open_tab("Networks")
-    engineer.sees("No approach with a network")
-    engineer.wait(lambda: not engineer.all(TABLE))
 
 
 def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(engineer: User) -> None:

@@ -109,6 +109,11 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
     return criteria
 
 
+def take(criteria: Criteria) -> None:
+    """Ask for these criteria; call it from a callback."""
+    st.session_state.update(criteria=_texts(_table(criteria)), confidence=criteria.confidence)
+
+
 def _take_declared(view: View) -> DataError | None:
     """Make the criteria in the campaign's folder the default; returns what is wrong with them, if anything is."""
     path, declared, wrong = view.folder / _FILE, None, None
@@ -164,7 +169,7 @@ def _show_upload(view: View) -> None:
     key = f"criteria file {view.campaign.fingerprint[:8]}"
     wrong = f"{key}: wrong"
 
-    def take() -> None:
+    def take_file() -> None:
         st.session_state.pop(wrong, None)
         if (file := st.session_state[key]) is None:
             return
@@ -173,8 +178,8 @@ def _show_upload(view: View) -> None:
         except DataError as error:
             st.session_state[wrong] = under_its_name(error, _FILE, file.name)
             return
-        st.session_state.update(criteria=_texts(_table(criteria)), confidence=criteria.confidence)
+        take(criteria)
 
-    st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take)
+    st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take_file)
     if wrong in st.session_state:
         show_wrong(st.session_state[wrong])

@@ -9,9 +9,11 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.campaign import Campaign
+from crashfuse.certification import file_store
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.csv_text import without_formulas
+from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.reporting.plots.display import Display
 from crashfuse.ui.certify.uploaded import choose_kept, show_wrong, uploaded
 from crashfuse.ui.kit import address, campaigns
@@ -57,6 +59,11 @@ def choose_matrix(view: View) -> Matrix | None:
         rows = [{"Condition": i, **view.display.columns(c), **dict(c.factors)} for i, c in matrix.items]
         st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The conditions to judge")
     return matrix
+
+
+def take(matrix: Matrix) -> None:
+    """Ask for these conditions, as if they were uploaded; call it from a callback. A DataError if they are too many."""
+    st.session_state.update(matrix=_UPLOAD, uploaded=file_store.keep(csv_as_given(matrix_table(matrix)), _FILE))
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)

@@ -85,7 +85,7 @@ CHOICES: dict[str, Choice] = {
     "seed": Choice(int, 0, range(2**32)),
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
-    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict", "history")),
+    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict")),
     "system": Choice(options=tuple(SYSTEMS)),
     "unit": Choice(str, "g", ("g", "m/s²"), ("data", "train", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "train", "compare", "predict")),
@@ -105,16 +105,15 @@ CHOICES: dict[str, Choice] = {
     "confidence": Choice(float, pages=("certify",), of_campaign=True),
     "grid_…": Choice(tuple, pages=("certify",)),
     "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
-    "listed": Choice(str, "this", ("this", "all"), pages=("history",)),
+    "ticked": Choice(tuple, (), pages=("study",), of_campaign=True),
 }
 _ON_PAGE = {
     "data": ("import", "filter"),
     "train": ("train_tab", "diagnostics"),
     "compare": ("compare_tab", "compared", "explained", "over_displacement"),
-    "study": ("study_tab", "ways"),
+    "study": ("study_tab", "ways", "compared_way"),
     "predict": ("predict_tab", "predicted", "factor_…", "speed_range", "front_range", "rear_range"),
     "certify": ("approach", "certify_tab", "record"),
-    "history": ("first", "second", "compared_way", "compared_approach"),
 }
 _ON_PAGE_OF_CAMPAIGN = {
     "data": ("data_tab",),
@@ -284,11 +283,6 @@ def choose_held_out(test: CrashTest) -> None:
     """Select the test to hold out; call it from a callback, before the sidebar is drawn."""
     st.session_state["test"] = test.id
     forget()
-
-
-def note_for_next_page(sentence: str) -> None:
-    """Tell something at the head of the next page, until the user chooses something else there."""
-    st.session_state[NOT_FOUND] = sentence
 
 
 def forget() -> None:
