@@ -114,9 +114,15 @@ def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
         st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=opening)
         if isinstance(result, PastResult):
             st.text_input(
-                plain(f"Note on {text}"), result.note, LONGEST_NOTE, key=key, label_visibility="collapsed", on_change=_annotate,
-                args=(result, key), placeholder="note, such as: baseline CAE model, before the new rail",
-            )  # fmt: skip
+                plain(f"Note on {text}"),
+                result.note,
+                LONGEST_NOTE,
+                key=key,
+                label_visibility="collapsed",
+                placeholder="note, such as: baseline CAE model, before the new rail",
+                on_change=_annotate,
+                args=(result, key),
+            )
 
 
 def _annotate(result: PastResult, key: str) -> None:

@@ -14,7 +14,7 @@ from crashfuse.reporting.earlier_prediction import how_left_out
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.report import learning_curve_report, study_report
 from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
-from crashfuse.reporting.result_tables import curve_table, gains_table
+from crashfuse.reporting.result_tables import gains_table
 from crashfuse.study.config import StudyConfig, has_speed_groups
 from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.left_out_account import worst_test
@@ -275,8 +275,6 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
         st.markdown("**What further tests gained**")
         show_table(steps, "gains")
         st.caption(ONE_MORE_MEANING)
-    with st.expander("All means", icon=":material/table:"):
-        show_table(curve_table(curve, view.display), "learning curve")
 
     def show_files() -> None:
         with st.container(horizontal=True):
