@@ -96,6 +96,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     assert "34.0 mph − 60.0 mph" in report
     assert "Method and settings" in report
     user.press("Short", PILL)
+    user.wait(lambda: user.all(f'{PILL}[aria-checked="true"]', "Short"))
     user.press("report.html", '[data-testid="stDownloadButton"] button')
     short = user.arrived("-short_report.html").read_text(encoding="utf-8")
     assert "34.0 mph − 60.0 mph" in short
@@ -109,9 +110,10 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.opens("Curves")
     user.find('input[aria-label^="Also show"]').send_keys("30.0 mph", Keys.ENTER)
     user.sees("Displacement domain at 30.0 mph", FIGURE)
-    user.go("History")
+    user.go("Study")
+    user.open_tab("Past results")
     listed = "return document.querySelector('[data-testid=\"stDataFrame\"]')?.textContent ?? ''"
-    user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "History never listed the prediction.")
+    user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "Nothing listed the prediction.")
 
 
 def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(small_server: Server, user: User) -> None:

@@ -144,11 +144,13 @@ def test_on_train(open_campaign: Path, visit: "Visit") -> None:
     share_y_range(pulses)
     learning = [study.plot("T2", figure, approaches=["time_domain"]) for figure in ("training", "fine-tuning")]
     assert drawn(session) == traces(*pulses, *learning)
-    session.app.button_group(key="diagnostics").set_value("Bias").run()
-    bias = study.campaign.plot("bias", held_out="T2", display=SHOWN)
-    assert drawn(session) == traces(bias, study.plot("T2", "bias parts", display=SHOWN))
-    session.app.button_group(key="diagnostics").set_value("Integration check").run()
-    assert drawn(session) == traces(study.plot("T2", "integration", display=SHOWN))
+    for choice, figure in (
+        ("Bias by speed", study.campaign.plot("bias", held_out="T2", display=SHOWN)),
+        ("Parts of the bias", study.plot("T2", "bias parts", display=SHOWN)),
+        ("Integration check", study.plot("T2", "integration", display=SHOWN)),
+    ):
+        session.app.button_group(key="diagnostics").set_value(choice).run()
+        assert drawn(session) == traces(figure)
 
 
 def test_on_certify(open_campaign: Path, visit: "Visit") -> None:

@@ -90,12 +90,10 @@ def test_a_picture_says_test_condition_campaign_settings_and_notice(captioned: C
 
 
 def test_what_does_not_act_on_a_page_is_not_said_there(captioned: Captioned) -> None:
-    """Data shows no results and holds nothing out; the studies on History may be of any campaign."""
+    """Data shows no results and holds nothing out."""
     on_data = captioned(page="data", seed=7, leave_out="speed group")
     assert (on_data.name, on_data.details) == ("Tiny_pulses_0-60ms_g", "Tiny · Rated time window 0–60 ms")
     assert unusual_settings() == []
-    on_history = captioned(page="history")
-    assert (on_history.name, on_history.details) == ("pulses", "")
 
 
 def test_figures_of_different_certifications_have_different_names(captioned: Captioned) -> None:

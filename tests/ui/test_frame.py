@@ -176,7 +176,7 @@ def test_the_notice_of_a_synthetic_campaign_stands_on_every_page(visit: Visit, o
 
 
 @pytest.mark.usefixtures("open_campaign")
-@pytest.mark.parametrize("page", [*PAGES, "certify", "history"])
+@pytest.mark.parametrize("page", [*PAGES, "certify"])
 def test_what_a_page_shows_already_is_not_sent_over_what_is_just_being_chosen(visit: Visit, page: str) -> None:
     """A page runs again by itself; whatever it then sets anew wins over a slider that was moved a moment before."""
     session = visit(page).run()

@@ -102,6 +102,12 @@ def choose_criteria(view: View) -> Criteria | None:
     return criteria
 
 
+def take(criteria: Criteria) -> None:
+    """Ask for these criteria; call it from a callback."""
+    rows = [_text(_values(own)) for own in criteria.items]
+    st.session_state.update(criteria=rows, confidence=criteria.confidence)
+
+
 def _values(criterion: Criterion) -> dict[str, Any]:
     return {name: getattr(criterion, name) for name in _FIELDS}
 
@@ -131,7 +137,7 @@ def _show_upload(view: View) -> None:
     key = f"criteria file {view.campaign.fingerprint[:8]}"
     wrong = f"{key}: wrong"
 
-    def take() -> None:
+    def take_file() -> None:
         st.session_state.pop(wrong, None)
         if (file := st.session_state[key]) is None:
             return
@@ -140,11 +146,10 @@ def _show_upload(view: View) -> None:
         except DataError as error:
             st.session_state[wrong] = under_its_name(error, _FILE, file.name)
             return
-        rows = [_text(_values(own)) for own in criteria.items]
-        st.session_state.update(criteria=rows, confidence=criteria.confidence)
+        take(criteria)
 
     names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
     st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {names} and others.")
-    st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take)
+    st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take_file)
     if wrong in st.session_state:
         show_wrong(st.session_state[wrong])

@@ -232,7 +232,7 @@ def _label(curve: str) -> str:
 
 
 def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder: str) -> list[str]:
-    if len(st.session_state[key]) > _MOST:  # of a link, or one more of History: Streamlit would refuse them all
+    if len(st.session_state[key]) > _MOST:  # of a link, or one more: Streamlit would refuse them all
         st.session_state[key] = st.session_state[key][-_MOST:]
     return kept_choice(
         key, list(labels), st.multiselect, title, format_func=labels.__getitem__, max_selections=_MOST,
