@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
+from tables import write
 
 from crashfuse.approaches.calibration import STRIDE
 from crashfuse.approaches.mixture import Scores
@@ -66,16 +67,7 @@ def main() -> None:
         table = pd.DataFrame(rows).fillna("")
         print(f"\n{name}\n{table.to_string(index=False)}")
         if chosen.data is not None:
-            _write(table, chosen.data / f"{name}.csv")
-
-
-def _write(table: pd.DataFrame, file: Path) -> None:
-    """Write a table; rows of other campaigns that the file had stay."""
-    if file.exists():
-        before = pd.read_csv(file, dtype=str, keep_default_na=False)
-        table = pd.concat([table, before[~before["campaign"].isin(table["campaign"])]])
-    file.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(file, index=False, lineterminator="\n")
+            write(table, chosen.data / f"{name}.csv")
 
 
 def _means(study: Study, repeats: dict[str, dict[float, float]]) -> dict[str, object]:
