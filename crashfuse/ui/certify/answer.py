@@ -55,9 +55,8 @@ def show(judgement: Judgement) -> None:
     with right:
         _show_reason(certification, judgement.display)
     _show_variants(certification)
-    with st.expander(
-        f"All caveats ({sum(len(told) for _, told in subjects)}) and what else to know", icon=":material/list:"
-    ):
+    n = sum(len(told) for _, told in subjects)
+    with st.expander(f"All {n} caveats, and the answer in sentences", icon=":material/list:"):
         for subject, told in subjects:
             st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in told))
         st.markdown("**The answer in sentences**")
@@ -68,13 +67,11 @@ def _show_headline(certification: Certification) -> None:
     (saved, of), (n, missed) = certification.saved, saved_and_missed(certification)
     answer = f":primary[{saved:,} of {of:,}] planned tests need not be run to know these pulse criteria"
     st.subheader(answer, anchor=False)
-    record = (
-        f"{missed} of {n} left-out tests that need not have been run missed a criterion"
-        if n
-        else ("no left-out test would have been skipped, so the record says nothing of such answers")
-    )
-    bound = f" ({at_most(missed, n)}, exact 95 % bound)" if n else ""
-    st.caption(f"Confidence {certification.criteria.confidence:g}. Wrong so far: {record}{bound}.")
+    record = "none of the left-out tests need not have been run, so the record says nothing of such answers"
+    if n:
+        bound = f"({at_most(missed, n)}, exact 95 % bound)"
+        record = f"{missed} of {n} tests that need not have been run missed a criterion {bound}"
+    st.caption(f"Confidence {certification.criteria.confidence:g}. Wrong so far: {record}.")
 
 
 def _show_planned(judgement: Judgement) -> None:
