@@ -95,7 +95,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("test.not_used", "criterion.unsupported"),
     ),
     "record": (
-        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.brier", "record.no_gain"),
+        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
         "record.none",
     ),
     "domain": ("domain.checked", "domain.reach"),
