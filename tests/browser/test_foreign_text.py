@@ -72,9 +72,9 @@ def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path)
     user.press("1 pinned")
     assert made(user) == []
     user.open(server, "certify", campaign=foreign.name, approach="cae")
-    user.sees("Criteria and conditions")
+    user.sees("Criteria and planned tests")
     assert made(user) == []
     user.starts("Certify", '[class*="_tab"] button')
-    for tab in ("Track record", "Earlier verdicts", "Validated domain", "Exceptions", "Verdicts"):
+    for tab in ("Track record", "Validated domain", "Answer"):
         user.open_tab(tab)
         assert made(user) == []

@@ -135,8 +135,8 @@ def test_the_address_is_written_again_once_a_campaign_is_open(visit: Visit) -> N
 @pytest.mark.usefixtures("open_campaign")
 def test_a_factor_that_nobody_knows_may_come_into_the_address(visit: Visit) -> None:
     """Typed into it, or of a link that was changed: it goes again."""
-    session = visit("certify")
-    session.app.query_params["grid_bogus"] = "1"
+    session = visit("predict")
+    session.app.query_params["factor_bogus"] = "1"
     session.run()
 
 
