@@ -12,7 +12,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
+from itertools import chain, islice, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -421,23 +421,9 @@ def _without_rows(text: str, ids: Sequence[str]) -> str:
 
 def _with_cells(text: str, column: str, cells: Mapping[str, str]) -> str:
     """The text of a condition table with these cells, by id, in a column, which is added if it lacks it."""
-    lines = io.StringIO(text, newline="").readlines()
-    reader = csv.reader(lines, skipinitialspace=True)
-    header = [original(cell.strip()) for cell in next(reader)]
-    place, start = header.index("id"), reader.line_num
-    kept = lines[:start]
-    if column not in header:
-        header.append(column)
-        ending = lines[start - 1][len(lines[start - 1].rstrip("\r\n")) :] or "\n"
-        kept[-1] = f"{kept[-1].rstrip()},{column}{ending}"
-    for row in reader:
-        own = row[place].strip() if len(row) > place else ""
-        if own in cells:
-            changed = [*map(original, row), *[""] * (len(header) - len(row))]
-            changed[header.index(column)] = cells[own]
-            ending = "\r\n" if lines[reader.line_num - 1].endswith("\r\n") else "\n"
-            kept.append(csv_text([changed]).removesuffix("\n") + ending)
-        else:
-            kept += lines[start : reader.line_num]
-        start = reader.line_num
-    return "".join(kept)
+    header, *rows = ([*map(original, row)] for row in csv.reader(io.StringIO(text, newline=""), skipinitialspace=True))
+    header = [cell.strip() for cell in header]
+    header += [column] * (column not in header)
+    table = [dict(zip_longest(header, row[: len(header)], fillvalue="")) for row in rows if any(row)]
+    changed = [row | {column: cells[row["id"].strip()]} if row["id"].strip() in cells else row for row in table]
+    return text if changed == table else csv_text([header, *([*row.values()] for row in changed)])

@@ -210,10 +210,10 @@ def test_a_key_of_the_wrong_kind_is_refused_in_a_sentence(sealed: Path, maker: P
     locked.write_bytes(private_key(maker).private_bytes(pem, pkcs8, form.BestAvailableEncryption(b"x")))
     none.write_text("no key")
     public = maker.with_name("maker.pub")
-    for path, found in ((public, "a public key"), (other, "RSA"), (locked, "password"), (none, "no private key")):
+    for path, found in ((public, "a public key"), (other, "RSA"), (locked, "password"), (none, "no key")):
         (problem,) = problems_of(lambda path=path: private_key(path))  # type: ignore[misc]
         assert found in problem.found, path
-    for path, found in ((maker, "a private key"), (none, "no public key"), (tmp_path / "gone", "no such file")):
+    for path, found in ((maker, "a private key"), (none, "no key"), (tmp_path / "gone", "no such file")):
         (problem,) = problems_of(lambda path=path: verify(sealed, path))  # type: ignore[misc]
         assert found in problem.found, path
 
