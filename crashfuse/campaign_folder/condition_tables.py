@@ -54,8 +54,8 @@ class ConditionTable:
     rows: tuple[int, ...]
     quality: tuple[RunQuality, ...] = ()  # what the solver says of each; empty if the table says nothing
     units: UnitSystem = MPH_LB  # of the columns
-    tuned: tuple[bool | None, ...] = ()  # whether the CAE model was tuned to each; empty if the table says nothing
-    about: tuple[tuple[tuple[str, str], ...], ...] = ()  # columns that begin with "about_", of each; empty without any
+    tuned: tuple[bool | None, ...] = ()  # whether the CAE model was tuned to each test
+    about: tuple[tuple[tuple[str, str], ...], ...] = ()  # columns that begin with "about_", of each
 
     @property
     def speeds_mps(self) -> FloatArray:
@@ -128,7 +128,7 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     given = (found_units[0], found_units[1], found_units[2]) if len(found_units) == len(FILE_UNITS) else FILE_UNITS
     conditions = tuple(Condition.of_vector([v, front, rear], fac, given) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
-    texts = tuple(tuple(zip(about, map(str, row), strict=True)) for row in frame[about].to_numpy()) if about else ()
+    texts = tuple(tuple(zip(about, map(str, row), strict=True)) for row in frame[about].to_numpy())
     table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, units, tuned, texts)
     return table if len(sound) == len(frame) else table.without({*range(len(frame))} - {*sound})
 
@@ -281,7 +281,7 @@ def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> t
 
 def _read_tuned(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[bool | None, ...]:
     if "cae_tuned" not in frame:
-        return ()
+        return (None,) * len(frame)
     meanings = {text: meaning for meaning, text in TUNED.items()} | {"true": True, "false": False}
     cells = frame["cae_tuned"].str.strip().str.lower()
     for row, text in frame["cae_tuned"][~cells.isin(meanings)].items():

@@ -48,49 +48,23 @@ class RemovedTest:
 
 @dataclass(frozen=True, eq=False)
 class Earlier:
-    """An earlier certification.
+    """An earlier certification, by its own account."""
 
-    Attributes
-    ----------
-    digest, before : str, tuple of str
-        SHA-256 of its file, and of those of certifications before it, the latest first.
-    date : str
-        By its own account.
-    settings : mapping of str to str
-        What decides verdicts besides tests, criteria and matrix, by the names that a reader knows.
-    tests : mapping of str to str
-        Those that it learned from: :attr:`crashfuse.crash_test.CrashTest.digest` by id.
-    trials : tuple of Trial
-        Verdicts of certifications before it on tests that were run since.
-    waived_before : mapping of str to Outcomes
-        Of conditions that needed no test by those before it, what tests there showed.
-    gone : tuple of RemovedTest
-        Tests of certifications before it, not used any more.
-    run : mapping of str to mapping
-        What tests at its conditions showed: by condition, test and criterion.
-    verdicts : tuple of tuple of EarlierVerdict
-        By condition of its matrix, then by criterion.
-    sealed : str
-        The key that sealed it (:mod:`crashfuse.certification.seal`); empty if none did.
-    waived : tuple of str
-        Conditions that needed no test, by :func:`crashfuse.certification.verdict.needs_no_test`, and had none.
-    """
-
-    digest: str
-    before: tuple[str, ...]
+    digest: str  # SHA-256 of its file
+    before: tuple[str, ...]  # that of certifications before it, the latest first
     date: str
-    settings: Mapping[str, str]
-    tests: Mapping[str, str]
+    settings: Mapping[str, str]  # what decides verdicts besides tests, criteria and matrix, by names that readers know
+    tests: Mapping[str, str]  # those that it learned from: digests by id
     criteria: Criteria
     matrix: Matrix
     occupant: OccupantModel
-    trials: tuple[Trial, ...]
-    waived_before: Mapping[str, Outcomes]
-    gone: tuple[RemovedTest, ...]
-    run: Mapping[str, Mapping[str, Shown]]
-    verdicts: tuple[tuple[EarlierVerdict, ...], ...]
-    waived: tuple[str, ...]
-    sealed: str = ""
+    trials: tuple[Trial, ...]  # verdicts of certifications before it on tests that were run since
+    waived_before: Mapping[str, Outcomes]  # what tests showed where those before it needed none
+    gone: tuple[RemovedTest, ...]  # of certifications before it, not used any more
+    run: Mapping[str, Mapping[str, Shown]]  # what tests at its conditions showed: by condition, test and criterion
+    verdicts: tuple[tuple[EarlierVerdict, ...], ...]  # by condition of its matrix, then by criterion
+    waived: tuple[str, ...]  # conditions that needed no test, and had none
+    sealed: str = ""  # the key that sealed it, if one did
 
     def __repr__(self) -> str:
         return f"<Earlier certification of {len(self.matrix.ids)} conditions from {len(self.tests)} tests>"
