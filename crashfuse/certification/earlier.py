@@ -111,17 +111,11 @@ class Earlier:
 
 
 def trial_of(
-    test: str,
-    condition: Condition,
-    criterion: Criterion,
-    said: EarlierVerdict,
-    measured: float,
-    shift: float = 0.0,
-    given: tuple[str, str] = ("", ""),
+    test: str, condition: Condition, criterion: Criterion, said: EarlierVerdict, measured: float, shift: float = 0.0
 ) -> Trial:
     """An earlier verdict as one on a test that was only planned then."""
     verdict = Verdict(condition, criterion, None, said.lower, said.upper, said.probability, said.word, "")
-    return Trial(test, "planned", verdict, measured, None, shift, given)
+    return Trial(test, "planned", verdict, measured, None, shift)
 
 
 _LARGEST = 64 << 20  # bytes
@@ -200,14 +194,13 @@ def _trial(
     criterion: dict[str, Any],
     said: list[Any],
     measured: float,
-    shift: float = 0.0,
-    date: str = "",
-    sealed: str = "",
+    shift: float = 0,
+    **given: str,
 ) -> Trial:
     (limit,) = criteria_of([criterion]).items
     _require(is_number(measured) and is_number(shift) and not id_trouble(test))
-    given = _text(date), _text(sealed)
-    return trial_of(test, Condition.parse(condition), limit, _verdict(*said), float(measured), float(shift), given)
+    trial = trial_of(test, Condition.parse(condition), limit, _verdict(*said), float(measured), float(shift))
+    return replace(trial, given=(_text(given.get("date", "")), _text(given.get("sealed", ""))))
 
 
 def _outcomes(tests: dict[str, dict[str, list[str]]]) -> Outcomes:

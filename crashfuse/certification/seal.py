@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crashfuse.campaign_folder.load import AT_THE_TOP, PULSES
-from crashfuse.errors import DataError, Problem, UsageError, shortened
+from crashfuse.errors import DataError, Problem, UsageError, printable, shortened
 from crashfuse.files.atomic import write_atomically
 
 if TYPE_CHECKING:
@@ -97,14 +97,14 @@ def _read(path: Path, expected: str) -> bytes:
 
 
 def rests_on(campaign: Path, *others: Path | None) -> dict[str, str]:
-    """SHA-256 of every file of a campaign, by its place there, and of other files by their names."""
+    """SHA-256 of every file of a campaign, by its place there, and of files elsewhere by their names after ``../``."""
     files = {campaign.name: campaign} if campaign.is_file() else {}
     for path in sorted(campaign.rglob("*")) if campaign.is_dir() else ():
         place = path.relative_to(campaign)
         is_pulse = len(place.parts) == 2 and place.parts[0] in ("tests", "cae") and path.suffix in PULSES
         if path.is_file() and (place.as_posix() in AT_THE_TOP or is_pulse):
             files[place.as_posix()] = path
-    files |= {path.name: path for path in others if path is not None}
+    files |= {f"../{path.name}": path for path in others if path is not None}
     return {name: _sha256(path) for name, path in files.items()}
 
 
@@ -119,6 +119,7 @@ def seal(folder: Path, key: "Ed25519PrivateKey", inputs: Mapping[str, str], befo
     values = json.loads((folder / FILE).read_bytes())
     values["seal"] = {
         "key": key_name(key.public_key()),
+        "date": values["date"],
         "before": before,
         "files": {name: _sha256(folder / name) for name in names},
         "rests_on": dict(inputs),
@@ -190,7 +191,7 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
             problems += _changes(name, path.read_bytes(), lines)
     there = sealed.rests_on if campaign is None else rests_on(campaign)
     for name, sha256 in sealed.rests_on.items():
-        if there.get(name) != sha256:
+        if there.get(name) != sha256 and not name.startswith("../"):
             now = "another one" if name in there else "no such file"
             problems.append(Problem(name, "the file that it rests on", now, _ASK))
     if (folder / REVIEW).exists():
@@ -230,7 +231,8 @@ def _contents(path: Path, content: bytes) -> Sealed:
         files, inputs = dict(values["files"]), dict(values["rests_on"])
         if any(PurePosixPath(name).name != name or name == ".." for name in files):
             raise ValueError("names of files elsewhere")
-        return Sealed("", None, "" + json.loads(content)["date"], values["before"], files, inputs)
+        date, before = (None if text is None else printable(text, 200) for text in (values["date"], values["before"]))
+        return Sealed("", None, date or "", before, files, inputs)
 
 
 def _holds(key: "Ed25519PublicKey", signature: bytes, content: bytes) -> bool:
