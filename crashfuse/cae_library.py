@@ -110,25 +110,15 @@ _AXES = (("speed", speed, STEP_MPS), ("front weight", weight, STEP_KG), ("rear w
 class CaeLibrary:
     """All CAE runs of a campaign.
 
-    Parameters
-    ----------
-    accel_mps2 : ndarray of float32, shape (n_runs, 1250)
-        Signed acceleration in m/s² on :data:`crashfuse.signals.pulse.GRID_S`.
-    quality : tuple of RunQuality
-        What the solver says of each run; empty if nothing is recorded for any. It is not in the fingerprint, because
-        nothing that is learned depends on it.
-    left_out : tuple of (str, RunQuality)
-        Ids of runs that were left out for exceeding the campaign's limits, with what the solver says of them.
-    about : tuple of tuple of (str, str)
-        Where each run comes from; empty if nothing is recorded for any.
+    What the solver says of them is not in the fingerprint, because nothing that is learned depends on it.
     """
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
-    accel_mps2: npt.NDArray[np.float32]
-    quality: tuple[RunQuality, ...] = ()
-    left_out: tuple[tuple[str, RunQuality], ...] = ()
-    about: tuple[About, ...] = ()
+    accel_mps2: npt.NDArray[np.float32]  # shape (n_runs, 1250), on :data:`crashfuse.signals.pulse.GRID_S`
+    quality: tuple[RunQuality, ...] = ()  # of each run; empty if nothing is recorded for any
+    left_out: tuple[tuple[str, RunQuality], ...] = ()  # runs that exceed the campaign limits, by id
+    about: tuple[About, ...] = ()  # where each comes from; empty likewise
 
     def __repr__(self) -> str:
         return f"<CaeLibrary of {len(self):,} runs>"

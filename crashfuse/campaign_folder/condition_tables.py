@@ -56,7 +56,7 @@ class ConditionTable:
     quality: tuple[RunQuality, ...] = ()  # what the solver says of each; empty if the table says nothing
     about: tuple[About, ...] = ()  # likewise
     units: UnitSystem = MPH_LB  # of the columns
-    tuned: tuple[bool | None, ...] = ()  # whether the CAE model was tuned to each; empty if the table says nothing
+    tuned: tuple[bool | None, ...] = ()  # whether the CAE model was tuned to each test
 
     @property
     def speeds_mps(self) -> FloatArray:
@@ -281,7 +281,7 @@ def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> t
 
 def _read_tuned(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[bool | None, ...]:
     if "cae_tuned" not in frame:
-        return ()
+        return (None,) * len(frame)
     meanings = {text: meaning for meaning, text in TUNED.items()} | {"true": True, "false": False}
     cells = frame["cae_tuned"].str.strip().str.lower()
     for row, text in frame["cae_tuned"][~cells.isin(meanings)].items():

@@ -101,13 +101,8 @@ def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) 
     ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, with the same id, condition and
     pulse, stays as it is.
 
-    Raises
-    ------
-    DataError
-        If an id is invalid, twice in the additions, or in the campaign with another condition or pulse; if all are
-        there already; if a test is a copy of another; if the campaign is the sample or invalid.
-    OSError
-        If writing fails; the campaign is unchanged.
+    A DataError leaves the campaign unchanged: an id is invalid, twice in the additions, or in the campaign with another
+    condition or pulse; all are there already; a test is a copy of another; the campaign is the sample or invalid.
     """
     for role, of_role in additions.items():
         ids = [addition.id for addition in of_role]

@@ -54,23 +54,10 @@ _ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory
 
 
 def load_campaign(path: str | Path) -> Campaign:
-    """Read and check a campaign folder, or a zip of one.
+    """Read and check a campaign folder, or a zip of one; a DataError has every problem, not only the first.
 
-    Parameters
-    ----------
-    path : str or Path
-        Contains ``tests.csv`` and ``cae.csv``, the pulses of each as ``<role>/<id>.csv`` (or ``.parquet``) or
-        ``<role>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``.
-
-    Returns
-    -------
-    Campaign
-        All pulses on the study grid, m/s².
-
-    Raises
-    ------
-    DataError
-        With every problem, not only the first.
+    It contains ``tests.csv`` and ``cae.csv``, the pulses of each as ``<role>/<id>.csv`` (or ``.parquet``) or
+    ``<role>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``. All pulses are then on the study grid.
     """
     path = Path(path)
     if not (path.is_file() and path.suffix.lower() == ".zip"):
@@ -137,11 +124,8 @@ def read_folder(folder: str | Path) -> Campaign:
     )
     check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
-    of_tests, n = tables["tests"], len(tables["tests"].ids)
-    tests = zip(
-        of_tests.ids, of_tests.conditions, pulses["tests"], of_tests.tuned or (None,) * n, of_tests.about or ((),) * n,
-        strict=True,
-    )  # fmt: skip
+    table = tables["tests"]
+    tests = zip(table.ids, table.conditions, pulses["tests"], table.tuned, table.about, strict=True)
     crash_tests = tuple(
         CrashTest(i, condition, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about)
         for i, condition, accel, tuned, about in tests

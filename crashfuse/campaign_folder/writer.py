@@ -47,12 +47,8 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
 
     Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
     ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered, which ``campaign.toml`` says.
-    Runs that were left out for their quality, and tests that are left out of use, are not written.
-
-    Raises
-    ------
-    DataError, OSError
-        If the folder is not empty, an id is no file name, or writing fails; nothing is left behind.
+    Runs that were left out for their quality, and tests that are left out of use, are not written. If the folder is not
+    empty, an id is no file name (DataError), or writing fails (OSError), nothing is left behind.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     folder = Path(folder)

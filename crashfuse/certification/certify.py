@@ -40,29 +40,20 @@ beyond what the campaign's tests check. The first that is true."""
 class Certification:
     """Verdicts on a matrix of conditions.
 
-    Attributes
-    ----------
-    config : StudyConfig
-        With the approach whose predictions were judged as its only one, and the windows of the criteria.
-    judged, verdicts : tuple of tuple of Verdict
-        By condition of the matrix, then by criterion: as the prediction alone has them, and held against the record and
-        against tests at the condition, open where these contradict.
-    seconds : dict of str to float
-        Time taken to learn, leaving tests out included, and to judge the matrix.
-    since : TestedSince or None
-        An earlier certification, with what tests that were run after it say of it.
+    Verdicts are by condition, then by criterion: ``judged`` as the prediction alone has them, ``verdicts`` held against
+    the record and against tests at the condition, open where these contradict.
     """
 
     campaign: Campaign
     criteria: Criteria
     matrix: Matrix
-    config: StudyConfig
+    config: StudyConfig  # with one approach, whose predictions were judged, and the windows of the criteria
     domain: Domain
     judged: Rows
     verdicts: Rows
     record: TrackRecord
-    seconds: dict[str, float]
-    since: TestedSince | None = None
+    seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
+    since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
 
     def __repr__(self) -> str:
         size = f"{len(self.criteria.items)} × {len(self.matrix.ids)} verdicts"

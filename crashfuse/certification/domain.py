@@ -25,31 +25,19 @@ _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
 class Domain:
     """Where the campaign's own tests, left out with all others at about their speed, checked predictions.
 
-    Attributes
-    ----------
-    speeds_mps : tuple of float
-        Of the tests, ascending.
-    reach_mps : float
-        Largest distance in speed from a left-out test to the nearest of another group, of those that lay inside the
-        domain of the others.
-    below_mps, above_mps : float
-        How far below the slowest and above the fastest test a condition may be: as far as the group there was from the
-        others, but not more than 5 mph.
-    masses_kg : tuple of float
-        Smallest and largest mass that counts as checked: beyond the tests' by as much as these differ, 2 % at least.
-    tuned : tuple of str
-        Tests that check nothing, as the CAE model was tuned to them.
+    A condition is no farther below the slowest and above the fastest test than the group there was from the others, 5
+    mph at most. Masses are checked beyond the tests' by as much as these differ, 2 % at least.
     """
 
     n_tests: int
-    speeds_mps: tuple[float, ...]
-    reach_mps: float
+    speeds_mps: tuple[float, ...]  # of the tests, ascending
+    reach_mps: float  # largest distance from a left-out test inside the domain of others to the nearest of them
     below_mps: float
     above_mps: float
     masses_kg: tuple[float, float]
     factors: dict[str, tuple[str, ...]]
     cae: CaeLibrary
-    tuned: tuple[str, ...] = ()
+    tuned: tuple[str, ...] = ()  # tests that check nothing, as the CAE model was tuned to them
 
     @classmethod
     def of(cls, campaign: Campaign, *, for_record: bool = False) -> Self:

@@ -48,49 +48,23 @@ class RemovedTest:
 
 @dataclass(frozen=True, eq=False)
 class Earlier:
-    """An earlier certification.
+    """An earlier certification, by its own account."""
 
-    Attributes
-    ----------
-    digest, before : str, tuple of str
-        SHA-256 of its file, and of those of certifications before it, the latest first.
-    date : str
-        By its own account.
-    settings : mapping of str to str
-        What decides verdicts besides tests, criteria and matrix, by the names that a reader knows.
-    tests : mapping of str to str
-        Those that it learned from: :attr:`crashfuse.crash_test.CrashTest.digest` by id.
-    trials : tuple of Trial
-        Verdicts of certifications before it on tests that were run since.
-    waived_before : mapping of str to Outcomes
-        Of conditions that needed no test by those before it, what tests there showed.
-    gone : tuple of RemovedTest
-        Tests of certifications before it, not used any more.
-    run : mapping of str to mapping
-        What tests at its conditions showed: by condition, test and criterion.
-    verdicts : tuple of tuple of EarlierVerdict
-        By condition of its matrix, then by criterion.
-    sealed : str
-        The key that sealed it (:mod:`crashfuse.certification.seal`); empty if none did.
-    waived : tuple of str
-        Conditions that needed no test, by :func:`crashfuse.certification.verdict.needs_no_test`, and had none.
-    """
-
-    digest: str
-    before: tuple[str, ...]
+    digest: str  # SHA-256 of its file
+    before: tuple[str, ...]  # that of certifications before it, the latest first
     date: str
-    settings: Mapping[str, str]
-    tests: Mapping[str, str]
+    settings: Mapping[str, str]  # what decides verdicts besides tests, criteria and matrix, by names that readers know
+    tests: Mapping[str, str]  # those that it learned from: digests by id
     criteria: Criteria
     matrix: Matrix
     occupant: OccupantModel
-    trials: tuple[Trial, ...]
-    waived_before: Mapping[str, Outcomes]
-    gone: tuple[RemovedTest, ...]
-    run: Mapping[str, Mapping[str, Shown]]
-    verdicts: tuple[tuple[EarlierVerdict, ...], ...]
-    waived: tuple[str, ...]
-    sealed: str = ""
+    trials: tuple[Trial, ...]  # verdicts of certifications before it on tests that were run since
+    waived_before: Mapping[str, Outcomes]  # what tests showed where those before it needed none
+    gone: tuple[RemovedTest, ...]  # of certifications before it, not used any more
+    run: Mapping[str, Mapping[str, Shown]]  # what tests at its conditions showed: by condition, test and criterion
+    verdicts: tuple[tuple[EarlierVerdict, ...], ...]  # by condition of its matrix, then by criterion
+    waived: tuple[str, ...]  # conditions that needed no test, and had none
+    sealed: str = ""  # the key that sealed it, if one did
 
     def __repr__(self) -> str:
         return f"<Earlier certification of {len(self.matrix.ids)} conditions from {len(self.tests)} tests>"
@@ -142,17 +116,11 @@ class Earlier:
 
 
 def trial_of(
-    test: str,
-    condition: Condition,
-    criterion: Criterion,
-    said: EarlierVerdict,
-    measured: float,
-    shift: float = 0.0,
-    given: tuple[str, str] = ("", ""),
+    test: str, condition: Condition, criterion: Criterion, said: EarlierVerdict, measured: float, shift: float = 0.0
 ) -> Trial:
     """An earlier verdict as one on a test that was only planned then."""
     verdict = Verdict(condition, criterion, None, said.lower, said.upper, said.probability, said.word, "")
-    return Trial(test, "planned", verdict, measured, None, shift, given)
+    return Trial(test, "planned", verdict, measured, None, shift)
 
 
 _LARGEST = 64 << 20  # bytes
@@ -231,14 +199,13 @@ def _trial(
     criterion: dict[str, Any],
     said: list[Any],
     measured: float,
-    shift: float = 0.0,
-    date: str = "",
-    sealed: str = "",
+    shift: float = 0,
+    **given: str,
 ) -> Trial:
     (limit,) = criteria_of([criterion]).items
     _require(is_number(measured) and is_number(shift) and not id_trouble(test))
-    given = _text(date), _text(sealed)
-    return trial_of(test, Condition.parse(condition), limit, _verdict(*said), float(measured), float(shift), given)
+    trial = trial_of(test, Condition.parse(condition), limit, _verdict(*said), float(measured), float(shift))
+    return replace(trial, given=(_text(given.get("date", "")), _text(given.get("sealed", ""))))
 
 
 def _outcomes(tests: dict[str, dict[str, list[str]]]) -> Outcomes:

@@ -39,30 +39,15 @@ def quantity(criterion: Criterion) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """What an approach predicts for a test at a condition.
-
-    Attributes
-    ----------
-    accel_mps2 : ndarray, shape (1250,)
-    values, distributions : dict of str to float or None, dict of str to Distribution or None
-        By :func:`quantity`, what a single test shows in the middle, and at all; None where the record is too short.
-    ranks : ndarray, shape (n_metrics, n_draws)
-        The share of draws that each is above, in the order of the first distributions, those of metrics.
-    whole_mps2 : ndarray, shape (2, 1250)
-        The band of whole pulses; without rows if there is none.
-    folds : ndarray, shape (2, n_metrics, n_fields)
-        Distributions if a test folds as most near the condition do, and as one that stands apart; empty without one.
-    apart_share : float
-        The share of draws that fold as that one.
-    """
+    """What an approach predicts for a test at a condition."""
 
     accel_mps2: FloatArray
-    values: dict[str, float | None]
-    distributions: dict[str, Distribution | None]
-    ranks: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
-    whole_mps2: FloatArray = field(default_factory=lambda: np.empty((0, N_SAMPLES)))
-    folds: FloatArray = field(default_factory=lambda: np.empty((2, 0, len(_UNKNOWN))))
-    apart_share: float = 0.0
+    values: dict[str, float | None]  # what a single test shows in the middle; None where the record is too short
+    distributions: dict[str, Distribution | None]  # and at all; both by :func:`quantity`
+    ranks: FloatArray = field(default_factory=lambda: np.empty((0, 0)))  # of draws, by metric: the share each is above
+    whole_mps2: FloatArray = field(default_factory=lambda: np.empty((0, N_SAMPLES)))  # band of whole pulses, if any
+    folds: FloatArray = field(default_factory=lambda: np.empty((2, 0, len(_UNKNOWN))))  # alike, and as one apart
+    apart_share: float = 0.0  # of draws that fold as that one
 
     def by_fold(self, criterion: Criterion) -> tuple[float, float] | None:
         """Probability of meeting a criterion if a test folds as most do, and as the one that stands apart, if any."""

@@ -10,11 +10,12 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crashfuse.campaign_folder.load import AT_THE_TOP, PULSES
-from crashfuse.errors import DataError, Problem, UsageError, shortened
+from crashfuse.errors import DataError, Problem, UsageError, printable, shortened
 from crashfuse.files.atomic import write_atomically
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ FILE, SEAL, REVIEW = "certification.json", "seal.json", "review.json"
 _LARGEST = 64 << 20  # bytes of a seal or a certification; a key takes two hundred
 _SHORT = 8  # characters of the digest of a line
 _LINES, _REVIEW = b"crashfuse lines\n", b"crashfuse review\n"  # begin what is signed, so that neither is the other
+_ASK = "ask its maker for the original"
 _KEY = re.compile(r' *"((?:[^"\\]|\\.)*)":')
 
 
@@ -49,41 +51,31 @@ def key_name(key: "Ed25519PublicKey") -> str:
 
 def private_key(path: Path) -> "Ed25519PrivateKey":
     """Read a private key; a DataError if it is none of Ed25519."""
-    kind: type[Ed25519PrivateKey] = _ed25519().Ed25519PrivateKey
-    content = _read(path, "the private key that crashfuse key makes")
-    from cryptography.hazmat.primitives.serialization import load_pem_private_key
-
-    try:
-        key: object = load_pem_private_key(content, None)
-    except (ValueError, TypeError) as error:
-        found = "one with a password" if isinstance(error, TypeError) else "no private key"
-        key = "a public key" if b"PUBLIC KEY" in content else found
-    if not isinstance(key, kind):
-        raise _wrong_key(path, "a private key of Ed25519", key)
+    key: Ed25519PrivateKey = _key(path, "private")
     return key
 
 
 def public_key(path: Path) -> "Ed25519PublicKey":
     """Read a public key; a DataError if it is none of Ed25519."""
-    return _public(_read(path, "a public key"), path)
-
-
-def _public(content: bytes, path: Path) -> "Ed25519PublicKey":
-    kind: type[Ed25519PublicKey] = _ed25519().Ed25519PublicKey
-    from cryptography.hazmat.primitives.serialization import load_pem_public_key
-
-    try:
-        key: object = load_pem_public_key(content)
-    except ValueError:
-        key = "a private key, which is its owner's alone" if b"PRIVATE KEY" in content else "no public key"
-    if not isinstance(key, kind):
-        raise _wrong_key(path, "a public key of Ed25519", key)
+    key: Ed25519PublicKey = _key(path, "public")
     return key
 
 
-def _wrong_key(path: Path, expected: str, key: object) -> DataError:
-    found = key if isinstance(key, str) else type(key).__name__.replace("_", "").replace("Key", " key")
-    return DataError(Problem(path.name, expected, str(found), "make a pair with crashfuse key"))
+def _key(path: Path, word: str) -> Any:  # noqa: ANN401 - of either kind
+    kinds = {"private": _ed25519().Ed25519PrivateKey, "public": _ed25519().Ed25519PublicKey}
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key, load_pem_public_key
+
+    content = _read(path, f"a {word} key")
+    try:
+        key = load_pem_private_key(content, None) if word == "private" else load_pem_public_key(content)
+        if isinstance(key, kinds[word]):
+            return key
+        kind = type(key).__name__.replace("_", "").replace("Key", " key")
+    except TypeError:
+        kind = "one with a password"
+    except ValueError:
+        kind = next((f"a {other} key" for other in kinds if f"{other.upper()} KEY".encode() in content), "no key")
+    raise DataError(Problem(path.name, f"a {word} key of Ed25519", kind, "give one that crashfuse key made"))
 
 
 def _ed25519() -> Any:  # noqa: ANN401 - a module of the extra
@@ -105,14 +97,14 @@ def _read(path: Path, expected: str) -> bytes:
 
 
 def rests_on(campaign: Path, *others: Path | None) -> dict[str, str]:
-    """SHA-256 of every file of a campaign, by its place there, and of other files by their names."""
+    """SHA-256 of every file of a campaign, by its place there, and of files elsewhere by their names after ``../``."""
     files = {campaign.name: campaign} if campaign.is_file() else {}
     for path in sorted(campaign.rglob("*")) if campaign.is_dir() else ():
         place = path.relative_to(campaign)
         is_pulse = len(place.parts) == 2 and place.parts[0] in ("tests", "cae") and path.suffix in PULSES
         if path.is_file() and (place.as_posix() in AT_THE_TOP or is_pulse):
             files[place.as_posix()] = path
-    files |= {path.name: path for path in others if path is not None}
+    files |= {f"../{path.name}": path for path in others if path is not None}
     return {name: _sha256(path) for name, path in files.items()}
 
 
@@ -127,6 +119,7 @@ def seal(folder: Path, key: "Ed25519PrivateKey", inputs: Mapping[str, str], befo
     values = json.loads((folder / FILE).read_bytes())
     values["seal"] = {
         "key": key_name(key.public_key()),
+        "date": values["date"],
         "before": before,
         "files": {name: _sha256(folder / name) for name in names},
         "rests_on": dict(inputs),
@@ -180,78 +173,66 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
 
     Raises a DataError with every file that was changed, and where; with a ``campaign``, of its files, too.
     """
-    values, content = _values(folder / SEAL), _read(folder / FILE, "the sealed file")
-    raw, lines = values["public_key"], values.get("lines")
-    if not isinstance(lines, dict) or not all(isinstance(text, str) for text in lines.values()):
-        raise _damaged(folder / SEAL)
-    key = _ed25519().Ed25519PublicKey.from_public_bytes(raw)
-    if trusted is not None and (given := public_key(trusted)).public_bytes_raw() != raw:
+    key, signatures, lines = _signed(folder / SEAL)
+    content, problems = _read(folder / FILE, "the sealed file"), []
+    if trusted is not None and key_name(given := public_key(trusted)) != key_name(key):
         expected, advice = f"a seal by the key {key_name(given)}", "ask its maker, and do not trust it until then"
         raise DataError(Problem(SEAL, expected, f"one by the key {key_name(key)}", advice))
-    if not _holds(key, values["lines_signature"], _of_lines(lines)):
+    if not _holds(key, signatures["lines_signature"], _of_lines(lines)):
         lines = {}  # whoever changed these may have changed anything
-    problems: list[Problem] = []
-    if not _holds(key, values["signature"], content):
-        problems += _changes(FILE, content, lines)
-        raise DataError(shortened(problems))
-    told = _contents(folder / FILE, content)
-    for name, sha256 in told.files.items():
+    if not _holds(key, signatures["signature"], content):
+        raise DataError(shortened([*_changes(FILE, content, lines)]))
+    sealed = _contents(folder / FILE, content)._replace(key=key_name(key))
+    for name, sha256 in sealed.files.items():
         path = folder / name
         if not path.is_file():
-            problems.append(Problem(name, "the file that was sealed", "no such file", "ask its maker for it"))
+            problems.append(Problem(name, "the file that was sealed", "no such file", _ASK))
         elif _sha256(path) != sha256:
             problems += _changes(name, path.read_bytes(), lines)
-    if campaign is not None:
-        there = rests_on(campaign)
-        problems += [
-            Problem(
-                name, "the file that it rests on", "another one" if name in there else "no such file", "ask its maker"
-            )
-            for name, sha256 in told.rests_on.items()
-            if there.get(name) != sha256
-        ]
-    reviewer = None
+    there = sealed.rests_on if campaign is None else rests_on(campaign)
+    for name, sha256 in sealed.rests_on.items():
+        if there.get(name) != sha256 and not name.startswith("../"):
+            now = "another one" if name in there else "no such file"
+            problems.append(Problem(name, "the file that it rests on", now, _ASK))
     if (folder / REVIEW).exists():
-        of_review = _values(folder / REVIEW)
-        other = _ed25519().Ed25519PublicKey.from_public_bytes(of_review["public_key"])
-        reviewer = key_name(other)
-        if not _holds(other, of_review["signature"], _REVIEW + content):
+        reviewer, signatures, _ = _signed(folder / REVIEW)
+        sealed = sealed._replace(reviewer=key_name(reviewer))
+        if not _holds(reviewer, signatures["signature"], _REVIEW + content):
             problems.append(Problem(REVIEW, f"a review of this {FILE}", "one of another", "ask the reviewer"))
     if problems:
         raise DataError(shortened(problems))
-    return told._replace(key=key_name(key), reviewer=reviewer)
+    return sealed
 
 
-def _values(path: Path) -> dict[str, Any]:
-    """A seal or a review, its key and signatures as bytes."""
-    content = _read(path, "the seal that crashfuse certify --seal writes")
+@contextmanager
+def _as_written(path: Path) -> Iterator[None]:
     try:
-        values: dict[str, Any] = json.loads(content)
-        for name in ("public_key", "signature", *(["lines_signature"] if path.name == SEAL else [])):
-            values[name] = base64.b64decode(values[name], validate=True)
-        if len(values["public_key"]) != 32:
-            raise ValueError("no key of Ed25519")
-    except (ValueError, TypeError, KeyError, RecursionError):
-        raise _damaged(path) from None
-    return values
+        yield
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        expected = "a seal as crashfuse certify --seal writes it"
+        raise DataError(Problem(path.name, expected, "another file, or a damaged one", _ASK)) from None
+
+
+def _signed(path: Path) -> "tuple[Ed25519PublicKey, dict[str, bytes], dict[str, str]]":
+    """The key of a seal or a review, its signatures, and its digests of lines."""
+    ed25519, content = _ed25519(), _read(path, "the seal that crashfuse certify --seal writes")
+    with _as_written(path):
+        values = json.loads(content)
+        names = ("signature", *(["lines_signature"] if path.name == SEAL else []))
+        signatures = {name: base64.b64decode(values[name], validate=True) for name in names}
+        key = ed25519.Ed25519PublicKey.from_public_bytes(base64.b64decode(values["public_key"], validate=True))
+        lines = {str(name): "" + digests for name, digests in values.get("lines", {}).items()}
+    return key, signatures, lines
 
 
 def _contents(path: Path, content: bytes) -> Sealed:
-    try:
-        values = json.loads(content)
-        told = values["seal"]
-        files, inputs = dict(told["files"]), dict(told["rests_on"])
-        safe = all(PurePosixPath(name).name == name and name not in ("", "..") for name in files)
-        if not safe or not all(isinstance(text, str) for text in (*files.values(), values["date"])):
+    with _as_written(path):
+        values = json.loads(content)["seal"]
+        files, inputs = dict(values["files"]), dict(values["rests_on"])
+        if any(PurePosixPath(name).name != name or name == ".." for name in files):
             raise ValueError("names of files elsewhere")
-        return Sealed("", None, values["date"], told["before"], files, inputs)
-    except (ValueError, TypeError, KeyError, RecursionError):
-        raise _damaged(path) from None
-
-
-def _damaged(path: Path) -> DataError:
-    expected = "a seal as crashfuse certify --seal writes it"
-    return DataError(Problem(path.name, expected, "another file, or a damaged one", "ask its maker for the original"))
+        date, before = (None if text is None else printable(text, 200) for text in (values["date"], values["before"]))
+        return Sealed("", None, date or "", before, files, inputs)
 
 
 def _holds(key: "Ed25519PublicKey", signature: bytes, content: bytes) -> bool:
@@ -266,23 +247,18 @@ def _holds(key: "Ed25519PublicKey", signature: bytes, content: bytes) -> bool:
 
 def _changes(name: str, content: bytes, lines: Mapping[str, str]) -> Iterator[Problem]:
     """Where a file is not what was sealed, by the digests of its lines; in JSON with the key that stands there."""
-    advice, expected = "ask its maker for the original", "what was sealed"
-    digests = lines.get(name, "")
+    digests, now, texts = lines.get(name, ""), _digests(content), content.split(b"\n")
     then = [digests[i : i + _SHORT] for i in range(0, len(digests), _SHORT)]
-    now, texts = _digests(content), content.split(b"\n")
     places = [i for i, (a, b) in enumerate(zip(then, now, strict=False)) if a != b]
-    if not then or (len(then) == len(now) and not places):
-        yield Problem(name, expected, "something else, no line tells where", advice)
-        return
-    if len(then) != len(now):
-        first = places[0] if places else min(len(then), len(now))
-        more = len(now) - len(then)
-        found = f"{abs(more)} {'more' if more > 0 else 'fewer'} lines, from here on"
-        yield Problem(name, expected, found, advice, _key_at(name, texts, first), first + 1)
-        return
-    for place in places:
-        found = repr(texts[place].decode("utf-8", "backslashreplace").strip())[:80]
-        yield Problem(name, expected, found, advice, _key_at(name, texts, place), place + 1)
+    if more := len(now) - len(then) if then else 0:
+        places = [*places, min(len(then), len(now))][:1]
+    for place in places if then else ():
+        change = repr(texts[min(place, len(texts) - 1)].decode("utf-8", "backslashreplace").strip())[:80]
+        if more:
+            change = f"{abs(more)} {'more' if more > 0 else 'fewer'} lines, from here on"
+        yield Problem(name, "what was sealed", change, _ASK, _key_at(name, texts, place), place + 1)
+    if not places:
+        yield Problem(name, "what was sealed", "something else, no line tells where", _ASK)
 
 
 def _key_at(name: str, texts: Sequence[bytes], place: int) -> str | None:
@@ -290,8 +266,7 @@ def _key_at(name: str, texts: Sequence[bytes], place: int) -> str | None:
     keys, indent = [], float("inf")
     for text in reversed(texts[: place + 1] if name.endswith(".json") else ()):
         line = text.decode("utf-8", "replace").lstrip("\ufeff")
-        found, here = _KEY.match(line), len(line) - len(line.lstrip(" "))
-        if here < indent and line.strip():
+        if line.strip() and (here := len(line) - len(line.lstrip(" "))) < indent:
             indent = here
-            keys += [found[1]] if found else []
+            keys += [key[1]] if (key := _KEY.match(line)) else []
     return ".".join(reversed(keys)) or None

@@ -118,7 +118,9 @@ class TestedSince:
         conditions, rows = dict(self.earlier.matrix.items), self.earlier.rows
         given = self.earlier.date, self.earlier.sealed
         return tuple(
-            trial_of(test, conditions[i], criterion, said, value, self.shift(test, criterion.metric), given)
+            replace(
+                trial_of(test, conditions[i], criterion, said, value, self.shift(test, criterion.metric)), given=given
+            )
             for test, i in self.at.items()
             for criterion, said in zip(self.earlier.criteria.items, rows[i], strict=True)
             if (value := self.shown[test].get(criterion.metric)) is not None

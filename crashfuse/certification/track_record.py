@@ -72,24 +72,15 @@ class Support:
     """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
 
     Of a test one verdict a metric counts each time it was left out or planned, and five in all, wrong ones first.
-
-    Attributes
-    ----------
-    own_decided, own_wrong : int
-        Those on the criterion itself, and on its metric before tests were run; one a test.
-    most : float
-        Highest confidence that any record supports in this metric, by its verdicts on random vehicles.
-    before, wrong_before : int
-        Verdicts that were given on tests before these were run, on any metric, and the wrong ones.
     """
 
     decided: int
     wrong: int
-    own_decided: int
+    own_decided: int  # on the criterion itself, and on its metric before tests were run; one a test
     own_wrong: int
     near: bool
-    most: float = 1.0
-    before: int = 0
+    most: float = 1.0  # highest confidence that any record supports in this metric, by its verdicts on random vehicles
+    before: int = 0  # given on tests before these were run, on any metric
     wrong_before: int = 0
 
     @property
@@ -146,25 +137,17 @@ _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 class Trial:
     """The verdict on one criterion of a test that was left out, or only planned, and what was measured.
 
-    Attributes
-    ----------
-    left_out : {"test", "speed group", "planned"}
-        What was left out with it; *planned*: an earlier certification gave the verdict before the test was run.
-    cae_probability : float or None
-        By the raw CAE model, with its error in the other tests as band; None for ratings, and of planned tests.
-    shift : float
-        What a planned test showed beyond ``measured`` because it was not quite at the condition, by the CAE model.
-    given : (str, str)
-        When the verdict on a planned test was given, and the key that sealed it; empty if neither is known.
+    *Planned*: an earlier certification gave the verdict before the test was run, and no raw CAE is beside it. Its
+    ``shift`` is what the test showed beyond ``measured`` as it was not quite at the condition, by the CAE model.
     """
 
     held_out: str
     left_out: LeftOut
     verdict: Verdict
     measured: float
-    cae_probability: float | None
+    cae_probability: float | None  # by the raw CAE model, with its error in the other tests as band; None for ratings
     shift: float = 0.0
-    given: tuple[str, str] = ("", "")
+    given: tuple[str, str] = ("", "")  # when it was given if planned, and the key that sealed it, as far as known
 
     @property
     def met(self) -> bool:

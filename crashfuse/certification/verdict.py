@@ -24,33 +24,21 @@ or another design can tell; the condition is beyond what the campaign's tests ch
 class Verdict:
     """Verdict on a criterion at a condition.
 
-    Attributes
-    ----------
-    value : float or None
-        Of the predicted pulse, or the expected rating, in the criterion's unit.
-    lower, upper : float or None
-        Central 95 % interval for a single test there.
-    probability : float or None
-        That a test there meets the criterion; None if the record is too short to tell.
-    run : mapping of str to float or None
-        What tests at this condition measured, by id: the metric, or the rating of the prediction made without the test.
-    folds : tuple of float, optional
-        The probability if a test folds as most near the condition do, and as the one that stands apart, if any.
-    drawn : ndarray, shape (n_draws,)
-        Which draws of the prediction meet it; empty where it has none, and of a rating.
+    ``run`` is what tests there measured, by id: the metric, or the rating of the prediction made without the test.
     """
 
     condition: Condition
     criterion: Criterion
-    value: float | None
-    lower: float | None
+    value: float | None  # of the predicted pulse, or the expected rating, in the criterion's unit
+    lower: float | None  # central 95 % interval for a single test there
     upper: float | None
-    probability: float | None
+    probability: float | None  # that a test there meets the criterion; None if the record is too short to tell
     word: Word
     reason: str
     run: Mapping[str, float | None] = field(default_factory=dict)
+    # which draws of the prediction meet it; empty where it has none, and of a rating
     drawn: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool), compare=False, repr=False)
-    folds: tuple[float, float] | None = None
+    folds: tuple[float, float] | None = None  # the probability if a test folds as most do, and as one that stands apart
 
     def __repr__(self) -> str:
         return f"<Verdict {self.word}: {self.criterion.name} {self.criterion.limits} at {self.condition}>"

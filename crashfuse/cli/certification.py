@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
 from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, printable
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
@@ -100,9 +100,8 @@ def verify(arguments: argparse.Namespace) -> None:
         print("Maker and reviewer have one key: this is no review by another.")
     if arguments.campaign is None:
         print(f"It rests on {len(sealed.rests_on)} files of the campaign, which --campaign compares.")
-    others = {path.name for path in arguments.folder.iterdir()} - {FILE, seal.SEAL, seal.REVIEW, *sealed.files}
-    if others:
-        print(f"Not sealed: {', '.join(sorted(others))}.")
+    if others := {path.name for path in arguments.folder.iterdir()} - {FILE, seal.SEAL, seal.REVIEW, *sealed.files}:
+        print(f"Not sealed: {', '.join(printable(name) for name in sorted(others))}.")
 
 
 def _following(before: str | None) -> str:

@@ -150,14 +150,8 @@ def import_source(
     -------
     tuple of Settled
         The records added, each with the steps that led to it, which ``campaign.toml`` also records. Those that were
-        there already, with the same condition and pulse, are not among them.
-
-    Raises
-    ------
-    DataError
-        With every problem of every record; the campaign is unchanged.
-    UsageError
-        If a choice does not exist.
+        there already, with the same condition and pulse, are not among them. A DataError has every problem of every
+        record, a UsageError says that a choice does not exist; the campaign is then unchanged.
     """
     source, out, conditions = Path(source), Path(out), None if conditions is None else Path(conditions)
     require_a(Choices, choices, "crashfuse.Choices()")

@@ -218,15 +218,9 @@ class Settled:
 def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
     """Turn a record into a pulse of the campaign.
 
-    A DataError says that something needed is neither in the record nor in the choices, or that the pulse contradicts
-    the speed; a UsageError that a choice does not exist.
-
-    Parameters
-    ----------
-    role : {"tests", "cae"}
-        A CAE run starts at contact unless its time says otherwise, and may stop early or late.
-    raw : bool
-        Leave filtering and cutting to the campaign's own ``channel_filter_class``.
+    A CAE run starts at contact unless its time says otherwise, and may stop early or late. ``raw`` leaves filtering and
+    cutting to the campaign's own ``channel_filter_class``. A DataError says that something needed is neither in the
+    record nor in the choices, or that the pulse contradicts the speed; a UsageError that a choice does not exist.
     """
     steps = list(record.steps)
     if record.other_setup and role == "tests":

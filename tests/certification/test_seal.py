@@ -202,6 +202,17 @@ def test_files_of_the_campaign_are_compared_where_it_is_given(sealed: Path, make
     assert found == {"tests.csv": "another one", "tests/T1.csv": "no such file"}
 
 
+def test_criteria_from_elsewhere_are_sealed_and_not_looked_for(
+    sealed: Path, maker: Path, campaign_folder: Path
+) -> None:
+    """They are no part of the campaign, even where that has a file of the same name."""
+    (campaign_folder / "criteria.toml").write_text("")
+    other = sealed.parent / "criteria.toml"
+    other.write_text("confidence = 0.9")
+    seal(sealed, private_key(maker), rests_on(campaign_folder, other, None), None)
+    assert {"criteria.toml", "../criteria.toml"} <= set(verify(sealed, campaign=campaign_folder).rests_on)
+
+
 def test_a_key_of_the_wrong_kind_is_refused_in_a_sentence(sealed: Path, maker: Path, tmp_path: Path) -> None:
     """Public for private, private for public, RSA, with a password, no key at all, and no file."""
     other, locked, none = tmp_path / "rsa", tmp_path / "locked", tmp_path / "none"
@@ -210,10 +221,10 @@ def test_a_key_of_the_wrong_kind_is_refused_in_a_sentence(sealed: Path, maker: P
     locked.write_bytes(private_key(maker).private_bytes(pem, pkcs8, form.BestAvailableEncryption(b"x")))
     none.write_text("no key")
     public = maker.with_name("maker.pub")
-    for path, found in ((public, "a public key"), (other, "RSA"), (locked, "password"), (none, "no private key")):
+    for path, found in ((public, "a public key"), (other, "RSA"), (locked, "password"), (none, "no key")):
         (problem,) = problems_of(lambda path=path: private_key(path))  # type: ignore[misc]
         assert found in problem.found, path
-    for path, found in ((maker, "a private key"), (none, "no public key"), (tmp_path / "gone", "no such file")):
+    for path, found in ((maker, "a private key"), (none, "no key"), (tmp_path / "gone", "no such file")):
         (problem,) = problems_of(lambda path=path: verify(sealed, path))  # type: ignore[misc]
         assert found in problem.found, path
 
