@@ -24,19 +24,8 @@ from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, collecting, printable, shortened
-from crashfuse.files.archive import (
-    DEFAULT_LIMITS,
-    Budget,
-    Limits,
-    Member,
-    in_memory,
-    left_by_the_system,
-    name_trouble,
-    refuse,
-    too_many,
-    too_much,
-    zip_members,
-)
+from crashfuse.files import archive
+from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault
 
@@ -162,7 +151,9 @@ def unread_files(folder: Path) -> str:
             unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
         elif path.name not in AT_THE_TOP:
             unread.append(path.name + "/" * path.is_dir())
-    unread = [name for name in unread if not left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)]
+    unread = [
+        name for name in unread if not archive.left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)
+    ]
     return f"Not read, as no file of a campaign has such a name: {listed(unread)}." if unread else ""
 
 
@@ -243,7 +234,7 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
         if problems:
             found: list[Problem] = []
             with collecting(found):
-                refuse(problems, name)
+                archive.refuse(problems, name)
             with collecting(found):
                 read_folder(folder)
             raise DataError(found)
@@ -256,7 +247,7 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
 def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[Member], str]:
     check_uploads(uploads, limits)
     if uploads and not any(name.lower().endswith(".zip") for name, _ in uploads):
-        return [in_memory(*upload) for upload in uploads if not left_by_the_system(upload[0])], "upload"
+        return [archive.in_memory(*upload) for upload in uploads if not archive.left_by_the_system(upload[0])], "upload"
     if len(uploads) != 1:
         expected, found = "one zip of a campaign folder, or its files", "a zip among files" if uploads else "nothing"
         raise DataError(Problem("upload", expected, found, "zip all of it together"))
@@ -267,23 +258,25 @@ def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[
 def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
     """Raise a DataError if uploads are too many or too large, or one has an unsafe name."""
     if len(uploads) > limits.members:
-        raise too_many("upload", len(uploads), limits)
+        raise archive.too_many("upload", len(uploads), limits)
     if sum(len(content) for _, content in uploads) > limits.total_bytes:
-        raise too_much("upload", limits)
-    refuse([Problem(name, *trouble) for name, _ in uploads if (trouble := name_trouble(name))], "upload")
+        raise archive.too_much("upload", limits)
+    archive.refuse(
+        [Problem(name, *trouble) for name, _ in uploads if (trouble := archive.name_trouble(name))], "upload"
+    )
 
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
     """List the files of a zip in memory as :func:`zip_members` does."""
     if (found := content.count(_ENTRY)) > limits.members:  # checked before a directory of millions is read
-        raise too_many(name, found, limits)
-    return zip_members(io.BytesIO(content), name, limits)
+        raise archive.too_many(name, found, limits)
+    return archive.zip_members(io.BytesIO(content), name, limits)
 
 
 def _root(members: Sequence[Member], name: str) -> PurePosixPath:
     homes = [member.path.parent for member in members if member.path.name in TABLES]
     if not homes:
-        refuse([trouble for member in members if (trouble := _strange(member))], name)
+        archive.refuse([trouble for member in members if (trouble := _strange(member))], name)
         where = printable(members[0].where) if len(members) == 1 else name
         raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
     return min(homes, key=lambda home: len(home.parts))

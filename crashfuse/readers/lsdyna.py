@@ -18,22 +18,12 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member
+from crashfuse.readers import solver_run
 from crashfuse.readers.format import Travel
 from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, glstat_text, matsum_text, quality_of, read_nodout
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.record import Record
-from crashfuse.readers.solver_run import (
-    departure,
-    initial_speed,
-    note_of_kept,
-    proposed_nodes,
-    read_listing,
-    run_record,
-    sha256_of,
-    units_of,
-    vehicle_mass_kg,
-)
 
 _NAME = re.compile(
     r"(?:(?P<job>.+)\.)?(?P<kind>binout|nodouthf|nodout|glstat|matsum|d3hsp|messag|mes(?=\d))(?P<number>\d*)"
@@ -180,35 +170,35 @@ def _record(
 ) -> Record:
     run, glstat, matsum = _histories(files, budget, most, travel, zipped=zipped)
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
-    proposed, why = proposed_nodes(nodes)
-    units = units_of(proposed, source)
-    speed_mps, no_speed, travels = departure(proposed, units, (run.start, run.fastest), travel, source)
+    proposed, why = solver_run.proposed_nodes(nodes)
+    units = solver_run.units_of(proposed, source)
+    speed_mps, no_speed, travels = solver_run.departure(proposed, units, (run.start, run.fastest), travel, source)
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units[2], travels, why]
-    steps += note_of_kept(len(run.nodes), run.total)
-    initial, energy = initial_speed(proposed), glstat[min(glstat)].get("kinetic_energy") if glstat else None
+    steps += solver_run.note_of_kept(len(run.nodes), run.total)
+    initial, energy = solver_run.initial_speed(proposed), glstat[min(glstat)].get("kinetic_energy") if glstat else None
     mass = None
     if speed_mps is not None and energy is not None and energy > 0 and initial > 0:
-        mass = vehicle_mass_kg(2 * energy / initial**2)
+        mass = solver_run.vehicle_mass_kg(2 * energy / initial**2)
     speed_or_why, mass_and_source = (speed_mps, no_speed), (mass, "from the kinetic energy at that speed (glstat)")
     quality, about = quality_of(glstat, matsum), _about(files, decks, run, budget, steps)
-    return run_record(run_id, source, run.nodes, proposed, units, speed_or_why, mass_and_source, quality, steps, about)
+    return solver_run.run_record(
+        run_id, source, run.nodes, proposed, units, speed_or_why, mass_and_source, quality, steps, about
+    )
 
 
 def _about(
     files: _RunFiles, decks: Mapping[PurePosixPath, Member], run: Histories, budget: Budget, steps: list[str]
 ) -> dict[str, str]:
-    """What the run's files say of it, and its listing if it has one, which also names the deck."""
-    about = {"solver": "LS-DYNA", **run.about}
-    for member in (files.text[kind] for kind in _LISTINGS if kind in files.text):
-        listing = read_listing(member.chunks(budget))
-        if not listing.is_of(run.title, about.get("date", "")):
-            steps.append(f"Careful: {member.where} is the listing of another run; it is left out.")
-            continue
-        about |= listing.about
+    about = {"solver": "LS-DYNA", "title": run.title, **run.about}
+    for member in [files.text[kind] for kind in _LISTINGS if kind in files.text][:1]:
+        listing = solver_run.read_listing(member.chunks(budget))
+        if any(about.get(name) and listing.get(name, about[name]) != about[name] for name in ("title", "date")):
+            steps.append(solver_run.listed_elsewhere(member.where))
+            break
+        about |= listing
         if (deck := decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
-            about["deck_sha256"] = sha256_of(deck.chunks(budget))
-        break
-    return about
+            about["deck_sha256"] = solver_run.sha256_of(deck.chunks(budget))
+    return {name: text for name, text in about.items() if name != "title"}
 
 
 def _histories(

@@ -1,9 +1,8 @@
 """LS-DYNA's ``binout``: histories of nodes, rigid bodies and energies, of several processors, continuations, restarts.
 
-The binary container is LSDA, treated as untrusted. A file is a header of eight bytes followed by records: length,
-command, and the command's data. Folders and variables are listed in symbol tables, each of which ends with the offset
-of the next; the solver adds a table from time to time, so that a killed run can be read up to the last table. Layout as
-published with the solver's own library (LSTC I/O Library, file format, 1.1).
+The binary container is LSDA, treated as untrusted: a header of eight bytes, then records (length, command, data).
+Folders and variables are listed in symbol tables, each of which ends with the offset of the next; a killed run can be
+read up to the last. Layout as published with the solver's own library (LSTC I/O Library, file format, 1.1).
 """
 
 import struct
@@ -16,17 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, printable
+from crashfuse.readers import lsdyna_histories
 from crashfuse.readers.format import AXES, Travel
-from crashfuse.readers.lsdyna_histories import (
-    GLSTAT,
-    MATSUM,
-    MOST_NODES,
-    MOST_VALUES,
-    Histories,
-    States,
-    nodes_to_keep,
-    too_many_values,
-)
+from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, MOST_VALUES, Histories, States
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import History, axis_of_travel
 from crashfuse.readers.vocabulary import iso_date
@@ -245,7 +236,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     if not parts:
         return Histories(title, (), 0), glstat, matsum
     if sum(len(part.states) * min(part.of.ids.size, most) for part in parts) > MOST_VALUES:
-        raise too_many_values(parts[0].where)
+        raise lsdyna_histories.too_many_values(parts[0].where)
     start, fastest = _motion(parts)
     axis = AXES[axis_of_travel(start, travel)]
     pieces: dict[tuple[str, str], list[History]] = {}
@@ -254,7 +245,9 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
             pieces.setdefault((part.database, piece.name), []).append(piece)
     frequent = {name for database, name in pieces if database == "nodouthf"}
     merged = [_joined(of) for (database, name), of in pieces.items() if database != "nodout" or name not in frequent]
-    kept = nodes_to_keep([node.name for node in merged], {node.name: node.title for node in merged}, most)
+    kept = lsdyna_histories.nodes_to_keep(
+        [node.name for node in merged], {node.name: node.title for node in merged}, most
+    )
     nodes = tuple(node for node in merged if node.name in kept)
     total = max(len(merged), *(part.of.ids.size for part in parts))
     count = sum(map(len, families))
@@ -339,7 +332,7 @@ def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
 
 def _histories(part: _Part, axis: str, most: int) -> list[History]:
     labels = [f"{_PREFIX.get(part.database, '')}{int(number)}" for number in part.of.ids[:MOST_NODES]]
-    chosen = nodes_to_keep(labels, part.of.titles, most)
+    chosen = lsdyna_histories.nodes_to_keep(labels, part.of.titles, most)
     places = [place for place, label in enumerate(labels) if label in chosen]
     values = np.full((2, len(places), len(part.states)), np.nan)
     with np.errstate(invalid="ignore"):  # damaged data may hold any number

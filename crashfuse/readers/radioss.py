@@ -5,10 +5,9 @@ for each state its time, the global histories, those of parts and subsets, and t
 and codes are those of the solver's own writer (``hist1.F``, ``hist2.F``, ``hm_read_thgrou.F``) and converter. Forces
 (of walls, sections, interfaces, rigid bodies) are written as impulses since the start of the run; they are not read.
 
-The CSV misleads: its labels of global histories are those of one version of the solver, whatever was written. Where
-their number is another, all later labels stand over the wrong columns, so labels are counted from the right. Variables
-of a node are called ``var 33``, unless the run wrote its titles (``/TH/TITLE``). Labels may hold stray control
-characters, and the last row may be cut.
+The CSV misleads: its labels of global histories are those of one version of the solver, whatever was written, so labels
+are counted from the right. Variables of a node are called ``var 33``, unless the run wrote its titles. Labels may hold
+control characters, and the last row may be cut.
 """
 
 import csv
@@ -27,22 +26,13 @@ import pandas as pd
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
+from crashfuse.readers import radioss_history
 from crashfuse.readers.format import Travel
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND, opened_members, read_all
-from crashfuse.readers.radioss_history import (
-    ACCELEROMETER,
-    GLOBAL,
-    MOST_VALUES,
-    TimeHistory,
-    Watched,
-    join_files,
-    join_parts,
-    record_of,
-    with_names,
-)
+from crashfuse.readers.radioss_history import ACCELEROMETER, GLOBAL, MOST_VALUES, TimeHistory, Watched
 from crashfuse.readers.record import Record
-from crashfuse.readers.solver_run import read_listing, sha256_of
+from crashfuse.readers.solver_run import listed_elsewhere, read_listing, sha256_of
 from crashfuse.readers.vocabulary import iso_date
 from crashfuse.signals.pulse import FloatArray
 
@@ -365,7 +355,7 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
         def record(run_id: str) -> Record:
             first = runs[run_id][0].path
             history = _with_listing(_read(runs[run_id], budget), first, others, budget, alone=len(runs) == 1)
-            return record_of(history, run_id, first.name, travel)
+            return radioss_history.record_of(history, run_id, first.name, travel)
 
         return read_all(runs, record, path.name)
 
@@ -379,9 +369,9 @@ def _with_listing(
     listings = [path for path, match in beside.items() if match and match["listing"]]
     mine = [path for path in listings if path.name.startswith(f"{run}_")]
     if mine:
-        about |= read_listing(others[mine[-1]].chunks(budget)).about
+        about |= read_listing(others[mine[-1]].chunks(budget))
     elif listings and alone:
-        notes.append(f"Careful: {listings[-1].name} is the listing of another run; it is left out.")
+        notes.append(listed_elsewhere(listings[-1].name))
     for path in (path for path in beside if path not in listings and path.name.startswith(f"{run}_")):
         about |= {"deck": path.name, "deck_sha256": sha256_of(others[path].chunks(budget))}
     return replace(history, about=about, notes=tuple(notes))
@@ -442,5 +432,5 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
             content = file.content(budget)
             is_csv = _is_converted(file.path, content[:_HEAD])
             read.append(read_converted(content, name) if is_csv else read_binary(content, name))
-        histories.append(join_parts(read, names))
-    return with_names(join_files(histories))
+        histories.append(radioss_history.join_parts(read, names))
+    return radioss_history.with_names(radioss_history.join_files(histories))

@@ -146,7 +146,7 @@ class RecordedChannel:
     status : str
         What the file says of its quality ("ok", "channel failed", "questionable data"); empty if nothing.
     sensor, prefilter : str
-        The sensor (maker, model, serial number), and the filter before recording, in the file's words.
+        Maker, model and number of the sensor, and its filter, in the file's words.
     """
 
     name: str
@@ -240,7 +240,7 @@ class Record:
     other_setup : str
         What the file calls the test, if that is no full-frontal barrier crash ("VEHICLE INTO VEHICLE").
     about : mapping of str to str
-        Where it comes from, in the file's words: laboratory, test_number, date; solver, version, deck, termination.
+        Where it comes from, in the file's words: laboratory, date; solver, deck, termination.
     """
 
     id: str
@@ -282,7 +282,7 @@ class Record:
         return tuple(dict.fromkeys(channel for channel in found.values() if channel is not None))
 
     def about_with(self, channels: Sequence[RecordedChannel]) -> About:
-        """Columns on where it comes from, with the sensors and filters of these channels."""
+        """Columns on where it comes from, with these channels' sensors."""
         words = {"sensor": [one.sensor for one in channels]}
         words["prefilter"] = [one.prefilter or (f"{one.cutoff_hz:g} Hz" if one.cutoff_hz else "") for one in channels]
         texts = {name: "; ".join(dict.fromkeys(filter(None, of))) for name, of in words.items()}

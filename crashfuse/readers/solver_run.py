@@ -37,9 +37,12 @@ _OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
 
 STAMP = re.compile(r"([^\n]*)\n *ls-dyna +\(?(?:version +)?(\S.*?)\)? +date +(\d\d/\d\d/\d{4})")
 """The title and the line below it in every text file of LS-DYNA."""
-_DATE = re.compile(r"\bdate *:? *(\d\d/\d\d/\d{4})", re.IGNORECASE)
+_STATED = {
+    "title": STAMP,
+    "date": re.compile(r"\bdate *:? *(\d\d/\d\d/\d{4})", re.IGNORECASE),
+    "deck": re.compile(r"(?:Input file *:|\bi *=)(?: *i *=)? *(?:\S*[/\\])?([^/\\\s|]+)"),
+}
 _VERSION = re.compile(r"(?:Version|Revision|Build tag) *: *([^|*\s](?:[^|*\n]*[^|*\s])?)")
-_LISTED = {"deck": re.compile(r"(?:Input file *:|\bi *=)(?: *i *=)? *(?:\S*[/\\])?([^/\\\s|]+)")}
 _ENDED = re.compile(rb"(n ?o ?r ?m ?a ?l|e ?r ?r ?o ?r) +t ?e ?r ?m ?i ?n ?a ?t ?i ?o ?n|user break", re.IGNORECASE)
 _OVERLAP = 100  # bytes; the words may lie across two chunks
 
@@ -52,33 +55,23 @@ _SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass
 Units = tuple[float, str | None, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Listing:
-    """What the listing of a run says of it, and the title and date that it is stamped with; empty if it does not."""
-
-    about: Mapping[str, str]
-    title: str = ""
-
-    def is_of(self, title: str, date: str) -> bool:
-        """Whether it may be that of the run with this title and date."""
-        pairs = (self.title, title), (self.about.get("date", ""), date)
-        return all(one == other or not (one and other) for one, other in pairs)
-
-
-def read_listing(chunks: Iterable[bytes]) -> Listing:
-    """Read the listing of a run of LS-DYNA (``d3hsp``, ``messag``, ``mes0000``) or Radioss (``run_0001.out``)."""
-    head, before, ended = b"", b"", "killed"
+def read_listing(chunks: Iterable[bytes]) -> dict[str, str]:
+    """What the listing of a run of LS-DYNA or Radioss says: title, date, version, deck, and how the run ended."""
+    head, before, ended = "", b"", "killed"
     for chunk in chunks:
-        head = head or chunk
+        head = head or chunk.decode("latin-1")
         for match in _ENDED.finditer(before[-_OVERLAP:] + chunk):
             ended = match[1].replace(b" ", b"").decode().lower() if match[1] else "killed"
         before = chunk
-    text = head.decode("latin-1")
-    stamp, date = STAMP.search(text), _DATE.search(text)
-    about = {name: " ".join(found) for name, words in _LISTED.items() if (found := words.findall(text)[:1])}
-    about |= {"version": " ".join(dict.fromkeys(_VERSION.findall(text)[:2])), "termination": ended}
-    about["date"] = iso_date(date[1], "%m/%d/%Y") if date else ""
-    return Listing({name: value for name, value in about.items() if value}, stamp[1].strip() if stamp else "")
+    versions, found = _VERSION.findall(head)[:2], {name: words.search(head) for name, words in _STATED.items()}
+    stated = {name: match[1].strip() for name, match in found.items() if match}
+    stated["date"], stated["version"] = iso_date(stated.get("date", ""), "%m/%d/%Y"), " ".join(dict.fromkeys(versions))
+    return {**{name: text for name, text in stated.items() if text}, "termination": ended}
+
+
+def listed_elsewhere(name: str) -> str:
+    """That a listing beside a run is another's."""
+    return f"Careful: {name} is the listing of another run; it is left out."
 
 
 def sha256_of(chunks: Iterable[bytes]) -> str:
