@@ -23,7 +23,7 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import DataError, Problem, collecting, printable, shortened
+from crashfuse.errors import CHECK_PATH, DataError, Problem, collecting, printable, shortened
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
@@ -73,7 +73,7 @@ def read_folder(folder: str | Path) -> Campaign:
     folder = Path(folder)
     if not folder.is_dir():
         found = "a file" if folder.exists() else "no such folder"
-        raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, "check the path"))
+        raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, CHECK_PATH))
     settle(folder)
     problems: list[Problem] = []
     warnings: list[str] = []

@@ -17,7 +17,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem, printable, require_a, several
+from crashfuse.errors import CHECK_PATH, NO_FILE, CrashfuseError, DataError, Problem, printable, require_a, several
 from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.importing.channels import missing_choices, resample_evenly
@@ -134,7 +134,7 @@ def rate_pairs(
     """
     path = Path(table)
     if not path.is_file():
-        raise DataError(Problem(str(path), "a table of pairs", "no such file", "check the path"))
+        raise DataError(Problem(str(path), "a table of pairs", NO_FILE, CHECK_PATH))
     names, rows, numbers = read_rows(path, path.name)
     unknown = [name for name in names if name not in _PAIR_COLUMNS]
     if unknown or not {"reference", "comparison"} <= set(names) or len(set(names)) < len(names):
@@ -201,7 +201,7 @@ def _reason(error: CrashfuseError) -> str:
 
 def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None) -> _Curve:
     if not path.exists():
-        raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
+        raise DataError(Problem(str(path), "a pulse file", NO_FILE, CHECK_PATH))
     if not channels and _is_own(path):
         pulse = read_pulse(path)
         if cfc is None or isinstance(cfc, str):

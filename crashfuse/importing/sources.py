@@ -13,7 +13,7 @@ from typing import get_args
 
 from crashfuse.campaign_folder.condition_tables import listed, safe_id
 from crashfuse.campaign_folder.load import check_uploads, members_of_zip
-from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable, require_a
+from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collecting, one_of, printable, require_a
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, ENDINGS, Budget, Limits, Member
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral, read_tables
@@ -90,7 +90,7 @@ class Reading:
 def format_of(source: Path) -> str:
     """The format of a file, folder or zip, by the file names in it; a DataError for none, or several besides tables."""
     if not source.exists():
-        raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
+        raise DataError(Problem(str(source), "a file or folder to import", "nothing there", CHECK_PATH))
     found = formats_of(_names(source)) or formats_of(name for inner in _archives(source) for name in _names(inner))
     if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
         return "radioss"
@@ -145,7 +145,7 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     together = reading.together and fmt == TABLES
     tables = read_tables([*paths, *extra], reading.columns, problems, together=together, travel=travel)
     if fmt == TABLES and not paths:
-        raise DataError(Problem(str(source), f"tables ({FORMATS[TABLES].files})", "none", "check the path"))
+        raise DataError(Problem(str(source), f"tables ({FORMATS[TABLES].files})", "none", CHECK_PATH))
     if fmt == TABLES and not tables.records and not problems:
         found = "; ".join(tables.neither) or "conditions alone"
         expected = "a column of time and one of acceleration"

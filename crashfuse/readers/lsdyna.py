@@ -64,6 +64,7 @@ def _named(path: PurePath) -> _FileName | None:
 class _RunFiles:
     binout: defaultdict[str, dict[tuple[int, int], Member]] = field(default_factory=lambda: defaultdict(dict))
     text: dict[str, Member] = field(default_factory=dict)
+    decks: Mapping[PurePosixPath, Member] = field(default_factory=dict)  # by path, of all runs
 
     def families(self) -> list[list[Member]]:
         families = []
@@ -101,7 +102,8 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     """The files of each run by its id; of a file that was chosen, its own run alone, and the energies beside it."""
     zipped = path.suffix.lower() == ".zip"
     chosen = _named(path) if path.is_file() and not zipped else None
-    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(_RunFiles)
+    decks = {member.path: member for member in members if _named(member.path) is None}
+    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(lambda: _RunFiles(decks=decks))
     for member in members:
         folder, name = member.path.parts[:-1], _named(member.path)
         if name is None:
@@ -141,32 +143,20 @@ def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYN
         return _named(file) is not None or (file != path and _INPUT.search(file.name) is not None)
 
     with opened_members(path, wanted, _KIND, limits) as (members, budget):
-        runs, decks = (
-            _runs_of(members, path),
-            {member.path: member for member in members if _named(member.path) is None},
-        )
+        runs = _runs_of(members, path)
         if not runs:
             raise DataError(Problem(path.name, _KIND, "none", "choose the folder of a run"))
         most = min(_MOST_NODES, max(_MOST_IN_ALL // len(runs), _FEWEST_NODES))
 
         def record(run_id: str) -> Record:
             source = path.name if len(runs) == 1 else run_id
-            zipped = path.suffix.lower() == ".zip"
-            return _record(run_id, source, runs[run_id], decks, budget, most, travel, zipped=zipped)
+            return _record(run_id, source, runs[run_id], budget, most, travel, zipped=path.suffix.lower() == ".zip")
 
         return read_all(runs, record, path.name)
 
 
 def _record(
-    run_id: str,
-    source: str,
-    files: _RunFiles,
-    decks: Mapping[PurePosixPath, Member],
-    budget: Budget,
-    most: int,
-    travel: Travel | None,
-    *,
-    zipped: bool,
+    run_id: str, source: str, files: _RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool
 ) -> Record:
     run, glstat, matsum = _histories(files, budget, most, travel, zipped=zipped)
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
@@ -180,15 +170,13 @@ def _record(
     if speed_mps is not None and energy is not None and energy > 0 and initial > 0:
         mass = solver_run.vehicle_mass_kg(2 * energy / initial**2)
     speed_or_why, mass_and_source = (speed_mps, no_speed), (mass, "from the kinetic energy at that speed (glstat)")
-    quality, about = quality_of(glstat, matsum), _about(files, decks, run, budget, steps)
+    quality, about = quality_of(glstat, matsum), _about(files, run, budget, steps)
     return solver_run.run_record(
         run_id, source, run.nodes, proposed, units, speed_or_why, mass_and_source, quality, steps, about
     )
 
 
-def _about(
-    files: _RunFiles, decks: Mapping[PurePosixPath, Member], run: Histories, budget: Budget, steps: list[str]
-) -> dict[str, str]:
+def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -> dict[str, str]:
     about = {"solver": "LS-DYNA", "title": run.title, **run.about}
     for member in [files.text[kind] for kind in _LISTINGS if kind in files.text][:1]:
         listing = solver_run.read_listing(member.chunks(budget))
@@ -196,7 +184,7 @@ def _about(
             steps.append(solver_run.listed_elsewhere(member.where))
             break
         about |= listing
-        if (deck := decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
+        if (deck := files.decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
             about["deck_sha256"] = solver_run.sha256_of(deck.chunks(budget))
     return {name: text for name, text in about.items() if name != "title"}
 

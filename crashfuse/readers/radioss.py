@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.readers import radioss_history
 from crashfuse.readers.format import Travel
@@ -350,7 +350,7 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
         others = {member.path: member for member in members if _BESIDE.fullmatch(member.path.name)}
         runs = _runs([member for member in members if member.path not in others], path)
         if not runs:
-            raise DataError(Problem(path.name, _KIND, "none", "check the path"))
+            raise DataError(Problem(path.name, _KIND, "none", CHECK_PATH))
 
         def record(run_id: str) -> Record:
             first = runs[run_id][0].path

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, NO_FILE, DataError, Problem, printable
 from crashfuse.files.archive import Limits
 from crashfuse.readers import table_sheet
 from crashfuse.readers.members import as_text
@@ -209,7 +209,7 @@ def _check_continues(time_s: FloatArray, segments: Sequence[_Segment], name: str
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
     """The tables of a file: one per sheet, or one per time column in it."""
     if not path.is_file():
-        raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
+        raise DataError(Problem(str(path), "a table", NO_FILE, CHECK_PATH))
     if path.stat().st_size > limits.member_bytes:
         expected = f"at most {limits.member_bytes >> 20} MiB a table"
         raise DataError(Problem(path.name, expected, "more", "export a shorter record"))

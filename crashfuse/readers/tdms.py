@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import nhtsa, table_headers, vocabulary
 from crashfuse.readers.formats import FORMATS
@@ -239,7 +239,7 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
         if of_the_format(path):
             members = [member for member in members if member.path.as_posix() == path.name]
         if not members:
-            raise DataError(Problem(path.name, kind, "none", "check the path"))
+            raise DataError(Problem(path.name, kind, "none", CHECK_PATH))
         return read_all(members, lambda member: _record(member, budget), path.name)
 
 
