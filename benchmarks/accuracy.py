@@ -1,11 +1,10 @@
-"""Accuracy of the predictions: ``python benchmarks/accuracy.py CAMPAIGN …`` (default: the sample).
+"""Accuracy of the predictions: ``python benchmarks/accuracy.py CAMPAIGN … [--data docs/data]`` (default: the sample).
 
 Each test is left out in turn, alone and with its whole speed group. *Gap closed* is the share of the distance from the
-raw CAE to 0.975, a fixed yardstick; *change* is the lowest of all tests against the raw CAE. *A repeat* is what a
-second test at the same condition rates against the first: estimated from how the tests scatter, and measured where
-there are repeats: in a folder ``repeats`` of the campaign, named as the files in ``tests``, or from the generator
-of the sample.
-The effect of the tests on the network is shown in the form of the paper's Table 3. Last comes a table of all campaigns.
+raw CAE to 0.975, a fixed yardstick; *change* is the lowest of all tests against the raw CAE. *A second test* is what a
+repeat at the same condition rates against the first: estimated from how the tests scatter, or measured where there are
+repeats: in a folder ``repeats`` of the campaign, named as the files in ``tests``, or from the generator of the sample.
+With ``--data`` the tables are written as CSV; those in ``docs/data`` are what the documentation shows.
 """
 
 import argparse
@@ -14,69 +13,132 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pandas as pd
 
+from crashfuse.approaches.calibration import STRIDE
+from crashfuse.approaches.mixture import Scores
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.reporting.rating_tables import TABLE_3, best, rating_table
-from crashfuse.signals.pulse import Pulse
+from crashfuse.reporting.rating_tables import REPEAT, TABLE_3, rating_table
+from crashfuse.signals.pulse import DT_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import LeaveOut, StudyConfig
-from crashfuse.study.recommendation import recommend, recommend_for
+from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 from crashfuse.synthetic.sample import sample_campaign
+from crashfuse.units import G
 from crashfuse.wording import signed
 
 _YARDSTICK = 0.975
 _WINDOW_MS = 60.0
 _MORE_SAMPLES = range(1, 9)  # seeds
-_SHOWN = ("cae", "time_domain", "displacement_domain", "fused")
+_SHOWN = {  # columns of the campaign's means
+    **{"cae": "raw CAE", "lf_tcn": "LF TCN", "time_domain": "time domain"},
+    **{"displacement_domain": "displacement domain", "fused": "fused"},
+}
 
 
 def main() -> None:
-    """Run the studies and print Markdown tables."""
+    """Run the studies, print their tables and write them."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("campaigns", type=Path, nargs="*", default=[Path("sample_data")])
+    arguments.add_argument("--data", type=Path, help="folder of CSV files whose rows of these campaigns are replaced")
+    chosen = arguments.parse_args()
+    tables: dict[str, list[dict[str, object]]] = {}
     ways: tuple[LeaveOut, ...] = ("test", "speed group")
-    rows = []
-    for folder in arguments.parse_args().campaigns:
+    for folder in chosen.campaigns:
         campaign = load_campaign(folder)
-        for leave_out in ways:
-            study = run_study(campaign, StudyConfig(leave_out=leave_out))
-            print(f"\n### {campaign.name}, one {leave_out} left out\n")
-            _print_summary(study)
-            if leave_out == "test":
-                repeats = _repeats(folder, campaign, study)
-                _print_repeats(study, repeats)
-                _print_tests(study)
-                _print_table_3(study)
-            else:
-                repeats = {}
-            _print_recommendations(study)
-            rows.append(_row(study, repeats))
-    print("\n### All campaigns, 0–60 ms\n")
-    labels = [LABELS[name] for name in _SHOWN]
-    header = ["campaign", "left out", "tests", "CAE runs", *labels, "a repeat", "fused: gap closed", "worst", "change"]
-    print(f"| {' | '.join(header)} |\n|---|---|{'---:|' * (len(header) - 2)}\n" + "\n".join(rows))
+        for way in ways:
+            study = run_study(campaign, StudyConfig(leave_out=way))
+            repeats = _repeats(folder, campaign, study) if way == "test" else {}
+            expected = _expected(study)
+            about = {"campaign": campaign.name.partition(" (")[0], "left out": way}
+            for name, rows in {
+                "accuracy": [_means(study, repeats) | _account(expected)],
+                "accuracy_approaches": _approaches(study, repeats),
+                "accuracy_tests": _tests(study),
+                "accuracy_expected": expected,
+            }.items():
+                tables.setdefault(name, []).extend(about | row for row in rows)
+    for name, rows in tables.items():
+        table = pd.DataFrame(rows).fillna("")
+        print(f"\n{name}\n{table.to_string(index=False)}")
+        if chosen.data is not None:
+            _write(table, chosen.data / f"{name}.csv")
 
 
-def _row(study: Study, repeats: dict[str, dict[float, float]]) -> str:
-    """A campaign's row in the last table; the repeat is the measured one if there is any, for the same tests."""
-    means = [f"{study.mean_rating(name, _WINDOW_MS):.3f}" for name in _SHOWN]
+def _write(table: pd.DataFrame, file: Path) -> None:
+    """Write a table; rows of other campaigns that the file had stay."""
+    if file.exists():
+        before = pd.read_csv(file, dtype=str, keep_default_na=False)
+        table = pd.concat([table, before[~before["campaign"].isin(table["campaign"])]])
+    file.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(file, index=False, lineterminator="\n")
+
+
+def _means(study: Study, repeats: dict[str, dict[float, float]]) -> dict[str, object]:
+    """A campaign's means; the second test is the measured one if there is any, else the estimated."""
     raw, fused = _overall(study, "cae"), _overall(study, "fused")
-    gap = (fused.mean() - raw.mean()) / (_YARDSTICK - raw.mean())
-    repeat = "–"
-    if (estimated := study.mean_repeat(_WINDOW_MS)) is not None:
-        repeat = f"{estimated:.3f} (estimated)"
+    second = kind = None
+    if (estimated := study.mean_repeat(_WINDOW_MS)) is not None and study.config.leave_out == "test":
+        second, kind = f"{estimated:.3f}", "estimated"
     if repeats:
-        measured = np.mean([own[_WINDOW_MS] for own in repeats.values()])
+        second, kind = f"{np.mean([own[_WINDOW_MS] for own in repeats.values()]):.3f}", "measured"
         beside = np.mean([study.fold(test).ratings["fused"][_WINDOW_MS].overall for test in repeats])
-        repeat = f"{measured:.3f} ({len(repeats)} tests, on which fused rates {beside:.3f})"
-    cells = [study.campaign.name, study.config.leave_out, str(len(study.folds)), str(len(study.campaign.cae)), *means]
-    return (
-        f"| {' | '.join([*cells, repeat, f'{gap:.2f}', f'{fused.min():.3f}', f'{signed((fused - raw).min(), 3)}'])} |"
-    )
+        print(f"{study.campaign.name}: {len(repeats)} tests have repeats; on these fused rates {beside:.3f}")
+    return {
+        "tests": len(study.folds),
+        "CAE runs": len(study.campaign.cae),
+        **{column: f"{study.mean_rating(name, _WINDOW_MS):.3f}" for name, column in _SHOWN.items()},
+        "a second test": second,
+        "second test": kind,
+        "gap closed": f"{_gap(fused, raw):.2f}",
+        "worst test": f"{fused.min():.3f}",
+        "change": signed((fused - raw).min(), 3),
+    }
+
+
+def _approaches(study: Study, repeats: dict[str, dict[float, float]]) -> list[dict[str, object]]:
+    """Means by window, the worst test and the coverage of each approach; what repeats rate."""
+    windows, raw, rows = study.config.windows_ms, _overall(study, "cae"), []
+    for name in study.config.approaches:
+        scores, coverage = _overall(study, name), study.coverage.get(name)
+        row: dict[str, object] = {"approach": LABELS[name]}
+        row |= {_window(window): f"{study.mean_rating(name, window):.3f}" for window in windows}
+        row |= {"worst": f"{scores.min():.3f}", "gap closed": f"{_gap(scores, raw):.2f}"}
+        row |= {"change": signed((scores - raw).min(), 3), "CRPS (g)": f"{_crps_g(study, name):.2f}"}
+        if coverage is not None:
+            shares = {"a to TTZV": "accel", "v to TTZV": "velocity", "a after TTZV": "rebound"}
+            row |= {column: f"{coverage.share(share):.2f}" for column, share in shares.items()}
+            row |= {f"{what} inside": f"{coverage.count(what)} of {len(coverage.tests)}" for what in ("crush", "peak")}
+        rows.append(row)
+    if study.config.leave_out == "test" and study.mean_repeat(_WINDOW_MS) is not None:
+        means = {_window(window): f"{study.mean_repeat(window):.3f}" for window in windows}
+        rows.append({"approach": "A repeat, estimated", **means})
+    if repeats:
+        means = {_window(window): f"{np.mean([own[window] for own in repeats.values()]):.3f}" for window in windows}
+        lowest = min(own[_WINDOW_MS] for own in repeats.values())
+        rows.append({"approach": "A repeat, measured", **means, "worst": f"{lowest:.3f}"})
+    return rows
+
+
+def _tests(study: Study) -> list[dict[str, object]]:
+    """The rating of each test by approach and window, and what a repeat of it would rate."""
+    rows: list[dict[str, object]] = []
+    for fold in study.folds:
+        for name in study.config.approaches:
+            shown = {_window(window): f"{rating.overall:.3f}" for window, rating in fold.ratings[name].items()}
+            rows.append({"test": fold.held_out, "approach": LABELS[name], **shown})
+    if study.config.leave_out == "test":
+        table = rating_table(study, TABLE_3)
+        for test, kind in table.index:
+            if kind == REPEAT and test != "Mean":
+                cells = zip(study.config.windows_ms, table.loc[(test, kind)], strict=True)
+                shown = {_window(window): f"{rating:.3f}" for window, rating in cells}
+                rows.append({"test": test, "approach": f"{REPEAT}, estimated", **shown})
+    return rows
 
 
 def _repeats(folder: Path, campaign: Campaign, study: Study) -> dict[str, dict[float, float]]:
@@ -103,59 +165,9 @@ def _differ(one: Pulse, other: Pulse) -> bool:
     return not np.array_equal(one.accel_mps2, other.accel_mps2)
 
 
-def _print_repeats(study: Study, repeats: dict[str, dict[float, float]]) -> None:
-    """Lines below the summary: what repeats rate."""
-    windows = study.config.windows_ms
-    estimated = [study.mean_repeat(window) for window in windows]
-    cells = " | ".join("–" if mean is None else f"{mean:.3f}" for mean in estimated)
-    print(f"| A repeat, estimated | {cells} | – | – | – | – |")
-    if repeats:
-        means = " | ".join(f"{np.mean([own[window] for own in repeats.values()]):.3f}" for window in windows)
-        lowest = min(own[_WINDOW_MS] for own in repeats.values())
-        print(f"| A repeat, measured ({', '.join(repeats)}) | {means} | {lowest:.3f} | – | – | – |")
-
-
-def _print_summary(study: Study) -> None:
-    inside = "inside the 95 % band: a, v, a after TTZV, crush, peak"
-    print(f"| | 0–20 ms | 0–40 ms | 0–60 ms | worst | gap closed | change | {inside} |")
-    print("|---|---:|---:|---:|---:|---:|---:|---|")
-    raw = _overall(study, "cae")
-    for approach in study.config.approaches:
-        means = " | ".join(f"{study.mean_rating(approach, window):.3f}" for window in study.config.windows_ms)
-        scores = _overall(study, approach)
-        gap = (scores.mean() - raw.mean()) / (_YARDSTICK - raw.mean())
-        print(
-            f"| {LABELS[approach]} | {means} | {scores.min():.3f} | {gap:.2f} | {signed((scores - raw).min(), 3)} "
-            f"| {_coverage(study, approach)} |"
-        )
-
-
-def _print_tests(study: Study) -> None:
-    windows = study.config.windows_ms
-    print(f"\nBy test and window, {' / '.join(f'0–{window:g}' for window in windows)} ms:\n")
-    print("| | " + " | ".join(LABELS[approach] for approach in study.config.approaches) + " |")
-    print("|---|" + "---:|" * len(study.config.approaches))
-    for fold in study.folds:
-        scores = (
-            " / ".join(f"{fold.ratings[approach][window].overall:.3f}" for window in windows)
-            for approach in study.config.approaches
-        )
-        print(f"| {fold.held_out} | " + " | ".join(scores) + " |")
-
-
-def _print_table_3(study: Study) -> None:
-    table = rating_table(study, TABLE_3)
-    marked = best(table)
-    print("\n| Test | ISO score | " + " | ".join(table.columns) + " |")
-    print("|---|---|" + "---:|" * len(table.columns))
-    for row in table.index:
-        cells = (f"**{x:.3f}**" if top else f"{x:.3f}" for x, top in zip(table.loc[row], marked.loc[row], strict=True))
-        print(f"| {' | '.join(row)} | {' | '.join(cells)} |")
-
-
-def _print_recommendations(study: Study) -> None:
-    """Print the recommendation for each test before it was run, the expected rating and the actual one."""
-    rows, errors, surprises = [], [], []
+def _expected(study: Study) -> list[dict[str, object]]:
+    """The recommendation for each test before it was run, the expected rating and the actual one."""
+    rows: list[dict[str, object]] = []
     for fold in study.folds:
         condition = study.campaign.test(fold.held_out).condition
         rest = study.config.training_campaign(study.campaign, fold.held_out)
@@ -163,34 +175,46 @@ def _print_recommendations(study: Study) -> None:
         rated = fold.ratings[advice.approach][_WINDOW_MS].overall
         if (expected := advice.expected) is None:
             continue
-        errors.append(expected.median - rated)
-        surprises.append(expected.surprise(rated))
-        cells = LABELS[advice.approach], f"{expected.median:.3f}", expected.range, f"{rated:.3f}", surprises[-1]
-        rows.append(f"| {fold.held_out} | {' | '.join(cells)} |")
-    if study.config.leave_out == "test":
-        print("\n| Test | recommended | expected | likely | rated | |\n|---|---|---:|---:|---:|---|")
-        print("\n".join(rows))
-    likely, no_surprise = surprises.count("as expected"), sum("far" not in each for each in surprises)
-    print(
-        f"\nThe expected rating is {signed(float(np.mean(errors)), 3)} off on average, "
-        f"{np.abs(errors).mean():.3f} in size. Of {len(errors)} tests {likely} came out inside the likely range "
-        f"(80 %), {no_surprise} inside the central 95 %."
-    )
-    if study.config.leave_out == "test":
-        print("\n" + "\n".join(recommend(study).sentences))
+        lower, _, upper = expected.range.partition(" to ")
+        row = {"test": fold.held_out, "recommended": LABELS[advice.approach], "expected": f"{expected.median:.3f}"}
+        row |= {"likely from": lower, "likely to": upper, "rated": f"{rated:.3f}"}
+        rows.append({**row, "came out": expected.surprise(rated)})
+    return rows
+
+
+def _account(expected: list[dict[str, object]]) -> dict[str, object]:
+    """How far the expected ratings were off, and how many tests came out inside the ranges."""
+    errors = np.array([float(str(row["expected"])) - float(str(row["rated"])) for row in expected])
+    words = [str(row["came out"]) for row in expected]
+    return {
+        "expected off by": signed(float(errors.mean()), 3),
+        "in size": f"{np.abs(errors).mean():.3f}",
+        "inside 80 %": words.count("as expected"),
+        "inside 95 %": sum("far" not in word for word in words),
+    }
+
+
+def _crps_g(study: Study, approach: str) -> float:
+    """Mean CRPS of an approach's predictions of the tests over the rated window, in g."""
+    rated = slice(0, round(_WINDOW_MS / 1e3 / DT_S), STRIDE)
+    scores = []
+    for fold in study.folds:
+        prediction = fold.estimate(approach).prediction
+        draws = prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
+        scores.append(Scores.of(fold.test.pulse.accel_mps2[rated], [draws[:, rated]]).crps(np.ones(1)))
+    return float(np.mean(scores)) / G
+
+
+def _window(window_ms: float) -> str:
+    return f"0–{window_ms:g} ms"
+
+
+def _gap(scores: np.ndarray, raw: np.ndarray) -> float:
+    return float((scores.mean() - raw.mean()) / (_YARDSTICK - raw.mean()))
 
 
 def _overall(study: Study, approach: str) -> np.ndarray:
     return np.array([fold.ratings[approach][_WINDOW_MS].overall for fold in study.folds])
-
-
-def _coverage(study: Study, approach: str) -> str:
-    """Shares of time inside the band: a(t), v(t) up to TTZV, a(t) after it; counts of tests: maximum crush, peak."""
-    found = study.coverage.get(approach)
-    if found is None:
-        return "–"
-    shares = ", ".join(f"{found.share(name):.2f}" for name in ("accel", "velocity", "rebound"))
-    return f"{shares}, {found.count('crush')} and {found.count('peak')} of {len(found.tests)}"
 
 
 if __name__ == "__main__":

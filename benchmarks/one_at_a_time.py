@@ -109,7 +109,8 @@ def _one_at_a_time(
         if before is not None:
             found = found.beside(before)
             changes = Changes.of(found)
-            said = [said[0] + changes.outcomes[0], said[1] + changes.outcomes[1], *changes.record.intervals]
+            wrong, n = changes.outcomes["verdicts"]
+            said = [said[0] + n, said[1] + wrong, *changes.record.intervals]
         before = parse_earlier(certification_json(found))
         left = {i: row for i, row in found.rows.items() if i not in found.run}
         unsettled = {

@@ -85,7 +85,7 @@ class World:
         scatter = float(np.exp(0.4 * rng.standard_normal()))
         conditions = _spread_out(low * [0.7, 1, 1], high, n_runs or int(np.exp(rng.uniform(4.25, 6.0))), seed)
         reach = ConditionRange(Condition.of_vector(low), Condition.of_vector(high.tolist()))
-        return cls(model, truth, _runs(model, conditions, folding, seed), seed, reach, scatter, folding)
+        return cls(model, truth, runs_of(model, conditions, folding, seed), seed, reach, scatter, folding)
 
     @classmethod
     def calibrated(cls, seed: int) -> Self:
@@ -97,7 +97,7 @@ class World:
             lambda own: _crush(_stronger(world.model, own), fast) - _crush(world.truth, fast), 0.3, 3, xtol=1e-3
         )
         model = _stronger(world.model, share)
-        return replace(world, model=model, cae=_runs(model, world.cae.conditions, world.folding_m, seed))
+        return replace(world, model=model, cae=runs_of(model, world.cae.conditions, world.folding_m, seed))
 
     def conditions(self, rng: np.random.Generator, n: int) -> list[Condition]:
         """Draw conditions at random in the range."""
@@ -161,10 +161,11 @@ def _another(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
             fold_length_m=old.fold_length_m * np.exp(0.1 * length),
         )
 
-    return _by_zone(vehicle, zone)
+    return by_zone(vehicle, zone)
 
 
-def _by_zone(vehicle: Vehicle, changed: Callable[[CrushZone], CrushZone]) -> Vehicle:
+def by_zone(vehicle: Vehicle, changed: Callable[[CrushZone], CrushZone]) -> Vehicle:
+    """The vehicle with each of its crush zones changed."""
     rails, shell, engine, firewall = map(changed, (vehicle.rails, vehicle.shell, vehicle.engine, vehicle.firewall))
     return replace(vehicle, rails=rails, shell=shell, engine=engine, firewall=firewall)
 
@@ -174,7 +175,7 @@ def _stronger(vehicle: Vehicle, share: float) -> Vehicle:
         forces = tuple((share * np.array(old.force_n)).tolist())
         return replace(old, force_n=forces, unloading_npm=old.unloading_npm * max(share, 1))
 
-    return _by_zone(vehicle, zone)
+    return by_zone(vehicle, zone)
 
 
 def _crush(vehicle: Vehicle, condition: Condition) -> float:
@@ -182,7 +183,7 @@ def _crush(vehicle: Vehicle, condition: Condition) -> float:
     return metrics_of(pulses[0], condition)["max_crush"]
 
 
-def _runs(model: Vehicle, conditions: tuple[Condition, ...], folding_m: float, seed: int) -> CaeLibrary:
+def runs_of(model: Vehicle, conditions: tuple[Condition, ...], folding_m: float, seed: int) -> CaeLibrary:
     """CAE runs: folds do not vary with the specimen, but with the condition they begin elsewhere, too."""
     streams = [np.random.default_rng([seed, 8, i]) for i in range(len(conditions))]
     models = [folded_elsewhere(model, 0.3 * folding_m, own) for own in streams] if folding_m else [model]
@@ -244,7 +245,7 @@ def _misjudged(truth: Vehicle, bias: float, rng: np.random.Generator) -> Vehicle
     ).tolist()
     mounts, rear = truth.mounts, truth.rear
     return replace(
-        _by_zone(model, lambda zone: replace(zone, rate_mps=np.inf)),
+        by_zone(model, lambda zone: replace(zone, rate_mps=np.inf)),
         powertrain_kg=truth.powertrain_kg * powertrain**0.2,
         mounts=Coupling(mounts.stiffness_npm * stiffness, mounts.damping_nspm * damping, mounts.strength_n * strength),
         rear=Coupling(rear.stiffness_npm * rear_stiffness, rear.damping_nspm * rear_damping),
@@ -263,7 +264,7 @@ def varied(
         gap = abs(old.gap_m + gap_m * rng.standard_normal()) if old.gap_m else 0.0
         return replace(old, force_n=tuple((curve * factors).tolist()), gap_m=gap)
 
-    return _by_zone(vehicle, zone)
+    return by_zone(vehicle, zone)
 
 
 def folded_elsewhere(vehicle: Vehicle, folding_m: float, rng: np.random.Generator) -> Vehicle:

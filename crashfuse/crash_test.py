@@ -14,6 +14,8 @@ from crashfuse.units import MPH
 
 SPEED_STEP_MPS = 2 * MPH
 """Tests nearer to each other than this are at about one speed."""
+TUNED = {True: "yes", False: "no", None: ""}
+"""Cells of the column ``cae_tuned``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +23,8 @@ class CrashTest:
     """A physical test.
 
     ``pulse`` is on the study grid, padded with zeros beyond ``recorded_s``, the end of the record; ``faults`` are what
-    its sensor did wrong, ``about`` where it comes from.
+    its sensor did wrong. ``cae_tuned`` says whether the CAE model was tuned to it, None if nobody says; ``about``
+    where it comes from: laboratory, date.
     """
 
     id: str
@@ -29,10 +32,16 @@ class CrashTest:
     pulse: Pulse
     recorded_s: float = math.inf
     faults: tuple[SensorFault, ...] = ()
+    cae_tuned: bool | None = None
     about: About = ()
 
     def __repr__(self) -> str:
         return f"<CrashTest {self.id!r} at {self.condition}>"
+
+    @property
+    def statements(self) -> tuple[tuple[str, str], ...]:
+        """What the table says of it that is no part of its condition, by column."""
+        return *((("cae_tuned", TUNED[self.cae_tuned]),) if self.cae_tuned is not None else ()), *self.about
 
     @property
     def digest(self) -> str:

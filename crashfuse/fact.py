@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 IMPORTANCE = (
     "test.stands_apart",
     "test.in_doubt",
+    "test.beyond_window",
+    "tests.cae_tuned",
     "condition.extrapolated",
     "cae.ended_otherwise",
     "cae.runs_fail",

@@ -4,17 +4,23 @@ import html
 import re
 
 from latex2mathml.converter import convert
+from mkdocs.structure.pages import Page
 
 from crashfuse.cli import parser
 
 _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 _HELP = re.compile(r"^<!-- help (\S+) -->$", re.MULTILINE)
-_CALLS = re.compile(r"^<!-- calls ([\w ]+) -->$", re.MULTILINE)
+_CALLS = re.compile(r"^- `(\w+)`: .*$", re.MULTILINE)  # on the page of the library
+_BLOCK = re.compile(r"^```math\n(.*?)\n```$", re.MULTILINE | re.DOTALL)  # as public forges show equations
+_INLINE = re.compile(r"\$`(.+?)`\$")
 
 
-def on_page_markdown(markdown: str, **_: object) -> str:
-    """Insert the help of a command, and the documentation of public names, where a page asks for them."""
-    markdown = _CALLS.sub(lambda found: "\n\n".join(map(_documented, found[1].split())), markdown)
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Insert the help of commands and the documentation of public names, and mark equations as the site wants them."""
+    if page.file.src_uri == "reference/library.md":
+        markdown = _CALLS.sub(lambda found: _documented(found[1]) + "\n", markdown)
+    markdown = _BLOCK.sub(lambda found: f"\\[\n{found[1]}\n\\]", markdown)
+    markdown = _INLINE.sub(lambda found: f"\\({found[1]}\\)", markdown)
     return _HELP.sub(lambda found: f"```text\n{_help(found[1])}\n```", markdown)
 
 

@@ -1,22 +1,24 @@
 """Compare: the held-out test against every prediction of it."""
 
+from functools import partial
+
+import streamlit as st
+
 from crashfuse.ui import compare, compare_figures
 from crashfuse.ui.compare import Comparison
 from crashfuse.ui.kit import frame
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.computation import StudyRequest
-from crashfuse.ui.kit.curves import Subject
-from crashfuse.ui.kit.figures import show_tabs
+from crashfuse.ui.kit.curves import choose_approach
+from crashfuse.ui.kit.figures import choose
+from crashfuse.ui.kit.files import export_button
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.text import plain
 
 TABS = {
     "Pulses": compare_figures.show_pulses,
     "Why": compare_figures.show_why,
-    "Over displacement": compare_figures.show_over_displacement,
-    "Networks": compare_figures.show_networks,
     "Ratings and metrics": compare.show_ratings,
-    "Files and report": compare.show_files,
 }
 
 view = frame.enter_with_campaign(
@@ -36,5 +38,10 @@ study = result_of(
 show_training(config, study.config.approaches)
 comparison = Comparison.of(view, request, study)
 compare.show_headline(comparison)
-Subject.held_out(view).offer(comparison.leading)
-show_tabs(TABS, comparison, key="compare_tab")
+with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
+    tab = choose("Tab", list(TABS), key="compare_tab")
+    approach = choose_approach(comparison.subject, comparison.predictions, comparison.recommended)
+    st.space("stretch")
+    export_button(partial(compare.show_files, comparison))
+comparison.subject.offer(approach)
+TABS[tab](comparison)

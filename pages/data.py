@@ -3,19 +3,21 @@
 import streamlit as st
 
 from crashfuse.ui import import_step
-from crashfuse.ui.data import show_conditions, show_library, show_open_forms, show_summary, show_tests
+from crashfuse.ui.data import (
+    offer_next,
+    show_conditions,
+    show_head,
+    show_library,
+    show_open_forms,
+    show_opening,
+    show_tests,
+)
 from crashfuse.ui.kit import frame
-from crashfuse.ui.kit.figures import show_tabs
+from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.navigation import end_page
-from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import running_import
 
-TABS = {
-    "Tests": show_tests,
-    "Conditions": show_conditions,
-    "CAE model": show_library,
-    "Open another campaign": lambda _: show_open_forms(),
-}
+TABS = {"Tests": show_tests, "Conditions": show_conditions, "CAE model": show_library}
 
 view = frame.enter()
 if (source := running_import()) is not None:
@@ -33,6 +35,11 @@ if view is None:
     show_open_forms()
     end_page()
 
-frame.show_head(view, plain(view.campaign.name))
-show_summary(view)
-show_tabs(TABS, view, key="data_tab")
+if (way := st.session_state["opening"]) is not None:
+    show_opening(way)
+    end_page()
+show_head(view)
+with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
+    tab = choose("Tab", list(TABS), key="data_tab")
+    offer_next(view)
+TABS[tab](view)

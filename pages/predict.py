@@ -1,22 +1,24 @@
 """Predict: the pulse at a condition that was never tested, over speed, and which test to run next."""
 
+from functools import partial
+
 import streamlit as st
 
 from crashfuse.ui import predict
 from crashfuse.ui.kit import frame, results
 from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.computation import FitRequest
+from crashfuse.ui.kit.curves import choose_approach
 from crashfuse.ui.kit.figures import choose
+from crashfuse.ui.kit.files import export_button
 from crashfuse.ui.kit.progress import patience, result_of, show_training
 from crashfuse.ui.planning import show_next_test, show_over_speed
 from crashfuse.ui.predict import Answer, choose_condition, show_pins
 
 TABS = {
     "Pulses": predict.show_pulses,
-    "Metrics": predict.show_metrics,
     "Over speed": show_over_speed,
     "Next test": show_next_test,
-    "Files and report": predict.show_files,
 }
 
 view = frame.enter_with_campaign("Predict", lambda view: f"from {len(view.campaign.tests)} tests and the CAE runs")
@@ -42,8 +44,12 @@ def ask_and_answer() -> None:
         results.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(TABS), key="predict_tab")
+        approach = choose_approach(answer.subject, answer.predictions, answer.recommended)
         if answer.advice is not None:
             show_pins(answer)
+        st.space("stretch")
+        export_button(partial(predict.show_files, answer))
+    answer.subject.offer(approach)
     TABS[tab](answer)
 
 

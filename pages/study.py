@@ -1,6 +1,9 @@
 """Study: every test left out in turn, alone and with all others at about the same speed."""
 
 from dataclasses import replace
+from functools import partial
+
+import streamlit as st
 
 from crashfuse.study.recommendation import recommend
 from crashfuse.ui.kit import frame, results
@@ -8,6 +11,7 @@ from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest
 from crashfuse.ui.kit.figures import choose
+from crashfuse.ui.kit.files import export_button
 from crashfuse.ui.kit.navigation import end_page
 from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_with_a_single_test
 from crashfuse.ui.study import (
@@ -24,7 +28,6 @@ TABS = {
     "Ratings": show_ratings,
     "Bands": show_bands,
     "The paper's tables": show_paper_tables,
-    "Files and report": show_files,
 }
 LEARNING_CURVE = "How many tests are enough"  # needs no study
 
@@ -44,7 +47,9 @@ view = frame.enter_with_campaign(
 campaign, request = view.campaign, request_of(view)
 config = request.config
 stop_with_a_single_test(campaign)
-tab = choose("Tab", [*TABS, LEARNING_CURVE], key="study_tab")
+row = st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center")
+with row:
+    tab = choose("Tab", [*TABS, LEARNING_CURVE], key="study_tab")
 if tab == LEARNING_CURVE:
     show_learning_curve(view, chosen_config())
     end_page()
@@ -58,6 +63,8 @@ study = result_of(
     button=f"Leave out each of {len(campaign.tests)} tests",
 )
 outcome = Outcome(view, config, study, request.key)
+with row:
+    export_button(partial(show_files, outcome))
 show_training(config, study.config.approaches)
 if outcome.whole:
     first, *others = map(view.display.words, recommend(study).sentences)

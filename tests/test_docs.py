@@ -18,6 +18,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import crashfuse
@@ -37,6 +38,12 @@ READ_ONLY = ("--scheduler", "--device cuda")  # options that need what a test ma
 NOT_OURS = ("python -m pip ", "python -m mkdocs ", "dask ", "osv-scanner ", "pip-audit ", "sed ", "uv ", "uvx ")
 BLOCK = re.compile(r"```python\n(?P<code>[^`]*)```|```console\n(?P<commands>[^`]*)```\n\n```text\n(?P<output>[^`]*)```")
 NUMBER = re.compile(r"([+−-]?\d+\.\d+)")
+TABLE = re.compile(
+    r"^<!-- data (?P<file>\S+?)(?: where (?P<where>.+?))?(?: pivot (?P<value>.+?) by (?P<by>.+?))? -->\n\n"
+    r"(?P<rows>(?:\|.*\|\n)+)",
+    re.MULTILINE,
+)
+TEXTS = {page: (ROOT / page).read_text(encoding="utf-8") for page in ("README.md", *(f"docs/{page}" for page in PAGES))}
 IN_THE_CHECKOUT = re.compile(r"python -m (supply_chain\.\w+)")
 
 
@@ -215,6 +222,52 @@ def test_no_page_holds_the_marks_of_a_merge() -> None:
     assert not [page for page in pages if marked.search(page.read_text(encoding="utf-8"))]
 
 
+def _cells(line: str) -> list[str]:
+    return [cell.strip().removesuffix(r"\*") for cell in line.strip("|\n").split("|")]
+
+
+@pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if TABLE.search(text)])
+def test_the_numbers_of_a_table_are_those_of_its_file(page: str) -> None:
+    """Each row has the cells of one row of the file in ``docs/data``, which a benchmark wrote; some may be left out."""
+    for table in TABLE.finditer(TEXTS[page]):
+        data = pd.read_csv(DOCS / "data" / table["file"], dtype=str, keep_default_na=False)
+        header, _, *rows = map(_cells, table["rows"].splitlines())
+        for column, _, value in (where.partition("=") for where in (table["where"] or "").split(", ") if where):
+            data = data[data[column] == value]
+        if table["by"]:
+            data = data.pivot(index=header[0], columns=table["by"], values=table["value"]).reset_index()
+        stored = data[header].to_numpy().tolist()
+        assert [row for row in rows if row not in stored] == [], (page, table["file"])
+        assert rows
+
+
+def test_every_table_of_measured_numbers_names_its_file() -> None:
+    """Right-aligned columns are numbers; on the pages of accuracy, cost and method they come from ``docs/data``."""
+    for page, text in TEXTS.items():
+        if re.match(r"README|docs/(accuracy|scaling|tutorial|method/.*)\.md", page):
+            assert len(re.findall(r"---: ?\|\n", text)) == len(TABLE.findall(text)), page
+
+
+def test_means_are_those_of_the_tests() -> None:
+    """The files of the accuracy benchmark agree: means, worst tests and counts come from the rows of single tests."""
+    tests, approaches, means, expected = (
+        pd.read_csv(DOCS / "data" / f"accuracy{name}.csv") for name in ("_tests", "_approaches", "", "_expected")
+    )
+    windows = [column for column in tests if str(column).endswith(" ms")]
+    by = tests.groupby(["campaign", "left out", "approach"])[windows]
+    shown = approaches.set_index(["campaign", "left out", "approach"])
+    assert by.mean().sub(shown.loc[by.mean().index, windows]).abs().to_numpy().max() < 0.00101
+    worst = by.min()["0–60 ms"].sub(shown["worst"]).dropna()
+    assert len(worst) >= 25
+    assert worst.abs().max() < 1e-9
+    alone = means[means["left out"] == "test"].set_index("campaign")
+    assert expected.groupby("campaign").size().to_dict() == alone["tests"].to_dict()
+    likely = (expected["came out"] == "as expected").groupby(expected["campaign"]).sum()
+    assert likely.to_dict() == alone["inside 80 %"].to_dict()
+    off = (expected["expected"] - expected["rated"]).groupby(expected["campaign"]).mean()
+    assert (off - alone["expected off by"].str.replace("−", "-").astype(float)).abs().max() < 0.00101
+
+
 def test_every_page_is_in_the_navigation() -> None:
     """What is not listed is not found."""
     listed = re.findall(r"^ +- (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), flags=re.MULTILINE)
@@ -225,7 +278,7 @@ def test_every_page_is_in_the_navigation() -> None:
 def test_every_public_name_is_documented_once_where_users_look_first() -> None:
     """In the order of use; a new name is a line there."""
     page = (DOCS / "reference" / "library.md").read_text(encoding="utf-8")
-    shown = [name for names in re.findall(r"<!-- calls (.*?) -->", page) for name in names.split()]
+    shown = re.findall(r"^- `(\w+)`: ", page, flags=re.MULTILINE)
     assert sorted(shown) == sorted(set(crashfuse.__all__) - {"__version__"})
 
 

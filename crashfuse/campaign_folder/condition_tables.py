@@ -15,6 +15,7 @@ import pandas as pd
 
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.condition import ABOUT, FILE_UNITS, About, Condition
+from crashfuse.crash_test import TUNED
 from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
@@ -34,7 +35,7 @@ _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg:
 _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
 _MOST_ROWS = {"tests": 20_000, "cae": MOST_ROWS}
-_BY_ROW = ("ids", "conditions", "rows", "quality", "about")
+_BY_ROW = ("ids", "conditions", "rows", "quality", "about", "tuned")
 _UNSAFE = re.compile(r'[/\\:*?|<>"]')
 _FORMULA = ("=", "+", "-", "@")
 _LONGEST_ID = 180  # bytes of one made of a foreign name
@@ -55,6 +56,7 @@ class ConditionTable:
     quality: tuple[RunQuality, ...] = ()  # what the solver says of each; empty if the table says nothing
     about: tuple[About, ...] = ()  # likewise
     units: UnitSystem = MPH_LB  # of the columns
+    tuned: tuple[bool | None, ...] = ()  # whether the CAE model was tuned to each; empty if the table says nothing
 
     @property
     def speeds_mps(self) -> FloatArray:
@@ -113,21 +115,21 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
         values[name] = factor * numbers
     quality = _read_quality(frame, where, problems)
     found_columns = [column for column, _ in columns.values()]
-    extra = [name for name in names if name not in {"id", *QUALITIES, *found_columns}]
-    _check_factors(frame[extra], where, problems)
+    sources = [name for name in names if name.startswith(ABOUT)]
+    extra = [name for name in names if name not in {"id", "cae_tuned", *sources, *QUALITIES, *found_columns}]
+    _check_factors(frame[[*extra, *sources]], where, problems)
+    tuned = _read_tuned(frame, where, problems) if role == "tests" else ()
     if not sound:
         return None
-    about_columns = [name for name in extra if name.startswith(ABOUT)]
-    extra = [name for name in extra if name not in about_columns]
-    cells = frame[about_columns].to_numpy(dtype=object).tolist() if about_columns else []
-    about = tuple(tuple((name, cell) for name, cell in zip(about_columns, row, strict=True) if cell) for row in cells)
+    cells = frame[sources].to_numpy(dtype=object).tolist() if sources else []
+    about = tuple(tuple((name, cell) for name, cell in zip(sources, row, strict=True) if cell) for row in cells)
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=object).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     found_units = [column.rpartition("_")[2] for column in found_columns]
     given = (found_units[0], found_units[1], found_units[2]) if len(found_units) == len(FILE_UNITS) else FILE_UNITS
     conditions = tuple(Condition.of_vector([v, front, rear], fac, given) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
-    table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, about, units)
+    table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, about, units, tuned)
     return table if len(sound) == len(frame) else table.without({*range(len(frame))} - {*sound})
 
 
@@ -275,6 +277,17 @@ def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> t
             problems.append(Problem(where, expected, repr(printable(text, 60)), CORRECT_CELL, name, row))
         values[name] = [float(v) if given else None for v, given in zip(shares, is_given, strict=True)]
     return tuple(RunQuality(**dict(zip(columns, row, strict=True))) for row in zip(*values.values(), strict=True))
+
+
+def _read_tuned(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[bool | None, ...]:
+    if "cae_tuned" not in frame:
+        return ()
+    meanings = {text: meaning for meaning, text in TUNED.items()} | {"true": True, "false": False}
+    cells = frame["cae_tuned"].str.strip().str.lower()
+    for row, text in frame["cae_tuned"][~cells.isin(meanings)].items():
+        found = repr(printable(text, 60))
+        problems.append(Problem(where, "yes, no or an empty cell", found, CORRECT_CELL, "cae_tuned", row))
+    return tuple(map(meanings.get, cells))
 
 
 def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:

@@ -26,9 +26,10 @@ from crashfuse.campaign_folder.load import FILES
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
 from crashfuse.condition import ABOUT, About, Condition
+from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, shortened
 from crashfuse.files.atomic import new_folder
-from crashfuse.files.csv_text import csv_text
+from crashfuse.files.csv_text import csv_text, original
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import Pulse
 
@@ -138,6 +139,18 @@ def use_again(folder: Path, ids: Sequence[str]) -> str:
         return _set_unused(folder, test_ids, _without(unused, ids), f"In use again: {_named(ids)}")
 
 
+def say_tuned(folder: Path, ids: Sequence[str], tuned: bool | None) -> str:
+    """Say whether the CAE model was tuned to tests, in the column ``cae_tuned``; otherwise as :func:`leave_out`."""
+    what = f"CAE model {'' if tuned else 'not '}tuned to: {_named(ids)}"
+    return _set_cells(folder, ids, {"cae_tuned": TUNED[tuned]}, what)
+
+
+def set_about(folder: Path, test_id: str, about: Mapping[str, str]) -> str:
+    """Say where a test comes from, in its ``about_`` columns; otherwise as :func:`leave_out`."""
+    what = f"About {_named([test_id])}: {', '.join(f'{name} {value}' for name, value in about.items())}"
+    return _set_cells(folder, [test_id], {f"{ABOUT}{name}": value for name, value in about.items()}, what)
+
+
 def remove_tests(folder: Path, ids: Sequence[str]) -> str:
     """Take tests out of a campaign folder, rows and pulses; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
@@ -158,22 +171,24 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
         return what
 
 
-def set_about(folder: Path, test_id: str, about: Mapping[str, str]) -> str:
-    """Say where a test comes from, in its ``about_`` columns; otherwise as :func:`leave_out`."""
+def _set_cells(folder: Path, ids: Sequence[str], values: Mapping[str, str], what: str) -> str:
+    """Set cells of tests by column, which is added if the table lacks it; returns ``what`` that was."""
     with taking_turns(folder):
-        _require([test_id], _tests(folder)[0], "there")
-        path, values = folder / "tests.csv", {f"{ABOUT}{name}": value for name, value in about.items()}
-        text, header = _with_columns(path.read_bytes().decode("utf-8-sig"), [*values])
+        _require(ids, _tests(folder)[0], "there")
+        path = folder / "tests.csv"
+        before = path.read_bytes().decode("utf-8-sig")
+        ending = "\r\n" if "\r\n" in before else "\n"
+        text, header = _with_columns(before, [*values])
 
         def row(cells: Sequence[str]) -> str:
-            pairs = zip_longest(header, cells, fillvalue="")
-            return csv_text([[values.get(name, cell) for name, cell in pairs]])
+            pairs = zip_longest(header, map(original, cells), fillvalue="")
+            return csv_text([[values.get(name, cell) for name, cell in pairs]]).removesuffix("\n") + ending
 
-        text = _with_rows(text, [test_id], row)
+        text = _with_rows(text, ids, row)
         _check_readable({path.name: text})
-        what = f"About {_named([test_id])}: {', '.join(f'{name} {value}' for name, value in about.items())}"
-        with changing(folder, what) as new:
-            new(path).write_bytes(text.encode())
+        if text != before:  # or there is nothing that could be undone
+            with changing(folder, what) as new:
+                new(path).write_bytes(text.encode())
         return what
 
 

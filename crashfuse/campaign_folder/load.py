@@ -126,11 +126,14 @@ def read_folder(folder: str | Path) -> Campaign:
     )
     check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
-    of_tests = tables["tests"].about or ((),) * len(tables["tests"].ids)
-    tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], of_tests, strict=True)
+    of_tests, n = tables["tests"], len(tables["tests"].ids)
+    tests = zip(
+        of_tests.ids, of_tests.conditions, pulses["tests"], of_tests.tuned or (None,) * n, of_tests.about or ((),) * n,
+        strict=True,
+    )  # fmt: skip
     crash_tests = tuple(
-        CrashTest(test_id, at, Pulse(GRID_S, accel), ends_s.get(test_id, math.inf), faults.get(test_id, ()), about)
-        for test_id, at, accel, about in tests
+        CrashTest(i, condition, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about)
+        for i, condition, accel, tuned, about in tests
     )
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}

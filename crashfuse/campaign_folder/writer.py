@@ -76,7 +76,7 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
 
 def condition_rows(campaign: Campaign, role: str, speed: str, weight: str) -> tuple[list[str], list[list[object]]]:
     """The columns and rows of ``tests.csv`` or ``cae.csv``, speeds and weights in these units."""
-    rows = [(test.id, test.condition, further_cells(RunQuality(), test.about)) for test in campaign.tests]
+    rows = [(test.id, test.condition, further_cells(RunQuality(), test.statements)) for test in campaign.tests]
     if role == "cae":
         cae = campaign.cae
         quality, about = cae.quality or (RunQuality(),) * len(cae), cae.about or ((),) * len(cae)

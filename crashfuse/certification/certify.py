@@ -204,7 +204,7 @@ def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: 
     config = replace(config, approaches=config.approaches[:1])
     forecasts = Forecasts(campaign, criteria.windows_ms, config, cache, SILENT)
     _, trials, cells = _asked(campaign, matrix, config.approaches[0])
-    return all(forecasts.find(asked) is not None for asked in (*cells, *trials))
+    return all(forecasts.is_known(asked) for asked in (*cells, *trials))
 
 
 _Split = tuple[CrashTest, LeftOut, tuple[str, ...]]  # a test, what is left out with it, the ids of all left out
@@ -227,11 +227,13 @@ def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Spl
 def _record(
     campaign: Campaign, criteria: Criteria, splits: list[_Split], approach: str, forecasts: dict[Asked, Forecast]
 ) -> TrackRecord:
-    trials, whole = [], []
+    trials: list[Trial] = []
+    tuned: list[Trial] = []
+    whole: list[tuple[LeftOut, bool]] = []
     for test, way, held_out in splits:
         domain = Domain.of(campaign.without(held_out), for_record=True)
         own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
-        if len(own.whole_mps2) and (way == "test" or len(held_out) > 1):
+        if len(own.whole_mps2) and not test.cae_tuned and (way == "test" or len(held_out) > 1):
             whole.append((way, holds_whole((own.whole_mps2[0], own.whole_mps2[1]), test.pulse.accel_mps2)))
         for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
             criterion = verdict.criterion
@@ -239,5 +241,5 @@ def _record(
             baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
             raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)
             if measured is not None:
-                trials.append(Trial(test.id, way, verdict, measured, raw))
-    return TrackRecord(tuple(trials), whole=tuple(whole))
+                (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, measured, raw))
+    return TrackRecord(tuple(trials), whole=tuple(whole), tuned=tuple(tuned))

@@ -1,6 +1,6 @@
 """What became of an earlier certification: verdicts that changed, and what tests that it did not know measured."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Self
@@ -11,7 +11,7 @@ from crashfuse.certification.earlier import Earlier, Outcomes
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
-from crashfuse.certification.track_record import TrackRecord, Trial, strictest_per_metric
+from crashfuse.certification.track_record import TrackRecord, WrongShare, strictest_per_metric, trial_bounds
 from crashfuse.certification.verdict import EarlierVerdict, Verdict, needs_no_test
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -103,14 +103,14 @@ class Changes:
         return {cell.name: tuple(cell.measured) for cell in self.cells if cell.measured}
 
     @property
-    def outcomes(self) -> tuple[int, int, int]:
-        """Metrics of these tests with a verdict met or not met, each once, how many wrong, and how many tests."""
-        return _outcomes(self.since.latest)
+    def outcomes(self) -> dict[str, WrongShare]:
+        """The wrong ones of verdicts met or not met on metrics of these tests, each once, and of the tests."""
+        return trial_bounds(strictest_per_metric(self.since.without_tuned(self.since.latest)))
 
     @property
-    def outcomes_before(self) -> tuple[int, int, int]:
+    def outcomes_before(self) -> dict[str, WrongShare]:
         """The same of certifications before the earlier one."""
-        return _outcomes(self.earlier.trials)
+        return trial_bounds(strictest_per_metric(self.since.without_tuned(self.earlier.trials)))
 
     @cached_property
     def record(self) -> TrackRecord:
@@ -177,11 +177,6 @@ def saved_and_missed(certification: Certification) -> tuple[int, int]:
             known = {test: bool(missed) for test, (missed, unknown) in tests.items() if missed or not unknown}
             saved |= {test: saved.get(test, False) or missed for test, missed in known.items()}
     return len(saved), sum(saved.values())
-
-
-def _outcomes(trials: Sequence[Trial]) -> tuple[int, int, int]:
-    decided = [trial for trial in strictest_per_metric(trials) if trial.verdict.decided]
-    return len(decided), sum(trial.wrong for trial in decided), len({trial.held_out for trial in decided})
 
 
 def _place(condition: Condition) -> tuple[object, ...]:

@@ -8,13 +8,16 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, TypeAlias, TypeGuard, cast
 
+import numpy as np
 import pandas as pd
 
+from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, printable, require_a, several
 from crashfuse.files.toml_text import read_toml, shown, toml_text
-from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
+from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, metric_values
 from crashfuse.signals.rating import STANDARD
-from crashfuse.wording import Quantity, Sentence, joined
+from crashfuse.study.config import WINDOWS_MS
+from crashfuse.wording import Quantity, Sentence, UnitSystem, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95
@@ -120,6 +123,7 @@ _LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
 """Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
 CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria
 """``criteria.toml``, its tables as rows of a frame or as mappings, or criteria as they are judged."""
+_TO_START, _GOOD = ("max_crush", "peak", "delta_v", "olc"), 0.8  # the grade "good" of ISO/TS 18571
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
 
@@ -163,6 +167,30 @@ def criteria_text(criteria: Criteria) -> str:
         values = {key: getattr(criterion, key) for key in ("name", "metric", "window_ms", "at_least", "at_most")}
         lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v is not None)]
     return "\n".join([*lines, ""])
+
+
+def limits_of_tests(campaign: Campaign, units: UnitSystem) -> list[dict[str, Any]]:
+    """Five criteria to start from: the most that a test showed, rounded up in a reader's units, and a good rating."""
+    shown = [
+        metric_values(t.pulse.accel_mps2, t.condition.speed_mps, dt_s=t.pulse.dt_s, occupant=campaign.occupant)
+        for t in campaign.tests
+    ]
+    rows: list[dict[str, Any]] = []
+    for metric in _TO_START:
+        factor = units.factor(METRIC_UNITS[metric])
+        most = max((float(v[metric]) * factor for v in shown if np.isfinite(v[metric])), default=0.0)
+        if most > 0:
+            step = 10.0 ** (math.floor(math.log10(most)) - 1)
+            rows.append({"metric": metric, "at_most": math.ceil(most / step) * step / factor})
+    return [*rows, {"metric": RATING, "window_ms": WINDOW_MS, "at_least": _GOOD}]
+
+
+def ratings_wanted() -> list[dict[str, Any]]:
+    """Criteria on the prediction alone: good ratings over the usual windows."""
+    return [
+        {"name": f"rating {window:g} ms", "metric": RATING, "window_ms": window, "at_least": _GOOD}
+        for window in WINDOWS_MS
+    ]
 
 
 def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:

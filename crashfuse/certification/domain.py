@@ -12,7 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import STEP_KG, STEP_MPS, Condition
 from crashfuse.crash_test import SPEED_STEP_MPS, CrashTest
 from crashfuse.units import MPH
-from crashfuse.wording import Sentence, speed, weight
+from crashfuse.wording import Sentence, joined, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
 _FARTHEST_BEYOND_MPS = 5 * MPH
@@ -37,6 +37,8 @@ class Domain:
         others, but not more than 5 mph.
     masses_kg : tuple of float
         Smallest and largest mass that counts as checked: beyond the tests' by as much as these differ, 2 % at least.
+    tuned : tuple of str
+        Tests that check nothing, as the CAE model was tuned to them.
     """
 
     n_tests: int
@@ -47,6 +49,7 @@ class Domain:
     masses_kg: tuple[float, float]
     factors: dict[str, tuple[str, ...]]
     cae: CaeLibrary
+    tuned: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, campaign: Campaign, *, for_record: bool = False) -> Self:
@@ -54,6 +57,10 @@ class Domain:
 
         ``for_record``, from which others were left out, reaches as far as any group is from the others.
         """
+        tuned = tuple(test.id for test in campaign.tests if test.cae_tuned)
+        n_tests = len(campaign.tests) - len(tuned)
+        if n_tests:  # else there are too few to check anything, wherever they lie
+            campaign = campaign.without(tuned)
         tests = sorted(campaign.tests, key=lambda test: test.condition.speed_mps)
         speeds = np.array([test.condition.speed_mps for test in tests])
         groups, gaps = [campaign.speed_group(test.id) for test in tests], []
@@ -66,7 +73,8 @@ class Domain:
         below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
         ends = float(masses.min()) - slack, float(masses.max()) + slack
         reach = max((*told, SPEED_STEP_MPS))
-        return cls(len(tests), tuple(speeds.tolist()), reach, below, above, ends, campaign.factors, campaign.cae)
+        factors, cae = campaign.factors, campaign.cae
+        return cls(n_tests, tuple(speeds.tolist()), reach, below, above, ends, factors, cae, tuned)
 
     @property
     def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:
@@ -101,7 +109,13 @@ class Domain:
         """A sentence if there are too few tests to check any condition."""
         if self.n_tests >= _FEWEST_TESTS:
             return ()
-        return (f"{self.n_tests} of {_FEWEST_TESTS} tests: too few to check verdicts by leaving tests out.",)
+        told = f"{self.n_tests} of {_FEWEST_TESTS} tests: too few to check verdicts by leaving tests out."
+        return (joined([told, *self.not_counted]),)
+
+    @property
+    def not_counted(self) -> tuple[str, ...]:
+        """A sentence on the tests that check nothing, if there are any."""
+        return (f"Not counted, as the CAE model was tuned to them: {', '.join(self.tuned)}.",) if self.tuned else ()
 
     def outside(self, condition: Condition) -> tuple[str, ...]:
         """Sentences on why no verdict is given at a condition: too few tests, or it lies outside; empty if it is."""
@@ -129,7 +143,7 @@ class Domain:
         for name, value in condition.factors:
             if value and name in self.factors and value not in self.factors[name]:
                 found.append(f"No test has {name} {value}; tested: {', '.join(self.factors[name])}.")
-        return (*found, *self.cae.extrapolation(condition))
+        return (*found, *(self.not_counted if found else ()), *self.cae.extrapolation(condition))
 
 
 def _of_those_inside(

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
 from crashfuse.campaign_folder.settings import occupant_settings
+from crashfuse.certification import seal
 from crashfuse.certification.criteria import Criteria, Criterion, criteria_of, is_number
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.matrix import Matrix
@@ -21,7 +22,7 @@ from crashfuse.errors import CrashfuseError, DataError, Problem, printable
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.estimate import is_beyond
 
-FILE = "certification.json"
+FILE = seal.FILE
 """The file that an earlier certification is read from."""
 
 _SHORT = 12  # characters of the fingerprint of the CAE runs among the settings
@@ -69,6 +70,8 @@ class Earlier:
         What tests at its conditions showed: by condition, test and criterion.
     verdicts : tuple of tuple of EarlierVerdict
         By condition of its matrix, then by criterion.
+    sealed : str
+        The key that sealed it (:mod:`crashfuse.certification.seal`); empty if none did.
     waived : tuple of str
         Conditions that needed no test, by :func:`crashfuse.certification.verdict.needs_no_test`, and had none.
     """
@@ -87,6 +90,7 @@ class Earlier:
     run: Mapping[str, Mapping[str, Shown]]
     verdicts: tuple[tuple[EarlierVerdict, ...], ...]
     waived: tuple[str, ...]
+    sealed: str = ""
 
     def __repr__(self) -> str:
         return f"<Earlier certification of {len(self.matrix.ids)} conditions from {len(self.tests)} tests>"
@@ -133,11 +137,17 @@ class Earlier:
 
 
 def trial_of(
-    test: str, condition: Condition, criterion: Criterion, said: EarlierVerdict, measured: float, shift: float = 0.0
+    test: str,
+    condition: Condition,
+    criterion: Criterion,
+    said: EarlierVerdict,
+    measured: float,
+    shift: float = 0.0,
+    given: tuple[str, str] = ("", ""),
 ) -> Trial:
     """An earlier verdict as one on a test that was only planned then."""
     verdict = Verdict(condition, criterion, None, said.lower, said.upper, said.probability, said.word, "")
-    return Trial(test, "planned", verdict, measured, None, shift)
+    return Trial(test, "planned", verdict, measured, None, shift, given)
 
 
 _LARGEST = 64 << 20  # bytes
@@ -154,7 +164,7 @@ def read_earlier(path: Path) -> Earlier:
         content = path.read_bytes()
     except OSError as error:
         raise _no_such_file(path, "this file", error.strerror or "none that can be read") from None
-    return parse_earlier(content, path)
+    return replace(parse_earlier(content, path), sealed=seal.sealed_by(path.parent) if path.name == FILE else "")
 
 
 def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
@@ -211,11 +221,19 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
 
 
 def _trial(
-    test: str, condition: str, criterion: dict[str, Any], said: list[Any], measured: float, shift: float = 0.0
+    test: str,
+    condition: str,
+    criterion: dict[str, Any],
+    said: list[Any],
+    measured: float,
+    shift: float = 0.0,
+    date: str = "",
+    sealed: str = "",
 ) -> Trial:
     (limit,) = criteria_of([criterion]).items
     _require(is_number(measured) and is_number(shift) and not id_trouble(test))
-    return trial_of(test, Condition.parse(condition), limit, _verdict(*said), float(measured), float(shift))
+    given = _text(date), _text(sealed)
+    return trial_of(test, Condition.parse(condition), limit, _verdict(*said), float(measured), float(shift), given)
 
 
 def _outcomes(tests: dict[str, dict[str, list[str]]]) -> Outcomes:

@@ -7,26 +7,13 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.earlier import RemovedTest
 from crashfuse.certification.forecasts import quantity
-from crashfuse.certification.matrix import SAME_SPEED_MPS, SAME_WEIGHT
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
 from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, joined, probability_text, read_out
 
 Rows = tuple[tuple[Verdict, ...], ...]
-
-
-def run_near(campaign: Campaign, condition: Condition) -> tuple[CrashTest, ...]:
-    """The tests that were run within 1 km/h and 2 % of the mass of a condition, though not all were made for it."""
-    return tuple(
-        test
-        for test in campaign.tests
-        if abs(test.condition.speed_mps - condition.speed_mps) <= SAME_SPEED_MPS + 1e-9
-        and abs(test.condition.mass_kg / condition.mass_kg - 1) <= SAME_WEIGHT + 1e-9
-        and test.condition.may_be(condition)
-    )
 
 
 def hold(
@@ -66,7 +53,7 @@ def hold(
 def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | None], dict[str, Condition]]:
     trials = {
         trial.held_out: trial
-        for trial in record.trials
+        for trial in (*record.trials, *record.tuned)
         if trial.left_out == "test" and trial.held_out in verdict.run and trial.verdict.criterion == verdict.criterion
     }
     off = {i: t.verdict.condition for i, t in trials.items() if not t.verdict.condition.is_at(verdict.condition)}

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.approaches.fit_cache import settings
+from crashfuse.approaches.fit_cache import is_cached, settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
@@ -175,7 +175,7 @@ def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> floa
 
 
 _KIND = "forecasts"  # kind of cache entry
-_CHUNK = 10  # conditions predicted by one task: each task has to restore the fit
+_CHUNK = 16  # conditions predicted by one task, a usual matrix as a whole: each task has to restore the fit
 
 
 class Asked(NamedTuple):
@@ -206,7 +206,7 @@ class Forecasts:
         for each in missing:
             tasks.setdefault(each.held_out, []).append(each)
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
-        chunks[:0] = [[each] for each in learn_for if self.find(each) is None][:1]
+        chunks[:0] = [[each] for each in learn_for if not self._is_fitted(each) and not self.is_known(each)][:1]
         shared = prepare(self.campaign, {each.approach for each in missing}, self.config, self.cache, self.watch)
         work = partial(_forecast, config=self.config.on_this_device, windows_ms=self.windows_ms)
         done, total = len(found), len(found) + len(missing)
@@ -216,6 +216,15 @@ class Forecasts:
                 found |= dict(some)
                 self.watch.report(step, min(len(found), total), total)
         return found
+
+    def _is_fitted(self, asked: Asked) -> bool:
+        approach = self.config.on_this_device.create(asked.approach, self.cache)
+        return is_cached(approach, self.campaign.without(asked.held_out), self.cache)
+
+    def is_known(self, asked: Asked) -> bool:
+        """Whether the cache has a forecast."""
+        training = self.campaign.without(asked.held_out)
+        return self.cache.is_cached(_KIND, _key(training, asked, self.config, self.windows_ms))
 
     def find(self, asked: Asked) -> Forecast | None:
         """The forecast in the cache, if there is one."""

@@ -1,7 +1,9 @@
 """Tests beside an earlier certification: those that were run since, and those that it knew and that are gone."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from datetime import date, datetime
 from functools import cached_property
 
 import numpy as np
@@ -114,12 +116,25 @@ class TestedSince:
     def latest(self) -> tuple[Trial, ...]:
         """The earlier verdicts on metrics of tests that tell."""
         conditions, rows = dict(self.earlier.matrix.items), self.earlier.rows
+        given = self.earlier.date, self.earlier.sealed
         return tuple(
-            trial_of(test, conditions[i], criterion, said, value, self.shift(test, criterion.metric))
+            trial_of(test, conditions[i], criterion, said, value, self.shift(test, criterion.metric), given)
             for test, i in self.at.items()
             for criterion, said in zip(self.earlier.criteria.items, rows[i], strict=True)
             if (value := self.shown[test].get(criterion.metric)) is not None
         )
+
+    @cached_property
+    def is_older(self) -> dict[str, bool | None]:
+        """Whether its verdict is older than each test by the dates that both give; None if one gives none."""
+        dates = {test.id: dict(test.about).get("about_date", "") for test in self.campaign.tests}
+        older: dict[str, bool | None] = {}
+        for trial in self.all_trials:
+            older[trial.held_out] = None
+            with suppress(ValueError):
+                verdict, test = trial.given[0][:10], dates.get(trial.held_out, "")
+                older[trial.held_out] = date.fromisoformat(verdict) < datetime.fromisoformat(test).date()
+        return older
 
     @property
     def all_trials(self) -> tuple[Trial, ...]:
@@ -131,9 +146,14 @@ class TestedSince:
         metrics = {criterion.metric for criterion in criteria.items}
         return tuple(
             replace(trial, verdict=_as_of_today(trial.verdict, criteria.confidence))
-            for trial in self.all_trials
+            for trial in self.without_tuned(self.all_trials)
             if trial.verdict.criterion.metric in metrics
         )
+
+    def without_tuned(self, trials: Sequence[Trial]) -> tuple[Trial, ...]:
+        """Those that may support something: of tests that the CAE model was tuned to, only what was wrong."""
+        tuned = {test.id for test in self.campaign.tests if test.cae_tuned}
+        return tuple(trial for trial in trials if trial.wrong or trial.held_out not in tuned)
 
     @cached_property
     def gone_runs(self) -> tuple[RemovedTest, ...]:

@@ -1,10 +1,10 @@
 """The track record: the verdicts that left-out tests got from the others alone, compared with what was measured."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import betainc, betaincinv
@@ -37,6 +37,30 @@ def largest_share(count: int, n: int) -> float:
 def at_most(wrong: int, n: int) -> str:
     """That bound in words: ``at most 4.5 %``."""
     return f"at most {100 * largest_share(wrong, n):.1f} %"
+
+
+class WrongShare(NamedTuple):
+    """How many of ``n`` verdicts, or of tests or vehicles with verdicts, were wrong, or have a wrong one."""
+
+    wrong: int
+    n: int
+
+    @property
+    def at_most(self) -> float | None:
+        """Exact one-sided 95 % upper bound of the share, to four digits; None without any."""
+        return round(largest_share(*self), 4) if self.n else None
+
+
+def wrong_shares(wrong: Sequence[bool], **units: Sequence[Hashable]) -> dict[str, WrongShare]:
+    """The wrong ones of ``verdicts``, and of each kind of unit (``tests``, ``vehicles``) that they are of.
+
+    A unit is wrong if any verdict on it is: the bounds are as if verdicts, tests or vehicles were independent.
+    """
+    shares = {"verdicts": WrongShare(sum(wrong), len(wrong))}
+    for name, labels in units.items():
+        contradicted = {label for label, is_wrong in zip(labels, wrong, strict=True) if is_wrong}
+        shares[name] = WrongShare(len(contradicted), len({*labels}))
+    return shares
 
 
 def _expected_right(decided: int, wrong: int) -> float:
@@ -130,6 +154,8 @@ class Trial:
         By the raw CAE model, with its error in the other tests as band; None for ratings, and of planned tests.
     shift : float
         What a planned test showed beyond ``measured`` because it was not quite at the condition, by the CAE model.
+    given : (str, str)
+        When the verdict on a planned test was given, and the key that sealed it; empty if neither is known.
     """
 
     held_out: str
@@ -138,6 +164,7 @@ class Trial:
     measured: float
     cae_probability: float | None
     shift: float = 0.0
+    given: tuple[str, str] = ("", "")
 
     @property
     def met(self) -> bool:
@@ -169,6 +196,12 @@ class Trial:
 
 def _decided(trials: Sequence[Trial]) -> tuple[int, int]:
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
+
+
+def trial_bounds(trials: Sequence[Trial]) -> dict[str, WrongShare]:
+    """:func:`wrong_shares` of the decided ones of these trials, and of their tests."""
+    decided = [trial for trial in trials if trial.verdict.decided]
+    return wrong_shares([trial.wrong for trial in decided], tests=[trial.held_out for trial in decided])
 
 
 def strictest_per_metric(trials: Sequence[Trial], *, each_time: bool = True) -> tuple[Trial, ...]:
@@ -213,6 +246,8 @@ class TrackRecord:
     """Of tests that were run after an earlier certification had judged them; part of what is supported alone."""
     whole: tuple[tuple[LeftOut, bool], ...] = ()
     """Whether each left-out test lies inside its band of whole pulses; nothing without a band."""
+    tuned: tuple[Trial, ...] = ()
+    """Of tests that the CAE model was tuned to; they support nothing and count nowhere."""
 
     def __repr__(self) -> str:
         decided, wrong = self.decided
@@ -251,6 +286,10 @@ class TrackRecord:
     def decided(self) -> tuple[int, int]:
         """Number of verdicts *met* and *not met*, and of the wrong ones."""
         return _decided(self.counted)
+
+    def bounds(self, criterion: Criterion | None = None) -> dict[str, WrongShare]:
+        """The wrong ones of verdicts met or not met, and of the tests that have any; of one criterion or of all."""
+        return trial_bounds(self.counted if criterion is None else self.of(criterion))
 
     @cached_property
     def telling(self) -> "TrackRecord":

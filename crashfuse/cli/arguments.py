@@ -86,6 +86,15 @@ def parser() -> argparse.ArgumentParser:
     _add_units(certify)
     _add_workers(certify)
 
+    certify.add_argument("--seal", type=Path, metavar="KEY", help="sign it with this private key (crashfuse key)")
+
+    key = command("key", certification.make_key, "make a pair of keys for seals", None)
+    key.add_argument("key", type=Path, metavar="KEY", help="file of the private key; the public one is KEY.pub")
+    verify = command("verify", certification.verify, "say what of a sealed certification was changed", "folder")
+    verify.add_argument("--key", type=Path, metavar="PUB", help="the public key of its maker")
+    verify.add_argument("--campaign", type=Path, metavar="CAMPAIGN", help="compare the files that it rests on, too")
+    verify.add_argument("--seal", type=Path, metavar="KEY", help="sign as reviewer, if all is as it was sealed")
+
     curve = command("learning-curve", studies.learning_curve, "predict tests from 1, 2, 3 … of the others")
     _add_out(curve)
     _add_approaches(curve, "cae fused")

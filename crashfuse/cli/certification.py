@@ -20,7 +20,7 @@ def certify(arguments: argparse.Namespace) -> None:
     """Give a verdict on every criterion at every condition of a matrix."""
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.campaign_folder.notes import read_notes
-    from crashfuse.certification import file_store
+    from crashfuse.certification import file_store, seal
     from crashfuse.certification.certify import APPROACH
     from crashfuse.certification.criteria import read_criteria
     from crashfuse.certification.earlier import FILE, read_earlier
@@ -35,6 +35,8 @@ def certify(arguments: argparse.Namespace) -> None:
     if arguments.since and arguments.out.resolve() in (arguments.since.resolve(), arguments.since.resolve().parent):
         raise UsageError(f"{arguments.out} holds the earlier certification; name another folder for --out.")
     earlier = read_earlier(arguments.since) if arguments.since else None
+    key = None if arguments.seal is None else seal.private_key(arguments.seal)
+    inputs = {} if key is None else seal.rests_on(arguments.campaign, arguments.criteria, arguments.matrix)
     campaign, notes = load_campaign(arguments.campaign), read_notes(arguments.campaign)
     criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     if earlier is not None:
@@ -48,20 +50,63 @@ def certify(arguments: argparse.Namespace) -> None:
     display, certification = display_of(arguments, campaign), judged.certification
     if earlier is not None:
         certification = certification.beside(earlier)
+    latest = next(iter(file_store.certifications(campaign).values()), None) if earlier is None else earlier
+    before = None if latest is None else latest.digest
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
         replace(judged, certification=certification).write(folder, notes=notes, display=display)
+        if key is not None:
+            seal.seal(folder, key, inputs, before)
     alone = "" if earlier is not None else file_store.beside_none(campaign)  # before this one is kept
     content = (arguments.out / FILE).read_bytes()
     with suppress(DataError):  # where nothing can be kept, the page does not list it
         file_store.keep_certification(content, campaign)
-    say_facts(campaign, display)
+    known = say_facts(campaign, display)
     print(counts_table(certification, display.units).to_string(index=False))
     told = *sentences(certification, "summary"), *sentences(certification, "changes")
-    print(*map(display.words, dict.fromkeys(told)), sep="\n")
+    print(*map(display.words, [own for own in dict.fromkeys(told) if own not in known]), sep="\n")
     if alone:
         print(f"{alone} --since holds one against them.")
     say_written(arguments.out, "certification")
     print(f"SHA-256 of {FILE}: {hashlib.sha256(content).hexdigest()}")
+    if key is not None:
+        print(f"Sealed by the key {seal.key_name(key.public_key())}{_following(before)}.")
+
+
+def make_key(arguments: argparse.Namespace) -> None:
+    """Make a pair of keys."""
+    from crashfuse.certification.seal import make_keys
+
+    name = make_keys(arguments.key)
+    print(f"{arguments.key} is the private key {name}: keep it to yourself. Give {arguments.key}.pub to reviewers.")
+
+
+def verify(arguments: argparse.Namespace) -> None:
+    """Hold a sealed certification against its seal, and sign it as its reviewer if that is asked for."""
+    from crashfuse.certification import seal
+    from crashfuse.certification.earlier import FILE
+
+    reviewing = None if arguments.seal is None else seal.private_key(arguments.seal)
+    sealed = seal.verify(arguments.folder, arguments.key, arguments.campaign)
+    if reviewing is not None:
+        seal.review(arguments.folder, reviewing)
+        sealed = sealed._replace(reviewer=seal.key_name(reviewing.public_key()))
+    print(f"{FILE} and {len(sealed.files)} files are as the key {sealed.key} sealed them{_following(sealed.before)}.")
+    print(f"Made on {sealed.date}, by its own account: who was given the seal before a test, knows that it is older.")
+    if arguments.key is None:
+        print("The key came with the seal: whose it is, only a key that you were given shows (--key).")
+    if sealed.reviewer is not None:
+        print(f"Reviewed by the key {sealed.reviewer}.")
+    if sealed.reviewer == sealed.key:
+        print("Maker and reviewer have one key: this is no review by another.")
+    if arguments.campaign is None:
+        print(f"It rests on {len(sealed.rests_on)} files of the campaign, which --campaign compares.")
+    others = {path.name for path in arguments.folder.iterdir()} - {FILE, seal.SEAL, seal.REVIEW, *sealed.files}
+    if others:
+        print(f"Not sealed: {', '.join(sorted(others))}.")
+
+
+def _following(before: str | None) -> str:
+    return ", after no other certification" if before is None else f", after the one with the SHA-256 {before}"
 
 
 def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":

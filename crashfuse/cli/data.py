@@ -65,7 +65,7 @@ def check(arguments: argparse.Namespace) -> None:
 
 def edit(arguments: argparse.Namespace) -> None:
     """Edit a campaign, or list the changes that can be undone."""
-    from crashfuse.campaign_folder.editing import leave_out, remove_tests, use_again
+    from crashfuse.campaign_folder.editing import leave_out, remove_tests, say_tuned, use_again
     from crashfuse.campaign_folder.history import changes, undo
 
     folder = arguments.campaign
@@ -75,8 +75,15 @@ def edit(arguments: argparse.Namespace) -> None:
     if arguments.because and not arguments.leave_out:
         raise UsageError("--because is the reason of --leave-out.")
     leaving = partial(leave_out, why=arguments.because or "")
-    asked = ((leaving, arguments.leave_out), (use_again, arguments.use), (remove_tests, arguments.remove))
-    for change_it, ids in (*asked, (_set_about, arguments.about)):
+    asked = (
+        (leaving, arguments.leave_out),
+        (use_again, arguments.use),
+        (remove_tests, arguments.remove),
+        (partial(say_tuned, tuned=True), arguments.cae_tuned),
+        (partial(say_tuned, tuned=False), arguments.not_cae_tuned),
+        (_set_about, arguments.about),
+    )
+    for change_it, ids in asked:
         if ids:
             print(f"{change_it(folder, ids)}. crashfuse edit {shlex.quote(str(folder))} --undo takes it back.")
             return
@@ -105,6 +112,8 @@ def add_edit_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--because", metavar="WHY", help="why they are left out; it stands in every report")
     what.add_argument("--use", nargs="+", metavar="ID", help="tests to use again")
     what.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
+    what.add_argument("--cae-tuned", nargs="+", metavar="ID", help="tests that the CAE model was tuned to")
+    what.add_argument("--not-cae-tuned", nargs="+", metavar="ID", help="tests that it was not tuned to")
     help_ = "where a test comes from: its id, then laboratory=…, date=…"
     what.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help=help_)
     what.add_argument("--undo", action="store_true", help="undo the last change: an import or one of these")

@@ -45,6 +45,7 @@ def import_(arguments: argparse.Namespace) -> None:
         columns=[ColumnChoice.parsed(text) for text in arguments.column],
         conditions=arguments.conditions,
         travel=arguments.travel,
+        cae_tuned=None if arguments.cae_tuned is None else arguments.cae_tuned == "yes",
     )
     for one in added:
         print(f"{one.id}: {one.condition}")
@@ -62,6 +63,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cae", nargs="+", default=(), metavar="NAME", help="files in the source that are CAE runs, or ids of records"
     )
+    parser.add_argument("--cae-tuned", choices=("yes", "no"), help="whether the CAE model was tuned to these tests")
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
     parser.add_argument(
         "--channel", nargs="+", default=(), metavar="NAME", help="channels to average (default: proposed)"

@@ -61,6 +61,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--explain", action="store_true", help="say what each rating is made of: shift, corridor left, humps"
     )
     parser.add_argument("--windows-ms", nargs="+", type=number, metavar="W", help="over 0 to W ms (default: 20 40 60)")
+    parser.add_argument(
+        "--also", nargs="+", default=(), metavar="NAME", help="further measures beside it: sprague-geers, anova"
+    )
     parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
     parser.add_argument(
         "--comparison-channel", nargs="+", default=(), metavar="NAME", help="of the comparison, if named otherwise"
@@ -83,6 +86,7 @@ def _choices(arguments: argparse.Namespace) -> "RatingChoices":
         tuple(arguments.comparison_channel),
         arguments.channel_filter_class,
         UNITS.get(arguments.unit, arguments.unit),
+        tuple(arguments.also),
     )
 
 
@@ -96,7 +100,7 @@ def _explained(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
-    from crashfuse.importing.ratings import WINDOWS_MS, RatingChoices, rate_channels, rate_files, rate_pairs
+    from crashfuse.importing.ratings import WINDOWS_MS, rate_channels, rate_files, rate_pairs
 
     windows, choices = arguments.windows_ms or WINDOWS_MS, _choices(arguments)
     files = (arguments.reference, arguments.comparison)
@@ -107,9 +111,7 @@ def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
     if None in files:
         raise UsageError("Name a reference and a comparison, or a table of them with --pairs.")
     if arguments.each_channel:
-        if choices != RatingChoices():
-            raise UsageError("--each-channel rates channels as they are: leave out the options of channel and filter.")
-        return rate_channels(*files, windows)
+        return rate_channels(*files, windows, choices=choices)
     return rate_files(*files, windows, choices=choices)
 
 
@@ -119,6 +121,8 @@ def _print(table: "pd.DataFrame") -> None:
     bases = rated["basis"].unique().tolist()
     shown = rated[varying].assign(window=rated["window_ms"].map("0–{:g} ms".format))
     shown = shown.join(rated[[*_SCORES]].map("{:.3f}".format)).assign(grade=rated["grade"])
+    further = [name for name in rated if name.startswith(("sg_", "anova_"))]
+    shown = shown.join(rated[further].map("{:z.3f}".format))
     if len(bases) == 1:
         print(bases[0])
     else:

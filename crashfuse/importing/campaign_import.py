@@ -11,6 +11,7 @@ from typing import NamedTuple, get_args
 from crashfuse.campaign_folder.condition_tables import Role, listed
 from crashfuse.campaign_folder.editing import Added, Addition, add_to_campaign
 from crashfuse.campaign_folder.settings import own_filter_class
+from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, UsageError, one_of, require_a
 from crashfuse.files.archive import refuse
 from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
@@ -119,6 +120,7 @@ def import_source(
     columns: Sequence[ColumnChoice] = (),
     conditions: str | Path | None = None,
     travel: Travel | None = None,
+    cae_tuned: bool | None = None,
 ) -> tuple[Settled, ...]:
     """Add everything in a source to a campaign, or start a new one with it: all of it or, on any problem, nothing.
 
@@ -141,6 +143,8 @@ def import_source(
         Id for the one record in the source; columns of a table are then channels of one record.
     columns, conditions, travel
         See :class:`crashfuse.importing.sources.Reading`.
+    cae_tuned : bool, optional
+        Whether the CAE model was tuned to the tests; by default what a column ``cae_tuned`` says, if there is one.
 
     Returns
     -------
@@ -194,7 +198,7 @@ def import_source(
         given = choices.condition.speed_mps, choices.weights
         problems += missing_values(source.name, record_id or source.stem, *given)
     refuse(problems, source.name)
-    added = {(part.role, run_id) for part in add_settled(out, settled) for run_id in part.ids}
+    added = {(part.role, run_id) for part in add_settled(out, settled, cae_tuned) for run_id in part.ids}
     return tuple(one for one in settled if (one.role, one.id) in added)
 
 
@@ -255,11 +259,12 @@ def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
     return tuple(replace(one, steps=(*one.steps, note)) for one in settled)
 
 
-def add_settled(out: Path, settled: Sequence[Settled]) -> tuple[Added, ...]:
+def add_settled(out: Path, settled: Sequence[Settled], cae_tuned: bool | None = None) -> tuple[Added, ...]:
     """Add settled records to a campaign, or start a new one with them: all or, on any problem, none."""
     additions: dict[Role, list[Addition]] = {}
     for one in settled:
-        addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality, one.about)
+        tuned = [("cae_tuned", TUNED[cae_tuned])] if cae_tuned is not None and one.role == "tests" else []
+        addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality, (*tuned, *one.about))
         additions.setdefault(one.role, []).append(addition)
     return add_to_campaign(out, additions)
 

@@ -17,7 +17,16 @@ import pandas as pd
 
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
-from crashfuse.errors import CHECK_PATH, NO_FILE, CrashfuseError, DataError, Problem, printable, require_a, several
+from crashfuse.errors import (
+    CrashfuseError,
+    DataError,
+    Problem,
+    UsageError,
+    one_of,
+    printable,
+    require_a,
+    several,
+)
 from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.importing.channels import missing_choices, resample_evenly
@@ -28,9 +37,10 @@ from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.isomme import Channel, read_isomme
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, doubt_of
+from crashfuse.signals.comparison_metrics import FURTHER_METRICS
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Pulse
-from crashfuse.signals.rating import WEIGHTS, filter_class_text, rate_windows, rating_basis
+from crashfuse.signals.rating import WEIGHTS, filter_class_text, rate_windows, rated_curves, rating_basis
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.units import ACCELERATION, TIME
 
@@ -57,17 +67,22 @@ class RatingChoices:
         Filter both with this class, or neither; by default as the import does, and tables in our own form not at all.
     unit : str, optional
         Unit of the acceleration in files of other formats; by default detected.
+    also : tuple of str
+        Measures beside the rating, each with columns of its own: ``sprague-geers``, ``anova``.
     """
 
     channels: tuple[str, ...] = ()
     comparison_channels: tuple[str, ...] = ()
     channel_filter_class: float | Literal["none"] | None = None
     unit: str | None = None
+    also: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         Choices(unit=self.unit, channel_filter_class=self.channel_filter_class)  # refuses what there is not
-        for name in ("channels", "comparison_channels"):
+        for name in ("channels", "comparison_channels", "also"):
             object.__setattr__(self, name, several(getattr(self, name)))
+        for name in self.also:
+            one_of("measure", name, FURTHER_METRICS)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -134,7 +149,7 @@ def rate_pairs(
     """
     path = Path(table)
     if not path.is_file():
-        raise DataError(Problem(str(path), "a table of pairs", NO_FILE, CHECK_PATH))
+        raise DataError(Problem(str(path), "a table of pairs", "no such file", "check the path"))
     names, rows, numbers = read_rows(path, path.name)
     unknown = [name for name in names if name not in _PAIR_COLUMNS]
     if unknown or not {"reference", "comparison"} <= set(names) or len(set(names)) < len(names):
@@ -168,7 +183,7 @@ def _pair_table(
     reference: Path, comparison: Path, windows_ms: Sequence[float], choices: RatingChoices, read: _Read
 ) -> pd.DataFrame:
     names = {"reference": str(reference), "comparison": str(comparison)}
-    rows = _rated_rows(*_curves(reference, comparison, choices, read), windows_ms)
+    rows = _rated_rows(*_curves(reference, comparison, choices, read), windows_ms, choices.also)
     return _ratings_table([{**names, **row} for row in rows])
 
 
@@ -181,16 +196,23 @@ def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Re
     )
 
 
-def _rated_rows(reference: _Curve, comparison: _Curve, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:
+def _rated_rows(
+    reference: _Curve, comparison: _Curve, windows_ms: Sequence[float], also: Sequence[str] = ()
+) -> Iterator[dict[str, object]]:
     filtering = reference.filter_class
     if comparison.filter_class != filtering:
         filtering = f"reference {filtering}, comparison {comparison.filter_class}"
     for window, rating in rate_windows(reference.pulse, comparison.pulse, windows_ms).items():
-        yield {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
+        row = {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
+        if also:
+            curves = rated_curves(reference.pulse, comparison.pulse, window)
+            row |= {column: value for name in also for column, value in FURTHER_METRICS[name](*curves).items()}
+        yield row
 
 
 def _ratings_table(rows: Sequence[dict[str, object]]) -> pd.DataFrame:
-    table = pd.DataFrame(rows).reindex(columns=list(COLUMNS))
+    columns = dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)])
+    table = pd.DataFrame(rows).reindex(columns=list(columns))
     text = ["reference", "comparison", "channel", "grade", "basis", "note"]
     return table.assign(**{name: table[name].astype(object).fillna("") for name in text})
 
@@ -201,7 +223,7 @@ def _reason(error: CrashfuseError) -> str:
 
 def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None) -> _Curve:
     if not path.exists():
-        raise DataError(Problem(str(path), "a pulse file", NO_FILE, CHECK_PATH))
+        raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     if not channels and _is_own(path):
         pulse = read_pulse(path)
         if cfc is None or isinstance(cfc, str):
@@ -245,14 +267,21 @@ def _speed(record: Record, choices: Choices) -> float:
 
 
 def rate_channels(
-    reference: str | Path, comparison: str | Path, windows_ms: Sequence[float] = WINDOWS_MS
+    reference: str | Path,
+    comparison: str | Path,
+    windows_ms: Sequence[float] = WINDOWS_MS,
+    *,
+    choices: RatingChoices = RatingChoices(),
 ) -> pd.DataFrame:
     """Rate every channel of one ISO-MME test against the channel of the other that has the same code.
 
     Of several channels with one code, the n-th is rated against the n-th. The table is as that of :func:`rate_files`,
     with one row for each channel and window; a channel that cannot be rated has one row, with a note. Tests are given
     by their folder, ``.mme`` file or zip; a DataError says that one is none, or that they have no channel in common.
+    Of the choices only ``also`` counts; a UsageError refuses others.
     """
+    if choices != RatingChoices(also=choices.also):
+        raise UsageError("Channels are rated as they are: leave out the choices of channel, unit and filter.")
     reference, comparison = Path(reference), Path(comparison)
     sides = [_channels(path) for path in (reference, comparison)]
     if not set(sides[0]) & set(sides[1]):
@@ -265,7 +294,7 @@ def rate_channels(
             rows.append({"channel": name, "note": "only in the reference"})
             continue
         try:
-            rated = _rows(sides[0][code, n], sides[1][code, n], windows_ms)
+            rated = _rows(sides[0][code, n], sides[1][code, n], windows_ms, choices.also)
             rows += [{"channel": name, **row} for row in rated]
         except DataError as error:
             rows.append({"channel": name, "note": _reason(error)})
@@ -273,7 +302,9 @@ def rate_channels(
     return _ratings_table(rows).assign(reference=str(reference), comparison=str(comparison))
 
 
-def _rows(one: Channel, other: Channel, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:
+def _rows(
+    one: Channel, other: Channel, windows_ms: Sequence[float], also: Sequence[str]
+) -> Iterator[dict[str, object]]:
     if one.unit != other.unit:
         raise DataError(Problem(one.code, f"the unit {one.unit or 'none'}", other.unit or "none", "convert"))
     sides = (("reference", one.status), ("comparison", other.status))
@@ -282,7 +313,7 @@ def _rows(one: Channel, other: Channel, windows_ms: Sequence[float]) -> Iterator
     if max(doubts)[0] == Doubt.FAILED:
         yield {"note": note}
         return
-    yield from ({**row, "note": note} for row in _rated_rows(_signal(one), _signal(other), windows_ms))
+    yield from ({**row, "note": note} for row in _rated_rows(_signal(one), _signal(other), windows_ms, also))
 
 
 def _channels(path: Path) -> dict[tuple[str, int], Channel]:

@@ -4,14 +4,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import chain, groupby
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
-from crashfuse.certification.evidence import run_near
 from crashfuse.certification.forecasts import quantity
-from crashfuse.certification.verdict import Verdict
+from crashfuse.certification.verdict import Verdict, all_met
+from crashfuse.condition import Condition
 from crashfuse.fact import Fact, by_importance
+from crashfuse.reporting.certification_tables import ANSWER_WORDS
 from crashfuse.reporting.evidence_facts import (
     change_facts,
     counted,
@@ -22,71 +23,79 @@ from crashfuse.reporting.evidence_facts import (
     listed_conditions,
     record_facts,
 )
-from crashfuse.study.facts import campaign_facts
+from crashfuse.study.facts import campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import Sentence, joined, probability_text, read_out, speed, weight
+from crashfuse.wording import Sentence, joined, probability_text, read_out
 
-Place = Literal["summary", "matrix", "record", "domain", "changes", "exceptions"]
+Place = Literal["answer", "summary", "matrix", "record", "domain", "changes"]
 SUBJECTS = {
     "test.stands_apart": "Tests that stand apart",
+    "since.wrong": "Verdicts that tests run since contradict",
+    "record.none": "No record",
+    "criterion.unsupported": "Criteria whose record does not support the confidence",
+    "test.extrapolated": "Tests outside the range of the CAE runs",
+    "cae.runs_fail": "CAE runs in doubt",
+    "tests.left_out_of_use": "Tests left out of use",
+    "test.not_used": "Tests that are not used",
     "campaign.warning": "Warnings about the campaign",
     "condition.outside": "Conditions outside the validated domain",
-    "test.not_used": "Tests that are not used",
+    "tests.cae_tuned": "Tests that the CAE model was tuned to",
     "condition.no_factor": "Conditions without a factor that the tests have",
     "condition.new_together": "Factors that no test has together",
     "condition.too_short": "Open, because recordings end too early to predict",
-    "test.extrapolated": "Tests outside the range of the CAE runs",
     "criterion.occupant": "Criteria by another occupant model than the usual one",
-    "since.wrong": "Verdicts that tests run since contradict",
     "since.moved": "Verdicts on tests run since that depend on how these were moved to their conditions",
     "since.too_narrow": "Intervals that tests run since contradict",
     "record.wrong": "Wrong verdicts on left-out tests",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
     "record.no_gain": "Probabilities no better than those of the raw CAE",
-    "criterion.unsupported": "Criteria whose record does not support the confidence",
     "criterion.untouched": "Criteria whose limit no left-out test came near",
     "criterion.few": "Criteria whose own record does not support the confidence alone",
-    "record.none": "No record",
 }
-"""What speaks against the verdicts, by code: its heading among the exceptions."""
-ANSWERS: Mapping[Answer, str] = {
-    "run": "Run already",
-    "need not be run": "Need not be run (probability that all criteria are met at once)",
-    "to be tested": "To be tested, as all criteria at once are uncertain (their probability)",
-    "would miss": "A test would miss",
-    "test or redesign": "To be tested, or redesigned",
-    "record for longer": "To be recorded for longer, as recordings end too early to tell",
-    "outside": "Outside what the tests check",
+"""What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
+ANSWERS: Mapping[Answer, tuple[str, str]] = {
+    "run": ("Run already", "{}"),
+    "need not be run": ("Need not be run (probability that all criteria are met at once)", "all met at once: {}"),
+    "to be tested": (
+        "To be tested, as all criteria at once are uncertain (their probability)",
+        "all met at once: only {}",
+    ),
+    "would miss": ("A test would miss", "misses {}"),
+    "test or redesign": ("To be tested, or redesigned", "open: {}"),
+    "record for longer": ("To be recorded for longer, as recordings end too early to tell", "records too short for {}"),
+    "outside": ("Outside what the tests check", "outside what the tests check{}"),
 }
-_MATRIX = ("matrix.every", *(f"answer.{answer}" for answer in ANSWERS))
-_MATRIX += ("matrix.none_needed", "matrix.counted_once", "matrix.run_first", "matrix.tests_near")
+"""Of each answer, what stands before the conditions that have it, and what beside a single one."""
+_ANSWER = ("matrix.saved", *(f"answer.{answer}" for answer in ANSWERS))
+_MATRIX = ("matrix.every", "matrix.none_needed", "matrix.run_first")
 _RECORD = ("record.waived", "since.waived", "record.decided")
-_SINCE = ("since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
+_SINCE = ("since.dated", "since.outcomes", "since.intervals", "since.too_narrow", "since.waived_outcome", "since.moved")
 _CONDITIONS = ("test.not_used", "condition.no_factor", "condition.new_together")
 _CRITERIA = ("criterion.unsupported", "criterion.untouched", "criterion.few")
 PLACES: Mapping[Place, tuple[str, ...]] = {
+    "answer": _ANSWER,
     "summary": (
-        *("matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE, *_CONDITIONS, *_CRITERIA),
-        "record.none",
+        *(*_ANSWER, "matrix.counts", *_MATRIX, *_RECORD, "record.brier", "record.no_gain", *_SINCE, *_CONDITIONS),
+        *(*_CRITERIA, "record.none", "tests.cae_tuned"),
     ),
     "matrix": (
-        *("test.stands_apart", *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
+        *("test.stands_apart", *_ANSWER, *_MATRIX, *_RECORD[:2], "since.wrong", "since.moved", "since.too_narrow"),
         *("test.not_used", "criterion.unsupported"),
     ),
     "record": (
         *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.brier", "record.no_gain"),
-        "record.none",
+        *("record.none", "tests.cae_tuned"),
     ),
     "domain": ("domain.checked", "domain.reach"),
     "changes": (
         *("since.beside", "since.settings", "since.tested", *_SINCE, "since.wrong", "since.compared"),
         *("since.turned", "since.newly_waived", "since.withdrawn"),
     ),
-    "exceptions": tuple(SUBJECTS),
 }
-"""The codes that are shown at each place, the most important one first: on the terminal and at the head of the report,
-beside the page's matrix, in three tabs of the page and sections of the report, and among the exceptions."""
+"""The codes that are shown at each place, the most important one first: at the head of terminal, report and slides,
+below the page's answer, and in tabs of the page and sections of the report."""
+_WITH_PROBABILITY = ("need not be run", "to be tested")  # that all criteria are met at once
 _FEW = 6  # conditions, each with its own probability
 _EXPLAINED = 3  # conditions outside, each with its reason
 
@@ -107,6 +116,27 @@ def facts(certification: Certification) -> tuple[Fact, ...]:
     return tuple(replace(own, label=SUBJECTS.get(own.code, "")) for own in found)
 
 
+class Planned(NamedTuple):
+    """A planned test: the answer in a word (:data:`ANSWER_WORDS`), and what decides it."""
+
+    id: str
+    condition: Condition
+    word: str
+    why: str
+
+
+def planned(certification: Certification) -> tuple[Planned, ...]:
+    """The answer at every planned test, in the order of speed."""
+    notes, same, found = _notes_at(certification)[1], certification.counted_once, []
+    for i, condition in sorted(certification.matrix.items, key=lambda item: item[1].speed_mps):
+        answer = certification.answers[i]
+        why = Sentence(ANSWERS[answer][1], _detail(certification, i))
+        as_other = f"counts as {same[i]}" if i in same else ""
+        texts = [text for text in (why, notes.get(i, ""), as_other) if text]
+        found.append(Planned(i, condition, ANSWER_WORDS[answer], joined(texts, "; ")))
+    return tuple(found)
+
+
 def shown(certification: Certification, place: Place) -> tuple[Fact, ...]:
     """The facts that a place shows, in its order."""
     order = PLACES[place]
@@ -120,14 +150,16 @@ def sentences(certification: Certification, place: Place) -> tuple[str, ...]:
 
 def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
-    against = groupby(shown(certification, "exceptions"), lambda own: own.label)
-    return {subject: tuple(own.sentence for own in some) for subject, some in against}
+    order = tuple(SUBJECTS)
+    against = by_importance((own for own in facts(certification) if own.code in order), order)
+    return {subject: tuple(own.sentence for own in some) for subject, some in groupby(against, lambda own: own.label)}
 
 
 def _campaign(certification: Certification) -> Iterator[Fact]:
     campaign = certification.campaign
-    yield from (own for own in campaign_facts(campaign) if own.code == "test.stands_apart")
-    yield from (fact("campaign.warning", remark) for remark in campaign.remarks)
+    yield from (own for own in campaign_facts(campaign) if own.code in SUBJECTS and own.code != "tests.cae_tuned")
+    if any(test.cae_tuned is not False for test in campaign.tests):
+        yield tuning_fact(campaign)
     for test in campaign.tests:
         if notes := campaign.cae.extrapolation(test.condition):
             yield fact("test.extrapolated", joined([test.id, joined(notes)], ": "), test=test.id)
@@ -138,54 +170,54 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     size = f"{counted(len(ids), 'condition')} × {counted(len(certification.criteria.items), 'criterion')}"
     told = ", ".join(f"{n} {word}" for word, n in certification.counts.items())
     yield fact("matrix.counts", f"{size}, confidence {confidence:g}: {told}.", **certification.counts)
+    n, of = certification.saved
+    once = [f"{i} as {other}" for i, other in certification.counted_once.items()]
+    alike = f" Counted once, being within 1 km/h and 2 % of each weight: {listed(once)}." if once else ""
+    told = f"{n:,} of {counted(of, 'planned test')} need not be run to know these pulse criteria.{alike}"
+    yield fact("matrix.saved", told, n=n, of=of)
     of_all, notes = _notes_at(certification)
     if of_all:
         yield fact("matrix.every", f"Of every condition: {'; '.join(of_all)}.", notes=of_all)
-    for answer, heading in ANSWERS.items():
-        rows = {i: row for i, row in certification.rows.items() if certification.answers[i] == answer}
-        if rows:
-            details = _details(certification, answer, rows, notes)
-            text = {i: joined([t for t in (details[i], notes.get(i)) if t], "; ") for i in rows}
+    for answer, (heading, _) in ANSWERS.items():
+        details = {i: _detail(certification, i) for i, own in certification.answers.items() if own == answer}
+        if details:
+            if answer in _WITH_PROBABILITY and len(details) > _FEW:
+                details = _least_of_alike(certification, details, notes)
+            text = {i: joined([t for t in (details[i], notes.get(i)) if t], "; ") for i in details}
             listing = listed_conditions(ids, text)
-            if answer == "outside" and len(rows) <= _EXPLAINED:
-                listing = joined([joined([i, row[0].reason], ": ") for i, row in rows.items()])
+            if answer == "outside" and len(details) <= _EXPLAINED:
+                listing = joined([joined([i, certification.rows[i][0].reason], ": ") for i in details])
             sentence = Sentence("{}: {}{}", heading, listing, "" if listing.endswith(".") else ".")
             if answer == "outside" and certification.domain.too_few_tests:
                 (sentence,) = map(Sentence, certification.domain.too_few_tests)
             yield fact(f"answer.{answer}", sentence, conditions={i: str(detail) for i, detail in details.items()})
     if set(certification.answers.values()) <= {"run", "need not be run"}:
         yield fact("matrix.none_needed", "No condition of the matrix needs a test.")
-    if once := certification.counted_once:
-        n, of = certification.saved
-        alike = listed([f"{i} as {other}" for i, other in once.items()])
-        told = "Conditions within 1 km/h and 2 % of each weight are counted once"
-        yield fact(
-            "matrix.counted_once", f"{told} ({alike}): {n:,} of {counted(of, 'test')} need not be run.", n=n, of=of
-        )
     if first := certification.run_first:
         told = f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
         yield fact("matrix.run_first", told, condition=first)
-        yield from _near(certification, first)
 
 
-def _details(
-    certification: Certification, answer: Answer, rows: Mapping[str, Sequence[Verdict]], notes: Mapping[str, str]
-) -> dict[str, str]:
-    confidence = certification.criteria.confidence
+def _detail(certification: Certification, i: str) -> str:
+    """What decides the answer at a condition: the tests there, the probability, or the criteria."""
+    answer, row, confidence = certification.answers[i], certification.rows[i], certification.criteria.confidence
     if answer == "run":
-        return {i: _tests_there(certification, row) for i, row in rows.items()}
-    if answer in ("need not be run", "to be tested"):
-        met = {i: p for i, (_, p, _) in (certification.waived | certification.uncertain).items() if i in rows}
-        if len(rows) <= _FEW:
-            return {i: probability_text(p, confidence) for i, p in met.items()}
-        alike = {note: min(p for i, p in met.items() if notes.get(i) == note) for note in map(notes.get, met)}
-        return {i: f"{probability_text(alike[notes.get(i)], confidence)} or more" for i in met}
+        return _tests_there(certification, row)
+    if answer in _WITH_PROBABILITY:
+        return probability_text(all_met(row).probability, confidence)
     asked = {"would miss": "not met", "test or redesign": "open", "record for longer": "open"}.get(answer)
     longer = answer == "record for longer"
-    return {
-        i: ", ".join(v.criterion.name for v in row if v.word == asked and (v.probability is None) <= longer)
-        for i, row in rows.items()
-    }
+    return ", ".join(v.criterion.name for v in row if v.word == asked and (v.probability is None) <= longer)
+
+
+def _least_of_alike(
+    certification: Certification, details: Mapping[str, str], notes: Mapping[str, str]
+) -> dict[str, str]:
+    """Of many conditions the least probability of those with equal notes, so that they can be named as a range."""
+    met = {i: all_met(certification.rows[i]).probability for i in details}
+    least = {note: min(p for i, p in met.items() if notes.get(i) == note) for note in map(notes.get, met)}
+    confidence = certification.criteria.confidence
+    return {i: f"{probability_text(least[notes.get(i)], confidence)} or more" for i in met}
 
 
 def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
@@ -203,26 +235,6 @@ def _tests_there(certification: Certification, row: Sequence[Verdict]) -> str:
         tests.append(joined(parts, ", "))
     unsettled = ", ".join(verdict.criterion.name for verdict in row if verdict.word == "open")
     return joined([*tests, *([f"open: {unsettled}"] if unsettled else [])], "; ")
-
-
-def _near(certification: Certification, first: str) -> Iterator[Fact]:
-    row, record = certification.rows[first], certification.record
-    there, tests = row[0].condition, run_near(certification.campaign, row[0].condition)
-    if tests:
-        ids = [test.id for test in tests]
-        away = (
-            speed(max(abs(test.condition.speed_mps - there.speed_mps) for test in tests)),
-            weight(max(abs(test.condition.mass_kg - there.mass_kg) for test in tests)),
-        )
-        alone = [trial for trial in record.trials if trial.left_out == "test" and trial.held_out in ids]
-        showed = []
-        for criterion in (verdict.criterion for verdict in row if verdict.word == "open"):
-            if values := [trial.measured for trial in alone if trial.verdict.criterion == criterion]:
-                shown = criterion.shown(*dict.fromkeys((min(values), max(values))))
-                showed.append(Sentence("{} {} ({})", criterion.name, shown, criterion.limits))
-        told = "Within {} and {} of {} the prediction has learned from {}, which showed {}."
-        sentence = Sentence(told, *away, first, read_out(ids), joined(showed, ", ") or "nothing that is open")
-        yield fact("matrix.tests_near", sentence, tests=ids)
 
 
 def _notes_at(certification: Certification) -> tuple[list[str], dict[str, str]]:

@@ -8,8 +8,9 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
+from crashfuse.certification.track_record import WrongShare, trial_bounds
 from crashfuse.reporting.certification_facts import exceptions, sentences
-from crashfuse.reporting.certification_tables import bound, counts_table, matrix_table, record_counts
+from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, share_columns
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
 from crashfuse.units import LB, MPH
 
@@ -23,8 +24,7 @@ def certification_json(certification: Certification) -> bytes:
 
 
 def _since(changes: Changes) -> dict[str, object]:
-    n, wrong, tests = changes.outcomes
-    inside, intervals = changes.record.intervals
+    (inside, intervals), decided, tests = changes.record.intervals, *changes.outcomes.values()
     since = changes.since
     return {
         "sha256": changes.earlier.digest,
@@ -36,7 +36,8 @@ def _since(changes: Changes) -> dict[str, object]:
         "tested": changes.tested,
         "repeats": since.repeats,
         "elsewhere": since.elsewhere,
-        "decided": {"metrics": n, "tests": tests, **_wrong(wrong, n)},
+        "decided": {"metrics": decided.n, "tests": tests.n, **share_columns(decided), "tests_wrong": tests.wrong},
+        "bounds": {unit: share.at_most for unit, share in changes.outcomes.items()},
         "intervals": {"n": intervals, "inside": inside},
         "waived_and_tested": {
             i: {test: {"missed": missed, "unknown": unknown} for test, (missed, unknown) in outcomes.items()}
@@ -50,6 +51,8 @@ def _since(changes: Changes) -> dict[str, object]:
                 "said": tuple(getattr(trial.verdict, name) for name in ("word", "probability", "lower", "upper")),
                 "measured": trial.measured,
                 "shift": trial.shift,
+                "date": trial.given[0],
+                "sealed": trial.given[1],
             }
             for trial in since.all_trials
         ],
@@ -74,6 +77,8 @@ def certification_record(certification: Certification) -> dict[str, object]:
         **provenance(campaign, campaign.test_ids, config),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "settings": certification_settings(campaign, config, criteria.confidence),
+        "cae_tuned": {test.id: test.cae_tuned for test in campaign.tests if test.cae_tuned is not None},
+        "about": {test.id: dict(test.about) for test in campaign.tests if test.about},
         "tests_sha256": {test.id: test.digest for test in campaign.tests},
         "command": certify_command(config, campaign.units, since=certification.since is not None),
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
@@ -97,12 +102,15 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "counted_once": certification.counted_once,
         "uncertain": {i: met._asdict() for i, met in certification.uncertain.items()},
         "run_first": certification.run_first,
+        "bounds": {unit: share.at_most for unit, share in record.bounds().items()},
         "track_record": {
             **record_counts(record),
-            "waived": {"tests": tests, "n": saved, **_wrong(wrong, saved)},
-            "waived_with_those_since": {"n": saved_with_since, **_wrong(missed_with_since, saved_with_since)},
-            "telling": {"n": telling, **_wrong(telling_wrong, telling)},
+            "decided_tests": share_columns(record.bounds()["tests"]),
+            "waived": {"tests": tests, **share_columns(WrongShare(wrong, saved))},
+            "waived_with_those_since": share_columns(WrongShare(missed_with_since, saved_with_since)),
+            "telling": share_columns(WrongShare(telling_wrong, telling)),
             "intervals": {"n": intervals, "inside": inside},
+            "tuned": {unit: share_columns(share) for unit, share in trial_bounds(record.tuned).items()},
             "whole_pulses": {way: {"n": n, "inside": inside} for way, (inside, n) in record.whole_pulses.items()},
             "brier": brier[0],
             "brier_raw_cae": brier[1],
@@ -120,10 +128,6 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "sentences": sentences(certification, "summary"),
         "exceptions": exceptions(certification),
     }
-
-
-def _wrong(wrong: int, n: int) -> dict[str, object]:
-    return {"wrong": wrong, "wrong_at_most": bound(wrong, n)}
 
 
 def _criterion(criterion: Criterion) -> dict[str, object]:

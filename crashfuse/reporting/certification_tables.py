@@ -1,6 +1,5 @@
 """Every table of a certification: those of its files, and those that pages and reports show."""
 
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -8,11 +7,11 @@ from dataclasses import replace
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Certification
+from crashfuse.certification.certify import Answer, Certification
 from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.certification.track_record import TrackRecord, WrongShare
 from crashfuse.certification.verdict import WORDS, EarlierVerdict, Verdict, all_met
 from crashfuse.condition import Condition
 from crashfuse.files.csv_text import csv_bytes
@@ -24,10 +23,21 @@ from crashfuse.wording import MPH_LB, Sentence, UnitSystem, probability_text, re
 
 ANSWER = "A test there"
 """Heading of :func:`answer_texts`."""
+ANSWER_WORDS: Mapping[Answer, str] = {
+    "run": "was run",
+    "need not be run": "skip",
+    "to be tested": "run",
+    "would miss": "would miss",
+    "test or redesign": "run",
+    "record for longer": "cannot say",
+    "outside": "cannot say",
+}
+"""The answer at a planned test in a word or two."""
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability", "measured")
 _TRIAL_COLUMNS = (
     *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
     *("value", "lower", "upper", "basis", "metric", "at_least", "at_most", "unit", "counted", "shift"),
+    *("bounds.verdicts", "bounds.tests", "tuned"),
 )
 _JUDGED = ("met", "not met", "decided")
 
@@ -58,15 +68,21 @@ def certification_table(certification: Certification) -> pd.DataFrame:
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
+    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
+
+    The bounds, of the share of wrong verdicts of the whole record, are the same in each row. Not counted are those on
+    tests that the CAE model was tuned to.
+    """
     basis, record = _bases(certification.campaign), certification.record
+    bounds = [share.at_most for share in record.bounds().values()]
     rows = [
         (
             t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
             v.upper, basis[v.criterion.metric], v.criterion.metric, v.criterion.at_least, v.criterion.at_most,
-            v.criterion.unit, not record.repeats(t), t.shift,
+            v.criterion.unit, not (tuned or record.repeats(t)), t.shift, *bounds, tuned,
         )
-        for t in (*record.trials, *record.since)
+        for tuned, trials in ((False, (*record.trials, *record.since)), (True, record.tuned))
+        for t in trials
         for v in [t.verdict]
     ]  # fmt: skip
     return _numbers_of(rows, _TRIAL_COLUMNS)
@@ -141,20 +157,20 @@ def _bases(campaign: Campaign) -> dict[str, str]:
     return {**campaign.metric_bases, RATING: campaign.rating_basis}
 
 
-def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, object]]:
+def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, float | None]]:
     """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
     counts = record.counts(criterion)
     (met, wrongly_met), (missed, wrongly_missed) = counts["met"], counts["not met"]
     counts |= {"decided": (met + missed, wrongly_met + wrongly_missed)}
     return {
-        word: {"n": n, **({"wrong": wrong, "wrong_at_most": bound(wrong, n)} if word in _JUDGED else {})}
+        word: share_columns(WrongShare(wrong, n)) if word in _JUDGED else {"n": n}
         for word, (n, wrong) in counts.items()
     }
 
 
-def bound(wrong: int, n: int) -> float | None:
-    """Exact one-sided 95 % upper bound of the share of wrong verdicts; None without any."""
-    return round(largest_share(wrong, n), 4) if n else None
+def share_columns(share: WrongShare) -> dict[str, float | None]:
+    """A share of wrong ones with its exact one-sided 95 % upper bound, None without any, as in JSON."""
+    return {"n": share.n, "wrong": share.wrong, "wrong_at_most": share.at_most}
 
 
 def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd.DataFrame:
@@ -174,7 +190,7 @@ def answer_texts(certification: Certification, *, short: bool = False) -> dict[s
         by = f"{len(tests)} tests" if short and len(tests) > 1 else ", ".join(tests)
         alike = f", as {name(same[i])}" if i in same else ""
         apart = [name(departure.test) for departure in departures_near(certification.campaign, condition)]
-        texts[i] = (f"run: {by}" if tests else certification.answers[i]) + alike
+        texts[i] = ANSWER_WORDS[certification.answers[i]] + (f": {by}" if tests else "") + alike
         texts[i] += f"; {read_out(apart)} stands apart" if apart else ""
     return texts
 
@@ -210,25 +226,6 @@ def _trials(certification: Certification, display: Display) -> pd.DataFrame:
         }
         for trial in certification.record.counted
     )
-
-
-def _open(certification: Certification, display: Display) -> pd.DataFrame:
-    rows = []
-    for i, verdict in certification.cells:
-        if verdict.word == "open" and verdict.probability is not None:
-            criterion, ends = verdict.criterion, (verdict.lower, verdict.upper)
-            margin = None if verdict.value is None else criterion.margin(verdict.value)
-            half_width = None if ends[0] is None or ends[1] is None else (ends[1] - ends[0]) / 2
-            share = margin / half_width if margin is not None and half_width else math.inf
-            row = {
-                "Condition": i,
-                **_cells(certification, verdict, display, "95 % of tests", "Verdict", "Reason", "Probability"),
-                "Distance": unbroken(display.words(criterion.shown(margin))),
-                "In half widths of the interval": f"{share:.2f}" if math.isfinite(share) else "–",
-                "Probability": probability_text(verdict.probability, certification.criteria.confidence),
-            }
-            rows.append((share, row))
-    return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
 
 
 def _changes(certification: Certification, display: Display) -> pd.DataFrame:
@@ -267,7 +264,7 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
     record, rows = certification.record, []
     for criterion in (*certification.criteria.items, None):
         counts = record.counts(criterion)
-        most = record_counts(record, criterion)["decided"]["wrong_at_most"]
+        bounds = record.bounds(criterion)
         confidence = certification.criteria.confidence
         rows.append(
             {
@@ -276,7 +273,11 @@ def _record(certification: Certification, display: Display) -> pd.DataFrame:
                 **{
                     word.capitalize(): f"{n}, {wrong} wrong" if wrong else f"{n}" for word, (n, wrong) in counts.items()
                 },
-                unbroken("Wrong at most (95 %)"): "–" if most is None else f"{100 * float(str(most)):.1f} %",
+                **{
+                    unbroken(f"Wrong at most (95 %), by {unit[:-1]}"): "–" if most is None else f"{100 * most:.1f} %"
+                    for unit, share in bounds.items()
+                    for most in [share.at_most]
+                },
                 "What this record supports": "" if criterion is None else support_text(record, criterion, confidence),
             }
         )
@@ -307,20 +308,6 @@ def _criteria(certification: Certification, display: Display) -> pd.DataFrame:
     return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
 
 
-def _bins(certification: Certification, _: Display) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "Probability given": f"{own.low:g}–{own.high:g}",
-            "On average": f"{own.probability:.3f}",
-            "Verdicts": own.n,
-            "Met": f"{own.met:.3f}",
-            "95 % bounds": f"{own.lower:.3f}–{own.upper:.3f}",
-            "Within them": "yes" if own.holds else "no",
-        }
-        for own in certification.record.reliability
-    )
-
-
 SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
     "conditions": _conditions,
     "criteria": _criteria,
@@ -328,10 +315,8 @@ SHOWN: Mapping[str, Callable[[Certification, Display], pd.DataFrame]] = {
     "verdicts": lambda own, display: pd.DataFrame(
         {"Condition": i, **_cells(own, verdict, display)} for i, verdict in own.cells
     ),
-    "open": _open,
     "record": _record,
     "trials": _trials,
-    "probabilities": _bins,
     "changes": _changes,
 }
 """Tables for readers, by name; that of changes if it is beside an earlier certification."""

@@ -1,4 +1,4 @@
-"""A prediction with other settings than those of the figure that shows it, or of one of several tests in it."""
+"""A prediction with other settings than those of the figure that shows it."""
 
 from dataclasses import dataclass
 
@@ -14,21 +14,20 @@ WITH_GROUP = "left out with its speed group"
 
 @dataclass(frozen=True, eq=False)
 class EarlierPrediction:
-    """What an approach estimated with some settings, to be put beside those with others, or beside tests."""
+    """What an approach estimated with some settings, to be put beside those with others."""
 
     estimate: Estimate
     config: StudyConfig
     shown: StudyConfig  # of the figure that it is put into: its name says in what its own differ from them
-    of: str = ""  # the held-out test, where the figure is not of that alone
 
     @property
     def text(self) -> str:
-        """In what its settings differ, in words; with a test that it is of, its name."""
-        return self.curve()[0] if self.of else otherwise(self.config, self.shown)
+        """In what its settings differ, in words."""
+        return otherwise(self.config, self.shown)
 
     def curve(self, _: Display | None = None) -> tuple[str, Estimate]:
         """Its name in a legend, and itself."""
-        return earlier_name(self.estimate.approach, self.config, self.shown, self.of), self.estimate
+        return earlier_name(self.estimate.approach, self.config, self.shown), self.estimate
 
 
 def how_left_out(way: str) -> str:
@@ -36,10 +35,9 @@ def how_left_out(way: str) -> str:
     return LEFT_OUT["test"] if way == "test" else WITH_GROUP
 
 
-def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig, of: str = "") -> str:
-    """Name of a prediction with other settings in a legend: ``Fused, seed 1``, ``T08 by Fused, seed 1``."""
-    by = f"{of} by {LABELS[approach]}" if of else LABELS[approach]
-    return ", ".join(filter(None, [by, otherwise(config, shown)]))
+def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig) -> str:
+    """Name of a prediction with other settings in a legend: ``Fused, seed 1``."""
+    return ", ".join(filter(None, [LABELS[approach], otherwise(config, shown)]))
 
 
 def otherwise(config: StudyConfig, shown: StudyConfig) -> str:

@@ -7,7 +7,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, at_most
+from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, WrongShare, at_most
 from crashfuse.fact import Fact
 from crashfuse.reporting.earlier_prediction import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
@@ -29,15 +29,18 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
     """How often verdicts on left-out tests were wrong, intervals too narrow, and probabilities contradicted."""
     record, criteria = certification.record, certification.criteria
     if not record.trials:
-        yield fact("record.none", "There is no record: with a single test, none can be left out.")
+        why = "the CAE model was tuned to every test" if record.tuned else "with a single test, none can be left out"
+        yield fact("record.none", f"There is no record: {why}.")
         return
-    (n, wrong), (telling, missed) = record.decided, record.telling.decided
+    (n, wrong), (telling, missed), bounds = record.decided, record.telling.decided, record.bounds()
     yield fact(
         "record.decided",
-        f"Record of left-out tests: {counted(n, 'verdict')} met or not met, {wrong} wrong ({at_most(wrong, n)}, exact "
-        f"95 % bound as if they were independent); {len(record.counted) - n} open or outside. Of one verdict a metric "
-        f"and test, on limits that tests came near, {missed} of {telling} wrong ({at_most(missed, telling)}).",
+        f"Record of left-out tests: {counted(n, 'verdict')} met or not met, {bounds_text(bounds)}; "
+        f"{len(record.counted) - n} open or outside. All are of one vehicle: no bound holds for another. Of one "
+        f"verdict a metric and test, on limits that tests came near, {missed} of {telling} wrong "
+        f"({at_most(missed, telling)}).",
         n=n, wrong=wrong, telling=telling, telling_wrong=missed,
+        bounds={unit: share.at_most for unit, share in bounds.items()},
     )  # fmt: skip
     tests, saved, missed = record.waived(criteria)
     yield fact(
@@ -72,8 +75,15 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
     for own in record.reliability:
         if not own.holds:
             told = f"{own.low:g} to {own.high:g}, {own.probability:.3f} on average: {round(own.met * own.n)} of {own.n}"
-            bounds = f"(exact 95 % bounds {own.lower:.3f} to {own.upper:.3f})"
-            yield fact("record.bin", f"{told} met it {bounds}.", low=own.low, n=own.n, met=own.met)
+            ends = f"(exact 95 % bounds {own.lower:.3f} to {own.upper:.3f})"
+            yield fact("record.bin", f"{told} met it {ends}.", low=own.low, n=own.n, met=own.met)
+
+
+def bounds_text(bounds: Mapping[str, WrongShare]) -> str:
+    """How many verdicts were wrong, with the exact bounds as if verdicts, and as if their tests, were independent."""
+    verdicts, tests = bounds["verdicts"], bounds["tests"]
+    by_test = f"{at_most(*tests)} as if tests were, {tests.wrong} of {tests.n} with a wrong one"
+    return f"{verdicts.wrong} wrong ({at_most(*verdicts)}, exact 95 % bound as if verdicts were independent; {by_test})"
 
 
 def criterion_facts(certification: Certification) -> Iterator[Fact]:
@@ -159,14 +169,14 @@ def change_facts(changes: Changes) -> Iterator[Fact]:
     if differ := [f"{name} {value} (then {then})" for name, value, then in pairs if value != then]:
         yield fact("since.settings", f"Made otherwise: {'; '.join(differ)}.")
     yield from _tested(changes)
-    for told, (n, wrong, n_tests) in (
+    for told, bounds in (
         ("Tests run since, ratings aside", changes.outcomes),
         ("Certifications before it", changes.outcomes_before),
     ):
+        (wrong, n), (_, n_tests) = bounds["verdicts"], bounds["tests"]
         if n:
             of = f"verdicts met or not met on {counted(n, 'metric')} of {counted(n_tests, 'test')}"
-            bound = f"{wrong} wrong ({at_most(wrong, n)}, exact 95 % bound as if they were independent)"
-            yield fact("since.outcomes", f"{told}: {of}, {bound}.", n=n, wrong=wrong, tests=n_tests)
+            yield fact("since.outcomes", f"{told}: {of}, {bounds_text(bounds)}.", n=n, wrong=wrong, tests=n_tests)
     inside, n = changes.record.intervals
     if n:
         narrow = ": they were too narrow" * changes.too_narrow
@@ -198,6 +208,15 @@ def _tested(changes: Changes) -> Iterator[Fact]:
     ):
         if some:
             yield fact("since.tested", Sentence("{}: {}.", told, listed(some)), tests=[str(own) for own in some])
+    given = {trial.held_out: trial.given for trial in since.all_trials}
+    for is_older, told in (
+        (True, "Verdicts older than their test, by the dates of both, which are worth more than any left-out one"),
+        (False, "Verdicts not older than their test, by the dates of both"),
+        (None, "Whether these verdicts are older than their test is not known, as it has no date (about_date)"),
+    ):
+        if tests := [test for test, older in since.is_older.items() if older is is_older]:
+            stated = [f"{t} ({given[t][0]}{', sealed' if given[t][1] else ''})" if given[t][0] else t for t in tests]
+            yield fact("since.dated", f"{told}: {listed(stated)}.", tests=tests, older=is_older)
     for trial in since.all_trials:
         criterion = trial.verdict.criterion
         if trial.verdict.decided and criterion.is_met_by(trial.measured + trial.shift) is not trial.met:

@@ -27,6 +27,7 @@ FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 
 _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
 _CALL = re.compile(r'Plotly\.newPlot\(\s*"figure-\d+",\s*')
+_ANSWER = "matrix"  # id of the section whose figures are the answer of a certification
 _HEADINGS = ("h1", "h2", "h3")
 _WIDTH_PX, _HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
 _NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
@@ -42,15 +43,17 @@ class ReportFigure(NamedTuple):
 
     title: str
     drawn: dict[str, Any]
+    is_answer: bool = False
 
 
 class FiguresOfReport(NamedTuple):
-    """The figures of a report, its title, and its notices: what has to be known of its data, and each in few words."""
+    """The figures of a report, its title, its notices, each in few words, too, and what it answers in sentences."""
 
     title: str
     notices: tuple[str, ...]
     labels: tuple[str, ...]
     figures: tuple[ReportFigure, ...]
+    answers: tuple[str, ...] = ()
 
 
 def read_figures(path: Path) -> FiguresOfReport:
@@ -77,24 +80,28 @@ def figures_of(report: str) -> FiguresOfReport:
     """The figures in the text of a report; a ValueError or TypeError says that it is damaged."""
     reader = _Reader()
     reader.feed(report)
-    notices = tuple(" ".join(text.split()) for text in reader.notices)
-    return FiguresOfReport(reader.text("h1"), notices, tuple(reader.labels), tuple(reader.figures))
+    notices, answers = (tuple(" ".join(text.split()) for text in own) for own in reader.paragraphs.values())
+    return FiguresOfReport(reader.text("h1"), notices, tuple(reader.labels), tuple(reader.figures), answers)
 
 
 class _Reader(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
         self.texts = dict.fromkeys(_HEADINGS, "")
-        self.notices: list[str] = []
+        self.paragraphs: dict[str, list[str]] = {"notice": [], "answer": []}  # by class
         self.labels: list[str] = []
         self.figures: list[ReportFigure] = []
-        self._within = ""
+        self._within, self._section = "", ""
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if ("class", "notice") in attrs:
-            self._within = "notice"
-            self.notices.append("")
-            self.labels.append(dict(attrs).get("data-label") or "")
+        given = dict(attrs)
+        if (kind := given.get("class") or "") in self.paragraphs:
+            self._within = kind
+            self.paragraphs[kind].append("")
+        if kind == "notice":
+            self.labels.append(given.get("data-label") or "")
+        if tag == "section":
+            self._section = given.get("id") or ""
         if tag in (*self.texts, "script"):
             self._within = tag
         if tag in self.texts:
@@ -109,15 +116,17 @@ class _Reader(HTMLParser):
     def handle_data(self, data: str) -> None:
         if self._within in self.texts:
             self.texts[self._within] += data
-        elif self._within == "notice":
-            self.notices[-1] += data
+        elif self._within in self.paragraphs:
+            self.paragraphs[self._within][-1] += data
         elif self._within == "script" and (call := _CALL.search(data)):
             decode = json.JSONDecoder().raw_decode
             traces, end = decode(data, call.end())
             layout, _ = decode(data, data.index("{", end))
             traces, layout = json.loads(without_links(json.dumps([traces, layout])))
             title = ": ".join(text for text in (self.text("h2"), self.text("h3")) if text)
-            self.figures.append(ReportFigure(title or self.text("h1"), {"data": traces, "layout": layout}))
+            self.figures.append(
+                ReportFigure(title or self.text("h1"), {"data": traces, "layout": layout}, self._section == _ANSWER)
+            )
 
     def text(self, name: str) -> str:
         return " ".join(self.texts[name].split())
@@ -210,7 +219,7 @@ def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str
 
 
 def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
-    """Slides in 16:9: a title with what has to be known of the data, then a figure each below its heading."""
+    """Slides in 16:9: the answer and what has to be known of the data, then a figure each, the answer's first."""
     from pptx import Presentation
     from pptx.enum.text import PP_ALIGN
     from pptx.util import Emu, Inches, Pt
@@ -228,13 +237,17 @@ def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
         run.text, run.font.size = text, Pt(size)
 
     def below(slide: Any, text: str, top: float, height: float, size: int) -> None:  # noqa: ANN401 - a factory there
-        write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
+        if text:  # else an empty box would stand there
+            write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
 
-    first = deck.slides.add_slide(only_title)
-    write(first.shapes.title, report.title, 2.4, 1.6, 32)
-    below(first, "\n".join(report.notices), 4.2, 2.4, 16)
+    first, (headline, *details) = deck.slides.add_slide(only_title), report.answers or ("",)
+    write(first.shapes.title, headline or report.title, 0.6, 1.4, 32)
+    below(first, report.title if headline else "", 2.0, 0.4, 16)
+    below(first, "\n".join(details), 2.6, 2.6, 18)
+    below(first, "\n".join(report.notices), 5.4, 1.6, 14)
     top, height = Inches(1.15), Inches(5.75)
-    for figure, image in zip(report.figures, images, strict=True):
+    drawn = zip(report.figures, images, strict=True)
+    for figure, image in sorted(drawn, key=lambda own: not own[0].is_answer):
         slide = deck.slides.add_slide(only_title)
         write(slide.shapes.title, figure.title, 0.3, 0.75, 20)
         picture = slide.shapes.add_picture(io.BytesIO(image), left, top)

@@ -20,11 +20,13 @@ from crashfuse.errors import UsageError, one_of, printable, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.plots import displacement, learning, pulses, ratings
 from crashfuse.reporting.plots.conditions import condition_space
-from crashfuse.reporting.plots.curves import add_marks
+from crashfuse.reporting.plots.curves import LegendName, add_marks, curve_line
 from crashfuse.reporting.plots.display import Display, DisplayOptions
+from crashfuse.reporting.plots.palette import added_test_line
 from crashfuse.signals.pulse import Pulse
 from crashfuse.study.config import require_rated
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.outliers import departures_near
 from crashfuse.study.study import Fold, Study
 
 T = TypeVar("T")
@@ -36,6 +38,7 @@ RUN = "cae:"
 ONE_PROCESS = "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
 """Why there are no parts of the bias to draw."""
 
+_FOLDED = "10px,3px"  # dashes of the pulse if a test folds as the one that stands apart
 _STEP_M = 0.004  # grid of the parts of a bias
 _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it
 _ACCELERATIONS = ("motion", "acceleration")  # figures that begin with acceleration over time
@@ -104,10 +107,11 @@ def campaign_figure(
     **options: Unpack[DisplayOptions],
 ) -> go.Figure:
     """A figure of a campaign, see :meth:`Campaign.plot`."""
-    display, everything = Display.of(campaign.units, **options), campaign.tests
+    display = Display.of(campaign.units, **options)
     shown = [campaign.test(test) for test in several(tests) or campaign.test_ids]
     further = pulses_of(beside(campaign, also, display))
-    marked: dict[str, Any] = {"among": everything, "highlight": held_out, "display": display}
+    of_all: dict[str, Any] = {"speeds_mps": _speeds(campaign), "display": display}
+    marked: dict[str, Any] = {"highlight": held_out, **of_all}
 
     def bias() -> go.Figure:
         model = CaeModel(cache=Cache()).fit(campaign.cae)
@@ -116,7 +120,7 @@ def campaign_figure(
     figures: dict[str, Draw] = {
         "tests": lambda: pulses.measured_pulses(shown, cfc=cfc, further=further, **marked),
         "conditions": lambda: condition_space(campaign.cae, shown, held_out=held_out, display=display),
-        "cae": lambda: pulses.library_band(campaign.cae, shown, display=display, further=further),
+        "cae": lambda: pulses.library_band(campaign.cae, shown, further=further, **of_all),
         "bias": bias,
     }
     draw = one_of("figure of a campaign", figure, figures)
@@ -180,8 +184,8 @@ def figure_of_test(
     fold, display = study.fold(held_out), _display(study, options)
     estimates = chosen({estimate.approach: estimate for estimate in fold.estimates}, approaches, band)
     further = beside(study.campaign, also, display)
-    pulse = fold.test.pulse if measured else None
-    curves = Curves(pulse, estimates | further, fold.test.condition, band)
+    pulse, rest = fold.test.pulse if measured else None, study.config.training_campaign(study.campaign, held_out)
+    curves = Curves(pulse, estimates | other_fold(rest, estimates, band) | further, fold.test.condition, band)
 
     def scores() -> go.Figure:
         window_ms = _rated(study, display)
@@ -265,6 +269,17 @@ def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dic
     return dict(_further(campaign, asked, display) for asked in several(also))
 
 
+def other_fold(campaign: Campaign, estimates: Mapping[str, Estimate], band: str | None) -> dict[str, Prediction]:
+    """The pulse by the approach whose band is filled, if a test folds as one that stands apart near it, by its name."""
+    approach = next(iter([band] if band in estimates else by_preference(estimates)), None) or ""
+    prediction = estimates[approach].prediction if approach else None
+    if prediction is None or prediction.apart is None or prediction.draws_mps2 is None:
+        return {}
+    test = departures_near(campaign, prediction.condition)[0].test
+    name = LegendName.of(f"{LABELS[approach]} if it folds as {test}", {**curve_line(approach), "dash": _FOLDED})
+    return {name: Prediction(prediction.condition, prediction.draws_mps2[prediction.apart].mean(axis=0, dtype=float))}
+
+
 def pulses_of(shown: Mapping[str, Estimate | Prediction]) -> dict[str, Prediction]:
     """What estimates predict; other pulses as they are."""
     return {name: own.prediction if isinstance(own, Estimate) else own for name, own in shown.items()}
@@ -289,12 +304,18 @@ def _further(campaign: Campaign, asked: Further, display: Display) -> tuple[str,
     run = asked.removeprefix(RUN)
     if asked in campaign.test_ids:
         test = campaign.test(asked)
-        name, condition, accel_mps2 = asked, test.condition, test.pulse.accel_mps2
-    elif run in campaign.cae.ids:
-        number = campaign.cae.ids.index(run)
-        name, condition = RUN + run, campaign.cae.conditions[number]
-        accel_mps2 = campaign.cae.accel_mps2[number].astype(float)
-    else:
+        condition, accel_mps2 = test.condition, test.pulse.accel_mps2
+        label = pulse_name(asked, condition, display)
+        return LegendName.of(label, added_test_line(asked, _speeds(campaign))), Prediction(condition, accel_mps2)
+    if run not in campaign.cae.ids:
         tests = ", ".join(campaign.test_ids)
         raise UsageError(f"{campaign.name} has no test and no CAE run {run!r}; its tests are {tests}.")
-    return pulse_name(name, condition, display), Prediction(condition, accel_mps2)
+    number = campaign.cae.ids.index(run)
+    condition, accel_mps2 = campaign.cae.conditions[number], campaign.cae.accel_mps2[number].astype(float)
+    return pulse_name(RUN + run, condition, display), Prediction(condition, accel_mps2)
+
+
+def _speeds(campaign: Campaign) -> dict[str, float]:
+    """Speeds of all tests, those left out of use among them: what is taken out changes no colour of the others."""
+    unused = {test: condition.speed_mps for test, condition in campaign.unused}
+    return unused | {test.id: test.condition.speed_mps for test in campaign.tests}

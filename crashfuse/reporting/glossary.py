@@ -4,6 +4,18 @@ TTZV = (
     "Time of zero velocity (TTZV), counted from contact: crush is at its maximum, and rebound begins. The paper calls "
     "it t0, which in crash laboratories means contact."
 )
+METRICS = {
+    "peak": "Largest deceleration.",
+    "peak_time": "From contact to the largest deceleration.",
+    "delta_v": "Largest change of velocity, that of the rebound included.",
+    "t0": TTZV,
+    "max_crush": "Displacement at zero velocity, where it is largest.",
+    "mean": "Impact speed over the time of zero velocity.",
+    "sm25": "Largest loss of velocity within 25 ms, over 25 ms.",
+    "olc": "Deceleration of an occupant who first moves freely and is then stopped evenly by the restraint.",
+    "vpi": "Largest deceleration of an occupant on a spring with slack (ISO/TR 12353-3).",
+}
+"""What the metrics of the tables mean."""
 PULSE_SHAPE = (
     "Equivalent square wave: the constant deceleration that stops the vehicle within the same crush. Two-step pulse: "
     "G1 then G2, nearest to the pulse until TTZV by least squares. Centroid time: crush over impact speed. "

@@ -18,7 +18,7 @@ from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.earlier_prediction import EarlierPrediction, otherwise
-from crashfuse.reporting.figures import Curves, Further, OtherPrediction, beside, chosen, prediction_name
+from crashfuse.reporting.figures import Curves, Further, OtherPrediction, beside, chosen, other_fold, prediction_name
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.result_tables import metric_texts, metrics_table, pulses_table
@@ -120,6 +120,7 @@ class PredictedPulse:
         approaches: Sequence[str] | None = None,
         also: Sequence[Further] = (),
         band: str | None = None,
+        representative: bool = True,
         **display: Unpack[DisplayOptions],
     ) -> go.Figure:
         """A figure of the page Predict.
@@ -131,6 +132,8 @@ class PredictedPulse:
             energy over crush; a check of the integration over displacement.
         approaches, also, band, **display
             As in :meth:`crashfuse.study.study.Study.plot`.
+        representative : bool
+            Whether figures over time show a pulse that looks like a test, too.
 
         Raises
         ------
@@ -140,8 +143,9 @@ class PredictedPulse:
         shown = Display.of(self.campaign.units, **display)
         estimates = chosen({each.approach: each for each in self.estimates}, approaches, band)
         others = [other.beside(self) if isinstance(other, PredictedPulse) else other for other in several(also)]
-        further = beside(self.campaign, others, shown)
-        if figure in _WITH_WHOLE_PULSES and (lead := estimates.get(band or next(iter(by_preference(estimates)), ""))):
+        further = {**other_fold(self.campaign, estimates, band), **beside(self.campaign, others, shown)}
+        lead = estimates.get(band or next(iter(by_preference(estimates)), ""))
+        if representative and lead is not None and figure in _WITH_WHOLE_PULSES:
             further = {**lead.representative, **further}
         return Curves(None, estimates | further, self.condition, band).draw(figure, shown)
 

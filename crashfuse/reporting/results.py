@@ -9,6 +9,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.earlier import Earlier, read_earlier
+from crashfuse.certification.seal import REVIEW, SEAL
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes
@@ -148,6 +149,7 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
 RESULT_FILES = {
     "series of studies": ("studies.csv",),
     **{kind: tuple(files) for kind, files in _FILES.items()},
+    "certification": (SEAL, REVIEW, *_FILES["certification"]),
     "sweep": (*(f"{name}/" for name in PULSE_FORMATS), *_FILES["sweep"]),
 }
 """Files and folders of each kind of result, some of which may be missing; the last, written last, tells the kind."""

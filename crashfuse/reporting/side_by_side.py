@@ -8,7 +8,6 @@ import pandas as pd
 from crashfuse.certification.matrix import Matrix
 from crashfuse.reporting.certification_tables import condition_columns, factors_of
 from crashfuse.reporting.earlier_prediction import otherwise
-from crashfuse.reporting.fit_explanations import metric_remarks
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
@@ -24,35 +23,38 @@ def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[Predict
 
 
 def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> pd.DataFrame:
-    """Main metrics by one approach, for readers: each column but the first is followed by its differences from it.
-
-    Columns are named after their conditions, and by their settings if these are not the first's.
-    """
+    """Main metrics by one approach, for readers: each column but the first is followed by its differences from it."""
     labels = predictions[0].campaign.metric_headings
-    (first, base), *others = [
-        (who, {metric.name: display.metric(metric) for metric in metrics})
-        for who, metrics in _columns(predictions, display)
-    ]
+    columns = [{m.name: display.metric(m) for m in prediction.estimate.metrics} for prediction in predictions]
+    (first, base), *others = zip(column_names(predictions, display), columns, strict=True)
     table = {
         "Pulse metric": [display.heading(labels[name]) for name in MAIN_METRICS],
         first: [base[name].text for name in MAIN_METRICS],
     }
     for who, metrics in others:
         table[who] = [metrics[name].text for name in MAIN_METRICS]
-        table[f"Difference, {who}"] = [_difference(metrics[name], base[name]) for name in MAIN_METRICS]
+        table[f"{who} − {first}"] = [_difference(metrics[name], base[name]) for name in MAIN_METRICS]
     return pd.DataFrame(table)
 
 
+def column_names(predictions: Sequence[PredictedPulse], display: Display) -> list[str]:
+    """Names of predictions beside each other: their conditions, and their settings if these are not the first's."""
+    names, shown = display.apart([prediction.condition for prediction in predictions]), predictions[0].config
+    return [
+        ", ".join(filter(None, [name, otherwise(prediction.config, shown)]))
+        for name, prediction in zip(names, predictions, strict=True)
+    ]
+
+
 def cautions(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> list[str]:
-    """What has to be known of the columns after the first: where a condition is an extrapolation, what is missing."""
-    columns, (first, *others) = _columns(predictions, display)[1:], predictions
-    outside = [
+    """At which conditions after the first a prediction is an extrapolation."""
+    first, *others = predictions
+    return [
         Sentence("{}: {}", name, note)
-        for (name, _), prediction in zip(columns, others, strict=True)
+        for name, prediction in zip(column_names(predictions, display)[1:], others, strict=True)
         for note in prediction.campaign.cae.extrapolation(prediction.condition)
         if prediction.condition != first.condition
     ]
-    return [*outside, *metric_remarks(columns)[0]]
 
 
 def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
@@ -80,14 +82,6 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
         for estimate in prediction.estimates
         for m in estimate.metrics
     )
-
-
-def _columns(predictions: Sequence[PredictedPulse], display: Display) -> list[tuple[str, Sequence[Metric]]]:
-    names, shown = display.apart([prediction.condition for prediction in predictions]), predictions[0].config
-    return [
-        (", ".join(filter(None, [name, otherwise(prediction.config, shown)])), prediction.estimate.metrics)
-        for name, prediction in zip(names, predictions, strict=True)
-    ]
 
 
 def _difference(metric: Metric, base: Metric) -> str:

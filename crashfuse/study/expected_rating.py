@@ -1,5 +1,6 @@
 """Expected rating of a prediction before there is a test to rate it against, and how the expectation came out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -8,7 +9,7 @@ import numpy as np
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import require_number
-from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.signals.rating_sentences import rating_range
 from crashfuse.study.estimate import Estimate
@@ -119,7 +120,7 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     away = np.array([abs(test.condition.speed_mps - speed_mps) for test in tests])
     reach = max(_REACH_MPS, away[:_LEAST].max() + _ALIKE_MPS)
     near = tests[: int((away <= reach).sum())]
-    ratings = [_overall(test.pulse, left_out[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in tests]
+    ratings = [_overall(test.pulse, left_out[test.id], window_ms) for test in tests]
     agreements = np.array([estimate.agreements.get(test.id, np.nan) for test in tests])
     single = RatingDistribution.learned(np.array(ratings), away, agreements, agreement(estimate.prediction))
     median, lower, upper, least, most = map(single.quantile, _SHARES)
@@ -143,8 +144,18 @@ def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 6
     )
 
 
+def mean_near(estimate: Estimate, campaign: Campaign, tests: Sequence[str], window_ms: float) -> float:
+    """Mean rating over [0, window_ms) of an approach's predictions of some tests, left out."""
+    left_out = estimate.left_out_mps2
+    return float(np.mean([_overall(campaign.test(test).pulse, left_out[test], window_ms) for test in tests]))
+
+
+def _overall(measured: Pulse, predicted_mps2: FloatArray, window_ms: float) -> float:
+    return _cached_overall(measured, predicted_mps2.astype(np.float64).tobytes(), float(window_ms))
+
+
 @lru_cache(maxsize=512)  # at every condition the same tests are asked about; up to 10 kB each
-def _overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
+def _cached_overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
     """Overall rating of a prediction, given as bytes of float64 so that it can be a key."""
     predicted = Pulse(GRID_S, np.frombuffer(predicted_mps2))
     return rate_windows(measured, predicted, [window_ms])[window_ms].overall

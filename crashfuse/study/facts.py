@@ -7,10 +7,12 @@ from crashfuse.approaches.neighbours import doubtful_tests
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.condition import ABOUT, Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.fact import Fact, by_importance
+from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G
-from crashfuse.wording import joined
+from crashfuse.wording import Sentence, acceleration, joined, read_out
 
 
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:
@@ -28,11 +30,31 @@ def condition_facts(campaign: Campaign, condition: Condition) -> tuple[Fact, ...
     return (*apart, *doubtful, *beyond)
 
 
+def window_facts(test: CrashTest, window_ms: float) -> tuple[Fact, ...]:
+    """What the rated window of a test does not hold: its peak, its time of zero velocity."""
+    metrics = {m.name: m for m in checked_metrics(test.pulse.accel_mps2, test.condition.speed_mps)}
+    peak_g, peak_ms, ttzv_ms = (metrics[name].value for name in ("peak", "peak_time", "t0"))
+    late: list[str] = []
+    if peak_g is not None and peak_ms is not None and peak_ms >= window_ms:
+        late.append(Sentence(f"the peak, {{}} at {peak_ms:.1f} ms,", acceleration(peak_g * G)))
+    if ttzv_ms is None or ttzv_ms >= window_ms:
+        late.append(f"zero velocity, {'after the record' if ttzv_ms is None else f'at {ttzv_ms:.1f} ms'},")
+    if not late:
+        return ()
+    verb = "is" if len(late) == 1 else "are"
+    what = joined(late, " and ")
+    sentence = Sentence(f"{{}}: {{}} {verb} not in the rated window, 0–{window_ms:g} ms.", test.id, what)
+    values = {"test": test.id, "window_ms": window_ms, "peak_g": peak_g, "peak_ms": peak_ms, "ttzv_ms": ttzv_ms}
+    return (Fact("test.beyond_window", sentence, "Beyond the window", values),)
+
+
 _known: WeakKeyDictionary[Campaign, tuple[Fact, ...]] = WeakKeyDictionary()
 
 
 def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
     yield from map(_apart, departures(campaign))
+    if any(test.cae_tuned for test in campaign.tests):
+        yield tuning_fact(campaign)
     of_runs = zip(campaign.cae.ids, campaign.cae.about, strict=False)  # none, where nothing is recorded
     ends = {run: dict(about).get(f"{ABOUT}termination") for run, about in of_runs}
     if odd := {run: str(end) for run, end in ends.items() if end not in ("normal", None)}:
@@ -56,6 +78,23 @@ def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
         yield Fact("campaign.warning", warning, "Warning")
     if campaign.notice:
         yield Fact("campaign.notice", campaign.notice, campaign.notice.partition(":")[0])
+
+
+def tuning_fact(campaign: Campaign) -> Fact:
+    """Which tests the CAE model was tuned to, and of which that is not said."""
+    tuned = [test.id for test in campaign.tests if test.cae_tuned]
+    unknown = [test.id for test in campaign.tests if test.cae_tuned is None]
+    sentences = []
+    if tuned:
+        sentences.append(
+            f"The CAE model was tuned to {read_out(tuned)}: what is predicted of a test, left out, that its CAE model "
+            "has seen proves little, and supports no verdict."
+        )
+    if unknown:
+        of = "the tests" if len(unknown) == len(campaign.tests) else read_out(unknown)
+        sentences.append(f"Whether the CAE model was tuned to {of} is not said (column cae_tuned of tests.csv).")
+    label = f"CAE model tuned to {', '.join(tuned)}" if tuned else "Tuning not said"
+    return Fact("tests.cae_tuned", joined(sentences), label, {"tuned": tuned, "unknown": unknown})
 
 
 def _apart(departure: Departure) -> Fact:

@@ -233,34 +233,17 @@ def _now() -> str:
 def earlier_settings(
     results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig, cache: Cache
 ) -> list[StudyConfig]:
-    """Those of :func:`past_settings` whose prediction is in the cache and is another than the one that is shown."""
+    """Settings of past results with an approach's prediction of a test in the cache, but for the one that is shown."""
     condition = campaign.test(test_id).condition
 
     def identity(config: StudyConfig) -> str:
         return repr((settings(config.create(approach)), config.left_out(campaign, test_id)))
 
+    mine = [result for result in results if result.fingerprint == campaign.fingerprint and test_id in result.tests]
+    ways = [way for result in mine if approach in result.config.approaches for way in result.config.split_configs]
     distinct = {identity(shown): shown}
-    for config in past_settings(results, campaign, test_id, approach, shown):
+    for way in ways:
+        config = replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out)
         if is_estimate_cached(config.training_campaign(campaign, test_id), condition, approach, config, cache):
             distinct.setdefault(identity(config), config)
     return list(distinct.values())[1:]
-
-
-def past_settings(
-    results: Iterable[PastResult], campaign: Campaign, test_id: str, approach: str, shown: StudyConfig
-) -> list[StudyConfig]:
-    """Settings (preset, seed, what was left out) of past results with a prediction of a test by an approach.
-
-    The cache is not looked up: that takes seconds where networks have to be imported.
-    """
-    ways = (
-        way
-        for result in results
-        if result.fingerprint == campaign.fingerprint
-        and test_id in result.tests
-        and approach in result.config.approaches
-        for way in result.config.split_configs
-    )
-    return list(
-        dict.fromkeys(replace(shown, preset=way.preset, seed=way.seed, leave_out=way.leave_out) for way in ways)
-    )

@@ -15,6 +15,7 @@ from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import find_estimate
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
+from crashfuse.study.facts import window_facts
 from crashfuse.study.outliers import LEAST, Departure, departure
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Fold, Study
@@ -82,7 +83,7 @@ class Account:
             sentences.append(f"{compared}{': what they teach does not hold for it' if misled else ''}.")
         if self.inside is not None:
             sentences.append(f"Inside the 95 % band is {100 * self.inside:.0f} % of its a(t) up to TTZV.")
-        return tuple(sentences)
+        return (*sentences, *(fact.sentence for fact in window_facts(test, self.window_ms)))
 
 
 def account(

@@ -5,7 +5,7 @@ tests, of two at least: one alone cannot tell approaches apart. It is decided by
 (CRPS), and explained in ratings.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -20,11 +20,12 @@ from crashfuse.condition import Condition
 from crashfuse.errors import require_a
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import grade
+from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.estimate import Estimate
-from crashfuse.study.expected_rating import ExpectedRating, expected_rating
+from crashfuse.study.expected_rating import ExpectedRating, expected_rating, mean_near
 from crashfuse.study.study import Fold, Study
 from crashfuse.units import MPH, G
-from crashfuse.wording import Quantity, Sentence, joined, speed
+from crashfuse.wording import Quantity, Sentence, joined, read_out, speed
 
 _CLEARLY = 0.02  # in rating: a handful of tests cannot separate approaches closer than this
 _NEAR_MPS = 3 * MPH
@@ -41,11 +42,14 @@ class Recommendation:
         The recommendation, its basis, and cautions.
     expected : ExpectedRating, optional
         Expected rating of that approach, for a single prediction.
+    undecided : str
+        From which approaches the tests cannot tell it, and what prefers one of these; empty if they can.
     """
 
     approach: str
     sentences: tuple[str, ...]
     expected: ExpectedRating | None = None
+    undecided: str = ""
 
     def __repr__(self) -> str:
         return f"<Recommendation: {self.sentences[0]}>"
@@ -54,7 +58,7 @@ class Recommendation:
         """The sentences once the test is known: how the expectation came out comes first."""
         if self.expected is None:
             return self.sentences
-        use = f"Recommended was {CLASSES[self.approach].in_words}."
+        use = f"Recommended was {CLASSES[self.approach].in_words}{self.undecided}."
         return f"{use} {self.expected.outcome(rating)}", self.expected.sentence, *self.sentences[1:]
 
 
@@ -75,8 +79,16 @@ def recommend_for(
     if len(expected) < len(names) and not any(CLASSES[name].learns_from_tests for name in expected):
         return _by_the_paper(names, campaign, condition)
     most = max(rating.mean for rating in expected.values())
-    name, best = next((name, rating) for name, rating in expected.items() if rating.mean > most - _CLEARLY)
-    sentences: list[str] = [joined([f"Use {CLASSES[name].in_words}.", best.sentence])]
+    equal = [name for name, rating in expected.items() if rating.mean > most - _CLEARLY]
+    name, best, undecided = equal[0], expected[equal[0]], ""
+    if len(equal) > 1:
+        rated = {
+            f"0–{window:g} ms": {other: mean_near(by_name[other], campaign, best.tests, window) for other in equal}
+            for window in WINDOWS_MS
+        }
+        rated["the worst test"] = {other: expected[other].lowest for other in equal}
+        undecided = _undecided(rated, len(best.tests))
+    sentences: list[str] = [joined([f"Use {CLASSES[name].in_words}{undecided}.", best.sentence])]
     if best.farther:
         sentences.append(
             "The condition is farther in speed from all tests than any of these was from the others: see the width of "
@@ -91,7 +103,20 @@ def recommend_for(
         likely = "to be expected" if best.upper <= _GOOD else "likely"
         sentences.append(f"Less than {grade(_GOOD + 1e-9)} is {likely}: a guide, not a proof.")
     sentences.append("Here tests are left out of this one fit; a study fits anew without each.")
-    return Recommendation(name, (*sentences, *campaign.cae.extrapolation(condition)), best)
+    return Recommendation(name, (*sentences, *campaign.cae.extrapolation(condition)), best, undecided)
+
+
+def _undecided(rated: Mapping[str, Mapping[str, float]], n_tests: int) -> str:
+    """From which approaches so many tests cannot tell the first, and what rates one of these higher."""
+    name, *equal = next(iter(rated.values()))
+    prefers = []
+    for what, ratings in rated.items():
+        best = max(ratings, key=ratings.__getitem__)
+        higher, lower = (f"{ratings[approach]:.2f}" for approach in (best, name))
+        if higher != lower:
+            prefers.append(f"{what} prefers {CLASSES[best].in_words} ({higher} for {lower})")
+    from_others = read_out([CLASSES[other].in_words for other in equal])
+    return f": {n_tests} left-out tests cannot tell it from {'; '.join([from_others, *prefers])}"
 
 
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
@@ -146,19 +171,25 @@ def _recommendation(study: Study) -> Recommendation:
     excess = {name: values - best for name, values in crps.items()}
     # the best and all within a standard error of it, the preferred one first
     name, *equal = [name for name, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(n)]
+    undecided = ""
+    if equal:
+        rated = {
+            f"0–{window:g} ms": {other: study.mean_rating(other, window) for other in (name, *equal)}
+            for window in study.config.windows_ms
+        }
+        worst = {other: min(fold.ratings[other][window_ms].overall for fold in study.folds) for other in (name, *equal)}
+        undecided = _undecided({**rated, "the worst test": worst}, n)
     shown = {other: Quantity((float(values.mean()),), "g", ".2f") for other, values in crps.items()}
     others = [Sentence("{} {}", CLASSES[other].in_words, value) for other, value in shown.items() if other != name]
     sentences: list[str] = [
         Sentence(
-            f"Use {{}} for this campaign. Over 0–{window_ms:g} ms, on {n} tests that were left out, its mean "
-            "distance from what was measured (CRPS, less is better) is {}.",
+            f"Use {{}} for this campaign{undecided}. Over 0–{window_ms:g} ms, on {n} tests that were left out, its "
+            "mean distance from what was measured (CRPS, less is better) is {}.",
             CLASSES[name].in_words,
             joined([Sentence("{}", shown[name]), *filter(None, [joined(others, ", ")])], "; "),
         ),
         joined(["Mean", _ratings(study, name, window_ms)]),
     ]
-    if equal:
-        sentences.append(f"These tests can't tell it from {' and '.join(CLASSES[other].in_words for other in equal)}.")
     if name in study.coverage:
         coverage = study.coverage[name]
         n = len(coverage.tests)

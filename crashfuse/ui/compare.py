@@ -16,16 +16,18 @@ from crashfuse.reporting import glossary
 from crashfuse.reporting.rating_tables import REPEAT
 from crashfuse.reporting.report import study_report
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import window_facts
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest, advised
-from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, leading, without_clicks
+from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, without_clicks
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, offer_pulses
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.results import show_table
+from crashfuse.ui.kit.text import plain
 from crashfuse.wording import difference, joined
 
 _NO_CHANGE = 0.005  # in rating
@@ -75,9 +77,14 @@ class Comparison:
         return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
 
     @property
-    def leading(self) -> str:
-        """The approach whose predictions with other settings stand beside these."""
-        return leading(self.predictions, self.recommended)
+    def subject(self) -> Subject:
+        """What further predictions are of."""
+        return Subject.held_out(self.view)
+
+    @property
+    def approach(self) -> str:
+        """The approach that was chosen."""
+        return str(st.session_state[self.subject.chosen_approach])
 
     @property
     def repeat(self) -> Repeatability | None:
@@ -86,13 +93,13 @@ class Comparison:
 
     def choose_curves(self, offered: Sequence[str] | None = None) -> Shown:
         """Let the user choose the curves of a figure."""
-        return choose_curves(Subject.held_out(self.view), self.predictions, self.recommended, offered)
+        return choose_curves(self.subject, self.approach, self.predictions, offered)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""
         drawn = self.study.plot(
-            self.test.id, figure, approaches=shown.approaches, also=shown.also, band=shown.band, measured=shown.test,
-            corridors=corridors, notes=notes, display=self.view.display,
+            self.test.id, figure, approaches=shown.approaches, also=shown.also, band=shown.approach,
+            measured=shown.test, corridors=corridors, notes=notes, display=self.view.display,
         )  # fmt: skip
         return without_clicks(drawn)
 
@@ -100,6 +107,8 @@ class Comparison:
 def show_headline(comparison: Comparison) -> None:
     """Show the ratings in a row, and the recommendation."""
     st.html(_row(comparison))
+    for fact in window_facts(comparison.test, comparison.window_ms):
+        st.caption(plain(comparison.view.display.words(fact.sentence)))
     with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
         component("ratings")(key=_KEY, on_approach_change=_explain)
     if (advice := comparison.advice) is None:
@@ -157,7 +166,7 @@ def show_ratings(comparison: Comparison) -> None:
     st.subheader("Rating by approach and window", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     rated = dict(fold.ratings)
-    others = Subject.held_out(comparison.view).predictions(comparison.leading)
+    others = comparison.subject.predictions(comparison.approach)
     added = dict(prediction.curve(comparison.view.display) for prediction in others)
     for name, estimate in added.items():
         fold_of = Fold.of(comparison.test, [estimate], comparison.config.windows_ms)
@@ -174,8 +183,8 @@ def show_ratings(comparison: Comparison) -> None:
         *((name, estimate.metrics) for name, estimate in added.items()),
     ]
     results.show_metrics(columns, comparison.view)
-    results.show_notes(fold.estimates, () if comparison.advice is None else comparison.advice.sentences)
-    results.show_fits(fold.estimates)
+    said = () if comparison.advice is None else comparison.advice.sentences
+    results.show_details(columns, fold.estimates, comparison.view, said)
 
 
 def show_files(comparison: Comparison) -> None:

@@ -5,6 +5,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.campaign import Campaign
@@ -19,8 +20,8 @@ from crashfuse.ui.kit import address, campaigns, editing, results
 from crashfuse.ui.kit.address import REFUSED, choose_campaign, chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest
-from crashfuse.ui.kit.curves import Subject, add_to_runs, choose_tests, key_of, usual_approach, without_clicks
 from crashfuse.ui.kit.figures import show_cached_figure
+from crashfuse.ui.kit.frame import show_title
 from crashfuse.ui.kit.navigation import open_page, show_link
 from crashfuse.ui.kit.results import show_problems, show_table
 from crashfuse.ui.kit.text import plain
@@ -30,6 +31,10 @@ from crashfuse.wording import speed
 _ROUND = "uploads so far"
 _CLASSES = (60, 180, 600)
 _AS_READ = "As read"
+_WAYS = {
+    "add": ("Add tests or CAE runs", ":material/add:"),
+    "open": ("Open another campaign", ":material/folder_open:"),
+}
 _ASKED = "asked for the next prediction"  # session key
 _LAYOUT = """<pre>tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb
 tests/&lt;id&gt;.csv       its pulse: time_ms, acceleration_g
@@ -37,47 +42,45 @@ cae.csv              one row a CAE run: id, speed_mph, front_weight_lb, rear_wei
 cae_pulses.parquet   all CAE pulses: id, time_ms, acceleration_g</pre>"""  # st.code fetches 1.5 MB to colour programs
 
 
-def show_summary(view: View) -> None:
-    """Say in a line what was accepted, and offer the next step."""
+def show_head(view: View) -> None:
+    """Show the campaign's name, what it is, the ways to add to it and to another one, and what is wrong with it."""
     campaign = view.campaign
     speeds = [test.condition.speed_mps for test in campaign.tests]
-    tests = "1 test" if len(speeds) == 1 else f"{len(speeds)} tests"
-    at = view.display.words(speed(min(speeds), max(speeds), form=".0f"))
-    with st.container(horizontal=True, vertical_alignment="center", key="summary"):
-        st.markdown(
-            f"**{tests} at {at}, {len(campaign.cae):,} CAE runs**", width="content",
-            help=f"Tests that have a CAE run at their own condition: {_paired(campaign)}.",
-        )  # fmt: skip
+    with show_title(plain(campaign.name)):
+        at = view.display.words(speed(*dict.fromkeys((min(speeds), max(speeds))), form=".0f"))
         st.caption(
-            f"Fingerprint {campaign.fingerprint[:12]}", width="content",
-            help=f"SHA-256 of all data, the same wherever the files lie: {campaign.fingerprint}",
+            f"Tests at {at} · Fingerprint {campaign.fingerprint[:12]}", width="content",
+            help=f"Tests that have a CAE run at their own condition: {_paired(campaign)}. Fingerprint: SHA-256 of all "
+            f"data, the same wherever the files lie: {campaign.fingerprint}",
         )  # fmt: skip
-        asked = _offer_next(view)
+        for way, (label, icon) in _WAYS.items():
+            st.button(label, icon=icon, on_click=st.session_state.update, args=({"opening": way},))
+    if campaign.notice:
+        st.caption(f":material/science: {plain(campaign.notice)}")
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
     editing.offer_leaving_out(view)
     if unread := unread_files(view.folder):
         st.caption(plain(unread))
     editing.show_last_change(view)
-    if asked:
-        open_page("compare")
 
 
 def _paired(campaign: Campaign) -> int:
     return sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
 
 
-def _offer_next(view: View) -> bool:
-    """Show what to do next; True if it was asked for."""
+def offer_next(view: View) -> None:
+    """Show what to do next, and do it once it was asked for."""
     if len(view.campaign.tests) == 1:
         show_link("predict", "Next: predict another condition")
-        return False
+        return
     request = StudyRequest(view.campaign, (view.held_out.id,), chosen_config())
     st.button(
         f"Next: predict test {plain(view.held_out.id)} from the others, and compare", type="primary",
         icon=":material/arrow_forward:", on_click=_predict_next, args=(request,),
     )  # fmt: skip
-    return bool(st.session_state.pop(_ASKED, False))
+    if st.session_state.pop(_ASKED, False):
+        open_page("compare")
 
 
 def _predict_next(request: StudyRequest) -> None:
@@ -89,28 +92,30 @@ def _predict_next(request: StudyRequest) -> None:
 def show_tests(view: View) -> None:
     """All tests overlaid, as read or filtered."""
     campaign, test, display = view.campaign, view.held_out, view.display
-    editing.show_tests_in_use(view)
-    Subject.held_out(view, among_tests=True).offer(usual_approach())
     options = [_AS_READ, *(f"CFC {cfc}" for cfc in _CLASSES)]
     address.default("filter", _AS_READ, options)
-    row = st.container(horizontal=True, vertical_alignment="bottom")
-    choice = row.segmented_control(
-        "Channel filter class (SAE J211-1)", options, default=_AS_READ, required=True, key="filter",
-        persist_state="session", help="For this figure only: approaches are fitted and rated on the pulses as read.",
-    )  # fmt: skip
-    tests, also = choose_tests(view, row)
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        editing.choose_tests_in_use(view)
+        choice = st.segmented_control(
+            "Channel filter class (SAE J211-1)", options, default=_AS_READ, required=True, key="filter",
+            persist_state="session", help="For this figure only: approaches use the pulses as read.",
+        )  # fmt: skip
+    editing.show_tests_out_of_use(view)
     cfc = None if choice == _AS_READ else float(choice.removeprefix("CFC "))
     show_cached_figure(
-        lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=display)),
+        lambda: _keeping_clicks(campaign.plot(held_out=test.id, cfc=cfc, display=display)),
         f"Pulses of tests over time, {'as read' if cfc is None else f'filtered to {choice}'}, coloured by speed",
-        ("tests", campaign.fingerprint, test.id, cfc, display, tests, key_of(also), chosen_config()),
-        name=" ".join([*(tests if len(tests) < len(campaign.tests) else ["tests"]), choice]), beside=also,
-    )  # fmt: skip
+        ("tests", campaign.fingerprint, test.id, cfc, display),
+        name=f"tests {choice}",
+    )
     reading = "as they are in the files"
     if campaign.channel_filter_class is not None:
         reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
     if cfc is None:
-        st.caption(f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart.")
+        st.caption(
+            f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart. In the "
+            "legend a click hides a test, a double click shows it alone."
+        )
         return
     accel = test.pulse.accel_mps2
     pulses = accel, cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
@@ -120,6 +125,11 @@ def show_tests(view: View) -> None:
         f"{peaks[0]:.1f} to {peaks[1]:.1f} {display.unit}. It sees 0–100 ms only: the first and last milliseconds may "
         "differ from those of a filtered full record."
     )
+
+
+def _keeping_clicks(figure: go.Figure) -> go.Figure:
+    """The same figure; what is hidden by a click in its legend stays hidden when it is drawn once more."""
+    return figure.update_layout(uirevision="tests")
 
 
 def show_conditions(view: View) -> None:
@@ -141,14 +151,11 @@ def show_conditions(view: View) -> None:
 def show_library(view: View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
-    Subject.held_out(view, among_tests=True).offer(usual_approach())
-    also = add_to_runs(view)
     show_cached_figure(
-        lambda: without_clicks(campaign.plot("cae", also=also, display=view.display)),
+        lambda: _keeping_clicks(campaign.plot("cae", display=view.display)),
         "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
-        ("library", campaign.fingerprint, view.display, key_of(also), chosen_config()),
+        ("library", campaign.fingerprint, view.display),
         name="CAE runs",
-        beside=also,
     )
     lines = "Lines are the runs" if _paired(campaign) else "No run was"
     st.caption(f"The band holds the middle 90 % of all CAE runs at each time. {lines} made at a test's own condition.")
@@ -170,14 +177,22 @@ def _show_quality(view: View) -> None:
             st.dataframe(runs, hide_index=True)
 
 
+def show_opening(way: str) -> None:
+    """Show the view in which another campaign is opened, or files to be added are chosen."""
+    with show_title(_WAYS[way][0]):
+        st.button("Back", icon=":material/arrow_back:", on_click=st.session_state.update, args=({"opening": None},))
+    show_open_forms()
+
+
 def show_open_forms() -> None:
-    """Show the ways to open a campaign, and what was wrong with the last attempt."""
+    """Show the ways to open a campaign or files to be added, and what was wrong with the last attempt."""
     folder, upload = st.columns(2, gap="large")
     with folder.form("open folder", border=False):
         st.text_input(
-            "A campaign folder on this computer", key="folder",
-            placeholder="the folder that holds tests.csv and cae.csv",
-            help="On the computer that crashfuse runs on. Nothing is copied or sent. Other formats are imported.",
+            "A folder or file on this computer", key="folder",
+            placeholder="a campaign, tests or CAE runs: the whole path",
+            help="On the computer that crashfuse runs on. Nothing is copied or sent. What is no campaign is imported: "
+            "you see what was recognised, and choose where it goes, before anything is added.",
         )  # fmt: skip
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
     if folders := campaigns.recent_folders():
@@ -190,7 +205,7 @@ def show_open_forms() -> None:
                 )  # fmt: skip
     with upload.form("open upload", border=False):
         st.file_uploader(
-            "Or a zip of one, its files together, or test and CAE files to import", accept_multiple_files=True,
+            "Or upload files", accept_multiple_files=True,
             key=f"files {st.session_state.get(_ROUND, 0)}",
             help=f"A campaign is CSV and Parquet. Formats that can be imported: {all_formats()}. Files go to the "
             "computer that crashfuse runs on, no further, and are deleted when it ends. Open what is larger than the "
@@ -202,10 +217,8 @@ def show_open_forms() -> None:
     import_step.show_unfinished()
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
         st.html(_LAYOUT)
-        st.markdown(
-            "Speeds may be in mph, km/h or m/s (`_mph`, `_kph`, `_mps`), weights in lb or kg, time in ms or s, and "
-            "accelerations in g or m/s² (`_g`, `_mps2`): the end of a column's name tells. Pulses of either source "
-            "may be single files or one table, CSV or Parquet."
+        st.caption(
+            "The end of a column's name is its unit: `_mph`, `_kph`, `_mps`, `_lb`, `_kg`, `_ms`, `_s`, `_g`, `_mps2`."
         )
 
 
@@ -213,7 +226,7 @@ def _attempt(open_it: Callable[[], str | Source]) -> None:
     st.session_state.pop(REFUSED, None)
     try:
         opened = open_it()
-        st.session_state["data_tab"] = None  # what was opened is to be seen
+        st.session_state.update(data_tab=None, opening=None)  # what was opened is to be seen
         if isinstance(opened, Source):
             begin_import(opened)
         else:

@@ -242,10 +242,11 @@ def open_result(result: PastResult, test: str = "", settings: str = "") -> bool:
         state["test"] = test or result.tests[0]
     if result.condition is not None:
         fill_in(campaigns.load(name), result.condition)
-    if settings:
-        state["also"] = list(dict.fromkeys([*state["also"], settings]))
     at_test = test or len(result.tests) == 1
-    open_next("predict" if result.condition is not None else "compare" if at_test else "study")
+    page = "predict" if result.condition is not None else "compare" if at_test else "study"
+    if settings:
+        state[f"{page}_also"] = list(dict.fromkeys([*state[f"{page}_also"], settings]))
+    open_next(page)
     return True
 
 

@@ -205,8 +205,12 @@ def _files(form: TableForm) -> set[str]:
 def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
     key = f"{source_key} {hash(form.columns)}"
     more = f" and {len(form.names) - 1} more with the same columns" if len(form.names) > 1 else ""
-    with st.container(border=True):
-        st.markdown(f"**{plain(form.names[0])}**{more}")
+    uses = form.proposed.uses
+    needed = {"pulses": {"time", "acceleration"}, "conditions": {"id", "speed"}}.get(form.proposed.kind, {"none"})
+    is_clear = needed <= {use.role for use in uses} and all(
+        use.unit if use.role in QUANTITIES else not use.is_unknown for use in uses
+    )
+    with st.expander(f"**{plain(form.names[0])}**{more}", expanded=not is_clear):
         st.dataframe(without_formulas(form.head.iloc[:, :_MOST_COLUMNS]), hide_index=True, height="content")
         holds = st.segmented_control(
             "It holds", ["pulses", "conditions", "neither"], default=form.proposed.kind, required=True,

@@ -28,6 +28,7 @@ from crashfuse.ui.kit.address import choose_campaign
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import can_be_edited
 from crashfuse.ui.kit.figures import show_figure
+from crashfuse.ui.kit.frame import show_title
 from crashfuse.ui.kit.results import refused_into, show_problems
 from crashfuse.ui.kit.text import advice_on_page, plain, without_options
 from crashfuse.ui.kit.uploads import (
@@ -46,7 +47,7 @@ from crashfuse.units import MS
 from crashfuse.wording import said
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys
-_FACTOR_PX = 260
+_FACTOR_PX, _FOLDER_PX = 170, 380
 _MOST_ROWS = 100
 _KEY = "import-step"
 # fields and figure sit side by side only where both fit; Streamlit considers the window, not the space left
@@ -66,46 +67,49 @@ def _show_add_form(
     settled: Sequence[Settled],
     notice: str,
 ) -> None:
-    st.subheader("Add to a campaign")
     if refused := st.session_state.get(IMPORT_REFUSED):
         show_problems(refused, "Nothing was added", "The campaign is as it was.")
-    if len(settled) == 1:
-        st.text_input("Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session")
-    _ask_folder(notice)
-    _ask_factors(source, role, settled)
     what = f"as {WHAT[settled[0].role][0]}" if len(settled) == 1 else _counts_of(settled) or WHAT[role][1]
-    st.button(
-        f"Add {what}", type="primary", icon=":material/add:", disabled=not settled, on_click=_add,
-        args=(source, reading, choices, role, cae),
-    )  # fmt: skip
+    with st.container(border=True, horizontal=True, vertical_alignment="bottom"):
+        _ask_folder()
+        if len(settled) == 1:
+            st.text_input(
+                "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session",
+                width=_FACTOR_PX,
+            )  # fmt: skip
+        _ask_factors(source, role, settled)
+        st.button(
+            f"Add {what}", type="primary", icon=":material/add:", disabled=not settled, on_click=_add,
+            args=(source, reading, choices, role, cae),
+        )  # fmt: skip
+    if notice and st.session_state.get(_INTO) == "open":
+        st.info(f"The campaign says of itself, and of what is added: “{plain(notice)}”", icon=":material/info:")
 
 
 def _counts_of(settled: Sequence[Settled]) -> str:
     return " and ".join(counted(n, role) for role, n in Counter(record.role for record in settled).items())
 
 
-def _ask_folder(notice: str) -> None:
+def _ask_folder() -> None:
     open_one = _open_folder()
     if open_one is not None:
         labels = {"open": f"{plain(st.session_state['campaign'])}, which is open", "folder": "Another folder"}
         st.radio(
-            "Into", list(labels), format_func=labels.__getitem__, key=_INTO, persist_state="session", horizontal=True,
+            "Add to the campaign", list(labels), format_func=labels.__getitem__, key=_INTO, persist_state="session",
+            horizontal=True, width="content",
         )  # fmt: skip
     if open_one is None or st.session_state.get(_INTO) == "folder":
         st.text_input(
             "Campaign folder on this computer", key=_FOLDER, persist_state="session",
             placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
-            help="A new folder, which will be made, or a campaign that is there already.",
+            help="A new folder, which will be made, or a campaign that is there already.", width=_FOLDER_PX,
         )  # fmt: skip
-    elif notice:
-        st.info(f"The campaign says of itself, and of what is added: “{plain(notice)}”", icon=":material/info:")
 
 
 def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:
-    row = st.container(horizontal=True)
     for name, values in _factors_of_target(role).items():
         values_found = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
-        row.selectbox(
+        st.selectbox(
             plain(name) + (", of all" if len(settled) > 1 else ""), values, index=None, accept_new_options=True,
             placeholder=", ".join(values_found) or "not given", key=f"{source.key} factor {name}",
             persist_state="session",
@@ -170,6 +174,7 @@ def _open(folder: Path, sentence: str) -> None:
         st.session_state[_FOLDER] = str(folder)  # the likely target of the next import
         if not (folder / "cae.csv").is_file():
             st.session_state[NEXT_ROLE] = "cae"
+        st.session_state["opening"] = "add"
         st.session_state[IMPORT_UNFINISHED] = (f"{sentence}, in {plain(str(folder))}.", error.problems)
 
 
@@ -217,9 +222,10 @@ def show_import(source: Source, view: View | None) -> None:
 
 
 def _show_step(source: Source, view: View | None) -> None:
-    st.title("Import files" if source.several else f"Import {plain(source.path.name)}")
-    st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.")
-    st.button("Back without importing", icon=":material/arrow_back:", on_click=leave_import)
+    with show_title("Import files" if source.several else f"Import {plain(source.path.name)}"):
+        st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.", width="content")
+        st.button("Back without importing", icon=":material/arrow_back:", on_click=leave_import)
+    above = st.container()  # what adds is on the first screen, however long what was read
     left, right = st.columns([2, 3], gap="large")
     with left:
         taken_as = st.container()  # what files look like is known once all are read
@@ -253,7 +259,8 @@ def _show_step(source: Source, view: View | None) -> None:
             can = f"{_counts_of(settled)} can be added without." if settled else ""
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
     notice = "" if view is None else view.campaign.notice
-    _show_add_form(source, reading, choices, role, cae, settled, notice)
+    with above:
+        _show_add_form(source, reading, choices, role, cae, settled, notice)
 
 
 def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:
@@ -293,7 +300,7 @@ def _preview(record: Record, choices: Choices, settled: Settled | None, display:
     show_figure(Preview(record, choices, settled).plot(display=display), alt=alt)
     if settled is not None:
         st.markdown(f"**{plain(settled.id)}**: {units.text_of(settled.condition)}")
-        st.markdown("\n".join(f"- {plain(without_options(said(step, units.system)))}" for step in settled.steps))
+        st.caption("  \n".join(plain(without_options(said(step, units.system))) for step in settled.steps))
 
 
 def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:

@@ -1,6 +1,7 @@
 """Planning on the page Predict: pulse metrics over impact speed, and which test to run next."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import streamlit as st
@@ -8,6 +9,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.reporting.glossary import TTZV
@@ -42,7 +44,6 @@ def show_over_speed(answer: Answer) -> None:
     if not answer.whole:
         st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
         return
-    st.markdown("Predictions of every approach over impact speed, at the weights above, with the tests as points.")
     sweep = result_or_none(
         sweep_over_speed(request, answer.fitted, condition),
         invitation="About thirty speeds are predicted, which takes about ten seconds.",
@@ -54,13 +55,15 @@ def show_over_speed(answer: Answer) -> None:
         "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep_metric",
         persist_state="session", help=TTZV,
     )  # fmt: skip
+    approaches = answer.approach, BASELINE
+    shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
     show_figure(
-        sweep.plot(metric, display=view.display),
-        alt=f"{METRIC_LABELS[metric]} over impact speed, every approach with its band, tests as points",
+        shown.plot(metric, display=view.display),
+        alt=f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.approach]}, tests as points",
         name=f"{metric} over speed {condition.text.partition(' ')[2]}",
     )
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
-    for sentence in missing_over_speed(sweep.sweeps, metric):
+    for sentence in missing_over_speed(shown.sweeps, metric):
         st.caption(plain(sentence))
     with st.container(horizontal=True):
         download_table("sweep.csv", lambda: sweep.table, view.campaign.name)
@@ -92,6 +95,8 @@ def show_next_test(answer: Answer) -> None:
         name=f"next test {over.low.text} to {over.high.text}",
     )  # fmt: skip
     st.caption(NEXT_TEST_MEANING)
+    if answer.approach != DisplacementDomain.name:
+        st.caption(f"Only the displacement domain can rank tests: this does not follow {LABELS[answer.approach]}.")
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if answer.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))

@@ -21,7 +21,7 @@ from crashfuse.reporting.fit_explanations import whole_sentences
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.report import prediction_report
-from crashfuse.reporting.side_by_side import by_one, cautions, predictions_table, side_by_side
+from crashfuse.reporting.side_by_side import by_one, cautions, column_names, predictions_table, side_by_side
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
@@ -30,7 +30,7 @@ from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import MOST_PINS, pinned
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import FitRequest, Fitted, advised, answers
-from crashfuse.ui.kit.curves import Subject, choose_curves, leading, predicted, without_clicks
+from crashfuse.ui.kit.curves import REPRESENTATIVE, Subject, choose_curves, predicted, without_clicks
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import choose_form, download_bytes, download_report, download_table, offer_pulses
 from crashfuse.ui.kit.results import show_table
@@ -166,9 +166,9 @@ class Answer:
         return {estimate.approach: estimate.prediction for estimate in self.estimates}
 
     @property
-    def leading(self) -> str:
-        """The approach whose predictions with other settings stand beside these."""
-        return leading(self.predictions, self.recommended)
+    def approach(self) -> str:
+        """The approach that was chosen."""
+        return str(st.session_state[self.subject.chosen_approach])
 
     @property
     def prediction(self) -> PredictedPulse:
@@ -210,7 +210,7 @@ def show_pins(answer: Answer) -> None:
 
     st.button(
         "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
-        help="Keeps it in the figures, a table of differences, the link, the report, and the list on History; up to "
+        help="Keeps it in the figures, a table of differences, the link, the report and the past results; up to "
         f"{MOST_PINS}.",
     )  # fmt: skip
     if pins:
@@ -223,51 +223,55 @@ def show_pins(answer: Answer) -> None:
 
 
 def show_pulses(answer: Answer) -> None:
-    """Show every approach's prediction, and what was put beside, in the figure that the user picks."""
+    """Show the prediction, and what was put beside, in the figure that the user picks; below it the metrics."""
     condition, display = answer.condition, answer.view.display
-    answer.subject.offer(answer.leading)
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
-        curves = choose_curves(answer.subject, answer.predictions, answer.recommended)
+        curves = choose_curves(answer.subject, answer.approach, answer.predictions)
 
     def draw() -> go.Figure:
         drawn = answer.prediction.plot(
-            _FIGURES[shown], approaches=curves.approaches, also=curves.also, band=curves.band, display=display
-        )
+            _FIGURES[shown], approaches=curves.approaches, also=curves.also, band=curves.approach,
+            representative=REPRESENTATIVE in curves.others, display=display,
+        )  # fmt: skip
         return without_clicks(drawn)
 
-    of = f"Prediction by {curves.by}" if curves.approaches else "Beside the prediction"
-    alt = f"{of} at {display.condition(condition)}: {shown.lower()}"
+    alt = f"Prediction by {curves.by} at {display.condition(condition)}: {shown.lower()}"
     name = curves.named(f"{condition.text} {shown.lower()}")
     show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name, beside=curves.also)
-    st.caption("".join(whole_sentences(answer.estimates)))
-
-
-def show_metrics(answer: Answer) -> None:
-    """Show metrics, notes and fits."""
-    campaign, estimates, display = answer.view.campaign, answer.estimates, answer.view.display
-    answer.subject.offer(answer.leading)
     if answer.others:
-        shown = by_one(answer.leading, [answer.prediction, *answer.others])
-        st.subheader(f"Beside other predictions: {LABELS[answer.leading]}")
-        show_table(side_by_side(shown, display), "beside")
-        of = display.briefly(answer.condition)
-        last = f"Differences are from the first column, {of}, of values before they are rounded."
-        for sentence in (*cautions(shown, display), last):
-            st.caption(plain(sentence))
-    results.show_metrics([(LABELS[estimate.approach], estimate.metrics) for estimate in estimates], answer.view)
-    weight = f"{display.weight(answer.condition.mass_kg)} in all."
-    st.caption("  \n".join(map(plain, [weight, *nearest_sentences(campaign, answer.condition)])))
+        _show_differences(answer)
+    estimates = [estimate for estimate in answer.estimates if estimate.approach in curves.approaches]
+    columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
+    if not answer.others:
+        results.show_metrics(columns, answer.view)
+    weight = f"{display.weight(condition.mass_kg)} in all."
     advice = () if answer.advice is None else answer.advice.sentences
-    results.show_notes(estimates, (*advice, *campaign.cae.extrapolation(answer.condition)))
-    results.show_fits(estimates)
+    remarks = [weight, *nearest_sentences(answer.view.campaign, condition), *whole_sentences(estimates)]
+    said = (*advice, *answer.view.campaign.cae.extrapolation(condition))
+    results.show_details(columns, estimates, answer.view, said, remarks)
+
+
+def _show_differences(answer: Answer) -> None:
+    """Show the metrics by the chosen approach here, with other settings and at pinned conditions, and differences."""
+    display, shown = answer.view.display, by_one(answer.approach, [answer.prediction, *answer.others])
+    names = column_names(shown, display)
+    first, second, *more = names
+
+    def minus(name: str) -> str:
+        return f"− {name}" if more else f"{second if name == first else first} − {name}"
+
+    at = names.index(choose("Difference", names, key="subtracted", label_of=minus))
+    ordered = [shown[at], *shown[:at], *shown[at + 1 :]]
+    show_table(side_by_side(ordered, display), "beside")
+    for sentence in cautions(ordered, display):
+        st.caption(plain(sentence))
 
 
 def show_files(answer: Answer) -> None:
     """Offer tables; the report, and pulses for others, once every approach is known."""
     campaign, estimates, config = answer.view.campaign, answer.estimates, answer.request.config
     prediction, others, display = answer.prediction, answer.others, answer.view.display
-    answer.subject.offer(answer.leading)
     of = f"{campaign.name} {display.briefly(answer.condition)}"
     form = choose_form(
         "recommendation, pulses, metrics and limits",

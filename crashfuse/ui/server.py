@@ -108,11 +108,13 @@ def launch(
         ("browser.gatherUsageStats", "false"),
         ("client.showErrorDetails", "none"),
         ("client.showSidebarNavigation", "false"),
+        ("logger.hideWelcomeMessage", "true"),
         *(("server.allowedHosts", host) for host in (*_HOSTS, *hosts)),
     ]
     if secrets is not None:
         options.append(("secrets.files", secrets.resolve()))
     os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # the folder with the pages and settings
+    print(f"The dashboard is at http://127.0.0.1:{port}. Ctrl-C ends it.", flush=True)
     with suppress(Abort):  # Ctrl-C
         main(["run", "app.py", *(f"--{name}={value}" for name, value in options)], standalone_mode=False)
 

@@ -104,7 +104,7 @@ class User:
     def open_folder(self, server: Server, folder: Path) -> None:
         """On Data, type in the folder of a campaign and open it."""
         self.open(server, "data")
-        self.fill("A campaign folder on this computer", str(folder))
+        self.fill("A folder or file on this computer", str(folder))
         self.press("Open folder")
         self.sees("Tests in use")
 
@@ -237,6 +237,10 @@ class User:
     def open_tab(self, label: str) -> None:
         """Open a tab of the page."""
         self.press(label, '[class*="_tab"] button')
+
+    def rates_over(self, ms: str) -> None:
+        """Type the rated time window into the sidebar."""
+        self.find(f'{SIDEBAR} input[aria-label*="Rated time window"]').send_keys(ms, Keys.ENTER)
 
     def clicks_cell(self, figure: str, where: Callable[[float, float], tuple[float, float]], words: str) -> None:
         """Click a spot of the heat map that has ``figure`` in it until the page shows the words.

@@ -4,7 +4,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
-from tests.browser.conftest import FIGURE, MAIN, PILL, SIDEBAR, TABLE, Server, User, bands, press_tool, rows
+from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User, bands, press_tool, rows
 
 pytestmark = pytest.mark.slow
 
@@ -32,14 +32,14 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(sma
     user.press("Corridors of the rating", "label")
     user.sees("Corridor of the rating, inner", FIGURE)
     assert "Test" not in legend(user)
-    user.press("0–40 ms", f"{SIDEBAR} button")
+    user.rates_over("40")
     user.wait(lambda: "window=40" in user.browser.current_url)
     user.find('input[aria-label^="Also show"]').send_keys("C01", Keys.ENTER)  # the popover is still open
     user.sees("C01 · ", FIGURE)
-    user.press("Nearest tests")
+    user.press("Nearest tests", "label")
     user.sees("T3 · 26.0 mph", FIGURE)
     user.sees("T4 · 35.0 mph", FIGURE)
-    user.press("Over displacement", f'{MAIN} [role="tab"], {MAIN} {PILL}')
+    user.press("Over displacement", f"{MAIN} {PILL}")
     user.sees("Displacement (mm)", FIGURE)
     user.sees("T3 · 26.0 mph", FIGURE)
     user.sees("C01 · ", FIGURE)
@@ -48,7 +48,9 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(sma
     user.sees("T1 · 15.0 mph", FIGURE)
     user.sees("C01 · ", FIGURE)
     assert "Test" not in legend(user)
-    assert "curves=displacement_domain" in user.browser.current_url
+    user.press("Nearest tests", "label")
+    user.wait(lambda: "T1 · 15.0 mph" not in legend(user))
+    assert "C01 · " in "".join(legend(user))
 
 
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: Server, user: User) -> None:
@@ -84,19 +86,20 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
     user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "60.0")
-    user.press("Metrics", f"{MAIN} {PILL}")
-    user.sees("Difference, 34.0 mph", f"{MAIN} {TABLE}")
-    user.press("Files and report", f"{MAIN} {PILL}")
+    user.sees("34.0 mph − 60.0 mph", f"{MAIN} {TABLE}")
+    user.press("− 34.0 mph", f"{MAIN} {PILL}")
+    user.sees("60.0 mph − 34.0 mph", f"{MAIN} {TABLE}")
+    user.press("Export")
     report = user.downloads_file("report.html")
     assert "Beside other predictions: Displacement domain" in report
-    assert "Difference, 34.0 mph" in report
+    assert "34.0 mph − 60.0 mph" in report
     assert "Method and settings" in report
     user.press("Short", PILL)
-    user.wait(lambda: "report_form=short" in user.browser.current_url)
     user.press("report.html", '[data-testid="stDownloadButton"] button')
     short = user.arrived("-short_report.html").read_text(encoding="utf-8")
-    assert "Difference, 34.0 mph" in short
+    assert "34.0 mph − 60.0 mph" in short
     assert "Method and settings" not in short
+    user.press_key_escape()
     user.press_inside("2 pinned", "34.0 mph", "button")
     user.wait(lambda: "34mph" not in user.browser.current_url)
     user.find(f"{MAIN} button", "1 pinned")
@@ -113,9 +116,9 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
 def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(small_server: Server, user: User) -> None:
     """A link asks for it, and it is predicted in a click; the numbers that are saved have it, and their file's name.
 
-    On Data the same link shows it among the tests, on Predict it stands for the condition, once it is predicted there.
+    On Predict it stands for the condition, once it is predicted there.
     """
-    user.open(small_server, "compare", **ONE, test="T3", also="by:fast 1 test")
+    user.open(small_server, "compare", **ONE, test="T3", compare_also="by:fast 1 test")
     user.starts("Predict test T3", FIGURE)
     user.starts("Predict T3 with seed 1", f"{FIGURE} .legendtext")
     user.sees("Displacement domain, seed 1", FIGURE)
@@ -124,14 +127,6 @@ def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(smal
     press_tool(user, '[data-format="csv"]')
     first, *_ = rows(user.arrived("with-seed-1.csv").read_text(encoding="utf-8"))
     assert sum(column.startswith("Displacement domain, seed 1") for column in first) >= 3
-    user.go("Data")
-    user.sees("T3 by Displacement domain, seed 1", FIGURE)
-    user.press("Add curves", f"{MAIN} button")
-    user.find('input[aria-label^="Also show"]').send_keys("T3 by Displacement domain", Keys.ENTER)
-    seed_0 = "T3 by Displacement domain"
-    user.wait(lambda: seed_0 in legend(user))
-    user.browser.back()
-    user.wait(lambda: legend(user) and seed_0 not in legend(user))
     user.go("Predict")
     user.find('input[aria-label="Impact speed (mph)"]')  # the figure of Data is gone
     user.starts("Predict", FIGURE)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.browser.conftest import FIGURE, SIDEBAR, TABLE, Server, User
+from tests.browser.conftest import FIGURE, TABLE, Server, User
 
 pytestmark = pytest.mark.slow
 
@@ -50,9 +50,9 @@ def test_other_units_change_neither_the_held_out_test_nor_what_is_beside_it(smal
         user.press(units)
         user.sees(beside, FIGURE)
         user.opens("Curves")
-        user.press("0–40 ms", f"{SIDEBAR} button")
+        user.rates_over("40")
         user.wait(lambda: "window=40" in user.browser.current_url)
-        user.press("0–60 ms", f"{SIDEBAR} button")
+        user.rates_over("60")
         user.wait(lambda: "window=40" not in user.browser.current_url)
         user.sees(beside, FIGURE)
         assert "Test T3: " in user.sees("Compare")

@@ -21,6 +21,7 @@ from crashfuse.files.archive import name_trouble
 from crashfuse.importing import Reading, read_records
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.testing.readers import written
+from tests.conftest import problems_of
 from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g
 
@@ -116,6 +117,39 @@ def test_quality_and_limits_survive_the_round_trip(campaign_on_disk: Path, tmp_p
         assert again.cae.quality == quality
         assert again.quality_limits == stated
         assert again.fingerprint == campaign.fingerprint
+
+
+def stating(folder: Path, **columns: list[str]) -> Path:
+    """More columns in its table of tests."""
+    table = pd.read_csv(folder / "tests.csv", dtype=str, keep_default_na=False).assign(**columns)
+    table.to_csv(folder / "tests.csv", index=False)
+    return folder
+
+
+def test_what_is_said_of_a_test_is_no_part_of_its_condition(campaign_folder: Path, tmp_path: Path) -> None:
+    """Whether the CAE model was tuned to it, and about_ columns, survive the round trip and change no fingerprint."""
+    before = load_campaign(campaign_folder)
+    stating(campaign_folder, cae_tuned=["yes", "No ", "", "TRUE"], about_date=["2026-03-01", "", "", "2026-04-01"])
+    said = load_campaign(campaign_folder)
+    assert [test.cae_tuned for test in said.tests] == [True, False, None, True]
+    assert said.tests[0].about == (("about_date", "2026-03-01"),)
+    assert (said.fingerprint, said.factors) == (before.fingerprint, before.factors)
+    write_campaign(said, tmp_path / "again")
+    framed = Campaign.from_frames(
+        said.tests_frame, said.test_pulses_frame, said.cae_frame, said.cae_pulses_frame, name=said.name
+    )
+    for other in (load_campaign(tmp_path / "again"), framed):
+        assert [(test.cae_tuned, test.about) for test in other.tests] == [(t.cae_tuned, t.about) for t in said.tests]
+    assert said.tests_frame["cae_tuned"].tolist() == ["yes", "no", "", "yes"]
+    assert "cae_tuned" not in before.tests_frame
+
+
+def test_a_tuning_of_maybe_is_refused_in_one_sentence(campaign_folder: Path) -> None:
+    """With its row and column."""
+    stating(campaign_folder, cae_tuned=["yes", "maybe", "", ""])
+    (problem,) = problems_of(lambda: load_campaign(campaign_folder))
+    assert (problem.where, problem.column, problem.row) == ("tests.csv", "cae_tuned", 3)
+    assert (problem.expected, problem.found) == ("yes, no or an empty cell", "'maybe'")
 
 
 @pytest.mark.parametrize("settings", ['limits = "euro-ncap-vt-2025"', "hourglass_share = 0.1"])

@@ -474,6 +474,27 @@ def test_the_command_line_edits_and_undoes(folder: Path, capsys: Capture) -> Non
     assert content_of(folder) == content_of(untouched)
 
 
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_tuning_is_said_in_the_table_and_taken_back(folder: Path, ending: str, capsys: Capture) -> None:
+    """Other rows stay to the byte; a column that lacks is added; saying it again is no change."""
+    table = folder / "tests.csv"
+    table.write_bytes(table.read_bytes().replace(b"\n", ending.encode()))
+    before = table.read_bytes()
+    assert cli.main(["edit", str(folder), "--cae-tuned", "T1", "T3"]) == cli.DONE
+    assert "CAE model tuned to: T1, T3. crashfuse edit" in capsys.readouterr().out
+    after = table.read_bytes().split(b"\n")
+    assert [after[row] for row in (2, 4, 5)] == [before.split(b"\n")[row] for row in (2, 4, 5)]
+    assert cli.main(["edit", str(folder), "--not-cae-tuned", "T3"]) == cli.DONE
+    assert [test.cae_tuned for test in load_campaign(folder).tests] == [True, None, False, None]
+    n = len(changes(folder))
+    assert cli.main(["edit", str(folder), "--not-cae-tuned", "T3"]) == cli.DONE
+    assert len(changes(folder)) == n
+    assert cli.main(["edit", str(folder), "--cae-tuned", "T9"]) == cli.WRONG_USAGE
+    undo(folder)
+    undo(folder)
+    assert table.read_bytes() == before
+
+
 def test_hard_links_are_not_needed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A disk without them gets copies."""
     before = content_of(folder)

@@ -16,13 +16,14 @@ from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.certification_facts import facts
 from crashfuse.reporting.certification_record import certification_record
-from crashfuse.reporting.certification_tables import certification_table
+from crashfuse.reporting.certification_tables import certification_table, track_record_table
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import estimate_at
+from crashfuse.study.facts import campaign_facts
 from crashfuse.units import KPH, MPH, G
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]
@@ -92,6 +93,58 @@ def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> Non
     assert sorted(record.whole) == sorted(whole)
     assert {way: n for way, (_, n) in record.whole_pulses.items()} == {"test": 4, "speed group": 2}
     assert [dict(own.values) for own in facts(found) if own.code == "record.whole"] == [record.whole_pulses]
+
+
+def tuned_to(campaign: Campaign, *tests: str) -> Campaign:
+    """The campaign whose CAE model was tuned to these tests, and to no other."""
+    return replace(campaign, tests=tuple(replace(test, cae_tuned=test.id in tests) for test in campaign.tests))
+
+
+def test_a_test_that_the_cae_model_was_tuned_to_teaches_and_supports_nothing(campaign: Campaign) -> None:
+    """Predictions are the same; its trials stand apart, its row is not counted, and its domain is not checked."""
+    before, found = certified(campaign), certified(tuned_to(campaign, "T2"))
+    record = found.record
+    assert {trial.held_out for trial in record.trials} == {"T1", "T3", "T4"}
+    assert {trial.held_out for trial in record.tuned} == {"T2"}
+    key = [(trial.held_out, trial.left_out) for trial in before.record.trials]
+    of = {(t.held_out, t.left_out, t.verdict.criterion.name): t for t in (*record.trials, *record.tuned)}
+    assert len(of) == len(key)
+    for trial in before.record.trials:
+        same = of[trial.held_out, trial.left_out, trial.verdict.criterion.name]
+        assert (same.verdict.probability, same.measured) == (trial.verdict.probability, trial.measured)
+    assert [v.probability for _, v in found.cells] == [v.probability for _, v in before.cells]
+    assert (before.domain.n_tests, found.domain.n_tests) == (4, 3)
+    assert {verdict.word for _, verdict in found.cells} == {"outside"}  # three tests check nothing
+    assert found.record.waived(CRITERIA)[0] == 3
+    assert len(record.whole) < len(before.record.whole)
+    table = track_record_table(found)
+    assert set(table[table["tuned"]]["held_out"]) == {"T2"}
+    assert not table[table["tuned"]]["counted"].any()
+    told = certification_record(found)
+    assert told["cae_tuned"] == {"T1": False, "T2": True, "T3": False, "T4": False}
+    assert told["track_record"]["tuned"]["tests"]["n"] <= 1  # type: ignore[index]
+
+
+@pytest.mark.parametrize(("tuned", "unknown"), [((), 4), (("T1", "T4"), 0), (("T1", "T2", "T3", "T4"), 0)])
+def test_what_the_cae_model_has_seen_is_said(campaign: Campaign, tuned: tuple[str, ...], unknown: int) -> None:
+    """That it is not said, too; with every test tuned to there is no record, and nothing is decided."""
+    found = certified(tuned_to(campaign, *tuned) if tuned else campaign)
+    (told,) = [fact for fact in facts(found) if fact.code == "tests.cae_tuned"]
+    assert (told.values["tuned"], len(told.values["unknown"])) == (list(tuned), unknown)  # type: ignore[arg-type]
+    assert (told in campaign_facts(found.campaign)) is False or tuned
+    if len(tuned) == 4:
+        assert not found.record.trials
+        assert [fact.code for fact in facts(found)].count("record.none") == 1
+        assert not any(verdict.decided for _, verdict in found.cells)
+
+
+def test_a_test_that_was_tuned_to_still_stands_at_its_condition(campaign: Campaign) -> None:
+    """It was run there, and what it measured is told, however it was used."""
+    here = campaign.tests[1].condition
+    at = Matrix(("M",), (here,))
+    found = certify_matrix(tuned_to(campaign, "T2"), CRITERIA, at, CONFIG, workers=1)
+    assert found.run == {"M": ("T2",)}
+    assert found.rows["M"][0].run["T2"] is not None
 
 
 def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> None:

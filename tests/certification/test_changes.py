@@ -137,6 +137,12 @@ def test_all_sentences_are_those_that_were_read(later: Certification) -> None:
     assert_golden("certification_since", lines)
 
 
+def outcomes(changes: Changes) -> tuple[int, int, int]:
+    """Verdicts on tests run since, the wrong ones, and the tests."""
+    (wrong, n), (_, tests) = changes.outcomes.values()
+    return n, wrong, tests
+
+
 def test_a_certification_beside_itself_says_that_nothing_changed(later: Certification) -> None:
     """Read from its own file: all verdicts as they were, and no test since."""
     beside = later.beside(parse_earlier(certification_json(later)))
@@ -144,7 +150,7 @@ def test_a_certification_beside_itself_says_that_nothing_changed(later: Certific
     assert [before for _, before, _ in changes.compared] == [
         EarlierVerdict(own.word, own.probability, own.lower, own.upper) for _, own in later.cells
     ]
-    assert (changes.since.new, changes.since.gone, changes.tested, changes.outcomes) == ((), (), {}, (0, 0, 0))
+    assert (changes.since.new, changes.since.gone, changes.tested, outcomes(changes)) == ((), (), {}, (0, 0, 0))
     assert SHOWN["changes"](beside, DEFAULT).empty
     assert values(beside, "since.compared") == [{"both": n, "same": n, "gained": 0, "lost": 0, "gone": 0, "added": 0}]
     assert not values(beside, "since.settings")
@@ -162,7 +168,7 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(later: Certification
     changes = Changes.of(beside)
     assert changes.since.new == (fastest,)
     assert changes.tested == {f"at {fastest}": (fastest,)}
-    assert changes.outcomes == (1, int(wrong), 1)
+    assert outcomes(changes) == (1, int(wrong), 1)
     assert changes.record.intervals == (int(10 <= found["max_crush"] <= 500), 2)
     (row,) = changes_table(beside).query("came_true != ''").to_dict("records")
     assert (row["id"], row["criterion"], row["came_true"]) == (f"at {fastest}", "peak", not wrong)
@@ -178,12 +184,12 @@ def test_two_limits_or_conditions_alike_are_one_metric_of_a_test(later: Certific
     before = earlier(later, [(OPEN, MET, MET)] * n, criteria=Criteria((CRUSH, PEAK, loose), 0.8))
     peaks = [measured(later, test)["peak"] for test in later.campaign.test_ids if test != first]
     wrong = sum(peak > 25.0 for peak in peaks)
-    assert compared(before, later).outcomes == (len(peaks), wrong, len(peaks))
+    assert outcomes(compared(before, later)) == (len(peaks), wrong, len(peaks))
     last = later.matrix.conditions[-2]
     conditions = (*later.matrix.conditions, replace(last, speed_mps=last.speed_mps * 1.001))
     twice = replace(later.matrix, ids=(*later.matrix.ids, "beside"), conditions=conditions)
     before = replace(before, matrix=twice, verdicts=((OPEN, MET, MET),) * (n + 1))
-    assert compared(before, later).outcomes == (len(peaks), wrong, len(peaks))
+    assert outcomes(compared(before, later)) == (len(peaks), wrong, len(peaks))
 
 
 def test_of_conditions_that_needed_no_test_it_is_told_what_was_missed_and_what_is_unknown(later: Certification) -> None:
@@ -230,7 +236,7 @@ def test_a_record_that_was_retouched_is_no_test_since(later: Certification) -> N
     for tests in ((louder[0], *campaign.tests[1:]), louder):
         changes = compared(before, replace(later, campaign=replace(campaign, tests=tests)))
         assert changes.since.changed == tuple(test.id for test in tests if test in louder)
-        assert (changes.since.new, changes.since.gone, changes.outcomes) == ((), (), (0, 0, 0))
+        assert (changes.since.new, changes.since.gone, outcomes(changes)) == ((), (), (0, 0, 0))
     filtered = {**before.settings, "CAE runs": "24, another fingerprint"}
     assert compared(replace(before, settings=filtered), changes.later).since.changed == campaign.test_ids
     with pytest.raises(DataError):  # of another name, beside other CAE runs, an id is not enough
@@ -248,13 +254,39 @@ def test_a_test_is_made_for_the_nearest_condition_though_a_little_off(
     assert since.elsewhere == (() if counts else others)
 
 
+def test_verdicts_are_dated_against_their_tests(later: Certification) -> None:
+    """By the dates of both; a later certification keeps when, and under which key, a verdict was given."""
+    stated = {"T2": "2026-11-25", "T3": "2026-11-24", "T4": "in spring"}
+    tests = tuple(
+        replace(test, about=(("about_date", stated[test.id]),) if test.id in stated else ())
+        for test in later.campaign.tests
+    )
+    dated = replace(later, campaign=replace(later.campaign, tests=tests))
+    before = replace(earlier(dated, alike(dated, MET), "T1"), sealed="ab12")
+    beside = dated.beside(before)
+    groups = {fact["older"]: fact["tests"] for fact in values(beside, "since.dated")}
+    assert groups == {True: ["T2"], False: ["T3"], None: ["T4"]}
+    again = parse_earlier(certification_json(beside))
+    assert {trial.given for trial in again.trials} == {(before.date, "ab12")}
+
+
+def test_of_tests_that_were_tuned_to_only_what_was_wrong_before_counts(later: Certification) -> None:
+    """So that tuning hides no mistake, and no right verdict rests on it."""
+    tuned = tuple(replace(test, cae_tuned=True) for test in later.campaign.tests)
+    before = earlier(later, alike(later, MET), "T1")
+    found = replace(later, campaign=replace(later.campaign, tests=tuned)).beside(before)
+    assert found.since is not None
+    assert {trial.wrong for trial in found.since.all_trials} == {False, True}
+    assert found.record.since == tuple(t for t in later.beside(before).record.since if t.wrong)
+
+
 def test_a_repeat_of_a_test_that_was_known_counts_for_nothing(later: Certification) -> None:
     """Its verdict was given by one who had seen the answer."""
     first, second, *_ = later.campaign.test_ids
     known = {f"at {second}": {first: {"crush": 1.0}}}
     without, beside = (compared(earlier(later, alike(later, MET), run=run), later) for run in ({}, known))
     assert beside.since.repeats == {second: f"at {second}"}
-    assert (without.outcomes[2], beside.outcomes[2]) == (3, 2)
+    assert (without.outcomes["tests"].n, beside.outcomes["tests"].n) == (3, 2)
 
 
 def test_metrics_are_measured_as_they_were_then(later: Certification) -> None:
@@ -298,7 +330,7 @@ def test_a_certification_in_between_forgets_no_wrong_verdict(later: Certificatio
     assert again.since is not None
     assert again.since.new == ()
     assert again.record.support(PEAK) == between.record.support(PEAK) != later.record.support(PEAK)
-    assert Changes.of(again).outcomes_before == (3, 3, 3)
+    assert Changes.of(again).outcomes_before == {"verdicts": (3, 3), "tests": (3, 3)}
     assert Changes.of(again).waived_outcomes == Changes.of(between).waived_outcomes != {}
     assert [own["criterion"] for own in values(again, "since.wrong")] == ["peak"] * 3
     third = later.beside(parse_earlier(certification_json(again)))
@@ -394,9 +426,10 @@ def test_what_became_of_it_stands_in_json_and_report(later: Certification) -> No
     """With the whole digest of the earlier file; without an earlier one, nothing is said of it."""
     beside = later.beside(earlier(later, alike(later, MET)))
     changes, record = Changes.of(beside), json.loads(certification_json(beside))
-    since, (n, wrong, tests) = record["since"], changes.outcomes
+    since, (n, wrong, tests) = record["since"], outcomes(changes)
     assert wrong > 0
-    assert since["decided"] == {"metrics": n, "tests": tests, "wrong": wrong, "wrong_at_most": pytest.approx(1, abs=1)}
+    expected = {"metrics": n, "n": n, "tests": tests, "wrong": wrong, "wrong_at_most": since["bounds"]["verdicts"]}
+    assert since["decided"] == {**expected, "tests_wrong": changes.outcomes["tests"].wrong}
     assert since["sha256"] == changes.earlier.digest
     assert since["sentences"] == [str(own) for own in sentences(beside, "changes")]
     assert "--since EARLIER" in record["command"]

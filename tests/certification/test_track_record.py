@@ -4,7 +4,15 @@ import pytest
 from scipy.stats import binom
 
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.track_record import LeftOut, Support, TrackRecord, Trial, largest_share, share_bounds
+from crashfuse.certification.track_record import (
+    LeftOut,
+    Support,
+    TrackRecord,
+    Trial,
+    largest_share,
+    share_bounds,
+    wrong_shares,
+)
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.condition import Condition
 
@@ -222,6 +230,32 @@ def test_bounds_of_a_share_are_exact(count: int, n: int) -> None:
         assert binom.cdf(count, n, largest_share(count, n)) == pytest.approx(0.05)
     assert (lower == 0) == (count == 0)
     assert (upper == 1) == (count == n)
+
+
+def test_bounds_by_verdict_test_and_vehicle_have_their_closed_forms() -> None:
+    """One of 118 on five vehicles is at most 4.0 % by answer and 66 % by vehicle; with none wrong, 1 − 0.05^(1/n)."""
+    wrong, vehicles = [i == 7 for i in range(118)], [i % 5 for i in range(118)]
+    shares = wrong_shares(wrong, tests=range(118), vehicles=vehicles)
+    assert shares == {"verdicts": (1, 118), "tests": (1, 118), "vehicles": (1, 5)}
+    assert [shares[unit].at_most for unit in ("verdicts", "vehicles")] == pytest.approx([0.0396, 0.6574], abs=5e-5)
+    none = wrong_shares([False] * 118, vehicles=vehicles)
+    expected = [1 - 0.05 ** (1 / n) for n in (118, 5)]
+    assert [share.at_most for share in none.values()] == pytest.approx(expected, abs=5e-5)
+    assert wrong_shares([], tests=[])["tests"].at_most is None
+
+
+def test_bounds_of_a_record_count_tests_beside_verdicts() -> None:
+    """Open verdicts count for nothing; a test is wrong once any verdict on it is."""
+    record = TrackRecord(
+        (
+            trial("met", 550.0, held_out="A"),
+            trial("met", 20.0, held_out="A", criterion=PEAK),
+            trial("met", 450.0, held_out="B"),
+            trial("open", 450.0, held_out="C"),
+        )
+    )
+    assert record.bounds() == {"verdicts": (1, 3), "tests": (1, 2)}
+    assert record.bounds(PEAK) == {"verdicts": (0, 1), "tests": (0, 1)}
 
 
 @pytest.mark.parametrize(("decided", "wrong", "supports"), [(9, 0, True), (8, 0, False), (29, 1, True), (28, 1, False)])

@@ -16,6 +16,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note, write_notes
 from crashfuse.certification import file_store
 from crashfuse.certification.criteria import criteria_of
+from crashfuse.certification.earlier import read_earlier
 from crashfuse.certification.matrix import Matrix
 from tests.conftest import Capture, write_campaign
 
@@ -84,6 +85,9 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, t
     record = json.loads((tmp_path / "out" / "certification.json").read_text(encoding="utf-8"))
     told = record["track_record"]
     assert sum(trials["counted"]) == sum(told[word]["n"] for word in ("met", "not met", "open", "outside"))
+    for unit in ("verdicts", "tests"):
+        (bound,) = trials[f"bounds.{unit}"].unique()
+        assert bound == record["bounds"][unit] or np.isnan(bound)
     counts = verdicts["verdict"].value_counts()
     assert record["verdicts"] == {word: int(counts.get(word, 0)) for word in ("met", "not met", "open", "outside")}
     by_criterion = [own["verdicts"] for own in record["by_criterion"].values()]
@@ -93,6 +97,30 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(planned: Path, t
     printed = capsys.readouterr().out
     assert f"3 conditions × 3 criteria, confidence 0.8: {record['verdicts']['met']} met" in printed
     assert all(sentence in printed for sentence in record["sentences"])
+
+
+@pytest.mark.slow
+def test_a_sealed_certification_is_verified_and_followed(planned: Path, tmp_path: Path, capsys: Capture) -> None:
+    """It rests on every file of the campaign, follows the one before, whose seal is told; a key is needed first."""
+    key, out = tmp_path / "key", tmp_path / "out"
+    assert cli.main(["key", str(key)]) == cli.DONE
+    assert certify(planned, tmp_path / "none", "--seal", f"{key}.pub") == cli.WRONG_DATA
+    assert not list((tmp_path / "none").glob("*"))
+    assert certify(planned, out, "--seal", str(key)) == cli.DONE
+    assert cli.main(["verify", str(out), "--key", f"{key}.pub", "--campaign", str(planned)]) == cli.DONE
+    record = json.loads((out / "certification.json").read_bytes())
+    assert set(record["seal"]["files"]) == {"certification.csv", "track_record.csv", "report.html"}
+    assert {"tests.csv", "criteria.toml", "cae_pulses.parquet"} <= set(record["seal"]["rests_on"])
+    assert certify(planned, tmp_path / "after", "--since", str(out), "--seal", str(key)) == cli.DONE
+    after = json.loads((tmp_path / "after" / "certification.json").read_bytes())
+    assert after["seal"]["before"] == hashlib.sha256((out / "certification.json").read_bytes()).hexdigest()
+    assert read_earlier(out).sealed == record["seal"]["key"]
+    (planned / "tests.csv").write_bytes((planned / "tests.csv").read_bytes() + b"\n")
+    capsys.readouterr()
+    assert cli.main(["verify", str(out), "--campaign", str(planned)]) == cli.WRONG_DATA
+    assert "tests.csv: expected the file that it rests on, found another one" in capsys.readouterr().err
+    assert certify(planned, out) == cli.DONE  # without a seal: none of before stays beside it
+    assert not (out / "seal.json").exists()
 
 
 @pytest.mark.slow

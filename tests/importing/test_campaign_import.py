@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.history import undo
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.settings import own_filter_class
@@ -79,6 +80,18 @@ def test_conditions_are_joined_by_id(tmp_path: Path) -> None:
     written(tmp_path, {"conditions.csv": table.replace("t7", "t6").encode()})
     with pytest.raises(DataError, match="conditions for T7, found those of t6, T8"):
         import_source(tmp_path / "in", tmp_path / "out2", conditions=tmp_path / "conditions.csv")
+
+
+def test_what_the_cae_model_has_seen_is_said_on_import(tmp_path: Path) -> None:
+    """Of these tests, not of those before; a word that is neither yes nor no leaves the campaign as it was."""
+    out = tmp_path / "campaign"
+    for number, tuned in enumerate((None, True, False)):
+        record = german(clock(), (1 + 0.1 * number) * half_sine_g(clock()) + scatter_g(clock(), 0.5 * number))
+        source = written(tmp_path, {f"T{number}.csv": record}) / f"T{number}.csv"
+        import_source(source, out, GIVEN, cae_tuned=tuned)
+    table = (out / "tests.csv").read_text(encoding="utf-8")
+    assert [row.tuned for row in [read_conditions(out / "tests.csv")]] == [(None, True, False)], table
+    assert not any("cae_tuned" in dict(own.factors) for own in read_conditions(out / "tests.csv").conditions)
 
 
 def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from crashfuse import cli
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.errors import DataError, UsageError
 from crashfuse.files.archive import zipped
@@ -13,12 +14,13 @@ from crashfuse.importing import import_source
 from crashfuse.importing.ratings import COLUMNS, RatingChoices, rate_channels, rate_files, rate_pairs
 from crashfuse.readers.isomme import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.signals.comparison_metrics import FURTHER_METRICS
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.testing.readers import written
 from crashfuse.units import G
-from tests.conftest import SHARED, needs_shared
+from tests.conftest import SHARED, Capture, needs_shared
 from tests.importing.crash_files import german, isomme
 from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
 
@@ -186,3 +188,21 @@ def test_one_crash_in_two_formats_rates_1() -> None:
     left_right = rate_files(CAMRY, CAMRY, [60], choices=RatingChoices(("93",), ("94",)))
     assert overall(left_right) == pytest.approx([0.923], abs=5e-4)
     assert set(left_right["basis"]) == {"ISO/TS 18571:2024, 10 kHz, CFC 60"}
+
+
+def test_further_measures_are_columns_where_they_are_asked_for(campaign_on_disk: Path, capsys: Capture) -> None:
+    """Beside ratings that stay as they are, in the library, as a table and as JSON; a name that is none is refused."""
+    one, other = (str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T1", "T2"))
+    alone, also = (rate_files(one, other, choices=RatingChoices(also=names)) for names in ((), tuple(FURTHER_METRICS)))
+    pd.testing.assert_frame_equal(also[list(COLUMNS)], alone)
+    assert list(also)[len(COLUMNS) :] == [
+        "sg_magnitude",
+        "sg_phase",
+        "sg_comprehensive",
+        "anova_mean",
+        "anova_deviation",
+    ]
+    assert cli.main(["rate", one, other, "--also", "sprague-geers", "--windows-ms", "60"]) == cli.DONE
+    assert "sg_comprehensive" in capsys.readouterr().out
+    assert cli.main(["rate", one, other, "--also", "cora"]) == cli.WRONG_USAGE
+    assert "sprague-geers" in capsys.readouterr().err

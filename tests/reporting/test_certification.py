@@ -19,7 +19,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.certification_facts import PLACES, exceptions, facts, sentences, shown
+from crashfuse.reporting.certification_facts import PLACES, SUBJECTS, exceptions, facts, planned, sentences, shown
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_tables import SHOWN
 from crashfuse.reporting.evidence_facts import listed_conditions
@@ -159,12 +159,13 @@ def test_all_sentences_are_those_that_were_read(certification: Certification, al
 def test_facts_stand_in_the_places_of_their_code_in_order(certification: Certification) -> None:
     """Every one stands somewhere; those against the verdicts under the subject of their code."""
     found = wrong(certification)
-    assert {fact.code for fact in facts(found)} <= {code for codes in PLACES.values() for code in codes}
+    assert {fact.code for fact in facts(found)} <= {code for codes in (*PLACES.values(), SUBJECTS) for code in codes}
     codes = [fact.code for fact in shown(found, "summary")]
     assert codes == sorted(codes, key=PLACES["summary"].index)
     told = tuple(fact.sentence for fact in facts(found) if fact.code == "record.wrong")
     assert exceptions(found)["Wrong verdicts on left-out tests"] == told
-    assert sentences(certification, "summary")[0].startswith("3 conditions × 3 criteria, confidence 0.8: ")
+    assert list(exceptions(found)) == [SUBJECTS[code] for code in SUBJECTS if SUBJECTS[code] in exceptions(found)]
+    assert sentences(certification, "summary")[0] == sentences(certification, "answer")[0]
 
 
 def test_answers_name_the_conditions_that_have_them(certification: Certification) -> None:
@@ -240,7 +241,8 @@ def test_conditions_that_are_one_are_one_test_that_need_not_be_run(certification
     found = replace(certification, matrix=many, verdicts=(met,) * 4)
     record = certification_record(found)
     assert (record["saved"], record["counted_once"]) == ({"n": 2, "tests": 2}, {"M20.1": "M20", "M20.2": "M20"})
-    assert values(found, "matrix.counted_once") == [{"n": 2, "of": 2}]
+    assert values(found, "matrix.saved") == [{"n": 2, "of": 2}]
+    assert [(own.id, own.word) for own in planned(found)] == [(i, "skip") for i in many.ids]
     ran = tuple(replace(own, run={"T1": 1.0}) for own in met)
     assert replace(found, verdicts=(met, met, ran, met)).saved == (1, 2)
     many = matrix(certification.campaign, 20.0, 20.3, 20.6, 30.0)
@@ -269,18 +271,14 @@ def test_of_conditions_to_be_tested_the_fastest_is_run_first(certification: Cert
     assert certification_record(replace(certification, verdicts=(one, two, three)))["run_first"] == ids[2]
 
 
-def test_a_test_where_others_were_run_is_asked_for_with_the_numbers(certification: Certification) -> None:
-    """What the four showed of each criterion that is open there; farther off, they are none of its neighbours."""
+def test_what_stands_apart_is_named_beside_the_answer(certification: Certification) -> None:
+    """Where it does, and nowhere else: in the figure, in the table, and in the list by speed."""
     found = near(certification)
-    assert values(found, "matrix.tests_near") == [{"tests": ["T1", "T2", "T3", "T4"]}]
     beside = verdict_matrix(found).layout.yaxis2.ticktext  # T1 stands apart there, and nowhere else
-    assert list(beside) == ["test or redesign", "test or redesign", "test or redesign; T1 stands apart"]
+    assert list(beside) == ["run", "run", "run; T1 stands apart"]
     assert SHOWN["conditions"](found, DEFAULT)["A test there"].tolist() == list(beside)
-    tests = tuple(
-        replace(test, condition=replace(test.condition, speed_mps=test.condition.speed_mps + 0.5 * KPH))
-        for test in found.campaign.tests
-    )
-    assert not values(replace(found, campaign=replace(found.campaign, tests=tests)), "matrix.tests_near")
+    *_, last = planned(found)
+    assert (last.id, last.word, last.why) == ("M70", "run", "open: crush, OLC, rating; T1 stands apart there")
 
 
 def test_the_record_is_told_with_and_without_limits_that_no_test_came_near(certification: Certification) -> None:
@@ -347,21 +345,6 @@ def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: C
     for place in ("summary", "domain", "record"):
         assert all(str(escape(sentence)) in text for sentence in sentences(certification, place))
     assert all(str(escape(sentence)) in text for told in exceptions(certification).values() for sentence in told)
-
-
-def test_open_cells_say_how_far_their_limit_is(certification: Certification) -> None:
-    """In the unit of the criterion, and in half widths of the interval; without an end, behind those that have both."""
-    verdict = certification.verdicts[1][0]
-    assert verdict.word == "open"
-    assert None not in (verdict.value, verdict.lower, verdict.upper)
-    value, lower, upper = (float(end or 0) for end in (verdict.value, verdict.lower, verdict.upper))
-    shown = SHOWN["open"](certification, DEFAULT).query("Condition == 'M30' and Criterion == 'crush'")
-    (row,) = shown.to_dict("records")
-    assert row["Distance"] == f"{value - 430:.4g}\N{NO-BREAK SPACE}mm"
-    assert row["In half widths of the interval"] == f"{(value - 430) / ((upper - lower) / 2):.2f}"
-    first, (crush, *others), third = certification.verdicts
-    ended = replace(certification, verdicts=(first, (replace(crush, lower=None), *others), third))
-    assert SHOWN["open"](ended, DEFAULT)["In half widths of the interval"].iloc[-1] == "–"
 
 
 def test_notes_on_tests_stand_in_the_dossier_as_text(certification: Certification, text: str) -> None:

@@ -43,13 +43,6 @@ def test_it_is_named_by_what_differs(
     assert own.curve(Display())[0] == f"Fused, {text}"
 
 
-def test_among_several_tests_it_is_named_after_its_own(earlier: EarlierPrediction) -> None:
-    """With the usual settings by that alone; files are named alike."""
-    own = replace(earlier, of="T2")
-    assert own.curve(Display())[0] == own.text == "T2 by Fused, seed 1"
-    assert replace(own, config=SHOWN).text == "T2 by Fused"
-
-
 def test_it_stands_beside_that_of_the_study(campaign: Campaign, earlier: EarlierPrediction) -> None:
     """Of the same approach, with a curve of its own."""
     test = campaign.test("T2")

@@ -38,7 +38,7 @@ def div(figure: go.Figure, number: int) -> str:
 REPORT = page(
     "<script>function other() { Plotly.newPlot(a, b) }</script>",
     "<h2>Result</h2>", div(drawn("a </script> b", 300), 1), "<h3>By <i>test</i></h3>", div(drawn("c", 500), 2),
-    "<h2>Limits</h2>", div(drawn("d", 400), 3),
+    "<p class=answer>Skip one.</p>", "<section id=matrix><h2>Limits</h2>", div(drawn("d", 400), 3), "</section>",
 )  # fmt: skip
 
 
@@ -47,6 +47,7 @@ def test_figures_are_read_from_a_report_with_their_headings() -> None:
     report = figures_of(REPORT)
     assert (report.title, report.labels) == ("Tiny: a study", ("T9 stands apart", "Made up"))
     assert report.notices == ("It is odd.", "Made up & small.")
+    assert (report.answers, [figure.is_answer for figure in report.figures]) == (("Skip one.",), [False, False, True])
     assert [figure.title for figure in report.figures] == ["Result", "Result: By test", "Limits"]
     assert [figure.drawn["layout"]["height"] for figure in report.figures] == [300, 500, 400]
     assert [figure.drawn["data"][0]["name"] for figure in report.figures] == ["a </script> b", "c", "d"]
@@ -91,14 +92,17 @@ def test_figures_become_files_in_every_format() -> None:
     assert png.startswith(b"\x89PNG")
     assert struct.unpack(">II", png[16:24]) == (1920, 1000)
     slides = pptx.Presentation(io.BytesIO(files["figures.pptx"])).slides
-    assert [slide.shapes.title.text for slide in slides] == ["Tiny: a study", "Result", "Result: By test", "Limits"]
-    assert [shape.text_frame.text for shape in slides[0].shapes][-1] == "It is odd.\nMade up & small."
+    assert [slide.shapes.title.text for slide in slides] == ["Skip one.", "Limits", "Result", "Result: By test"]
+    assert [shape.text_frame.text for shape in slides[0].shapes][1:] == [
+        "Tiny: a study",
+        "It is odd.\nMade up & small.",
+    ]
     for slide in list(slides)[1:]:
         (picture,) = [shape for shape in slide.shapes if hasattr(shape, "image")]
         assert picture.left >= 0
         assert picture.top + picture.height <= 7.5 * 914400
         assert "Made up" in [shape.text_frame.text for shape in slide.shapes if shape.has_text_frame][-1]
-    assert next(shape for shape in slides[2].shapes if hasattr(shape, "image")).image.blob == png
+    assert next(shape for shape in slides[3].shapes if hasattr(shape, "image")).image.blob == png
 
 
 @needs_browser

@@ -210,7 +210,7 @@ def test_many_pinned_predictions_make_no_table_wider_than_paper(campaign: Campai
     pinned = [PredictedPulse(campaign, (each,), CONFIG) for each in moved]
     text = prediction_report(campaign, [first], CONFIG, beside=pinned, form="short")
     told = text[text.index("Beside other predictions") :]
-    assert [head.count("Difference, ") for head in re.findall(r"<thead>(.*?)</thead>", told)] == [2, 2]
+    assert [head.count(" − ") for head in re.findall(r"<thead>(.*?)</thead>", told)] == [2, 2]
     assert re.search(r"<td>[\d.]+\N{NO-BREAK SPACE}\[", told)
     assert not re.search(r"<td>[\d.]+ \[", told)
 

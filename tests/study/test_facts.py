@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from crashfuse.cae_library import QualityLimits, RunQuality
@@ -14,8 +15,9 @@ from crashfuse.reporting.outgoing_pulses import PulseExport
 from crashfuse.reporting.predicted import predict
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.verdicts import certify
+from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.facts import campaign_facts, condition_facts
+from crashfuse.study.facts import campaign_facts, condition_facts, window_facts
 from crashfuse.study.running import run_study
 from crashfuse.units import MPH
 from tests.study.test_outliers import at_one_speed
@@ -63,6 +65,20 @@ def test_a_condition_has_those_of_its_speed_and_what_is_extrapolated(apart: Camp
     for off_mph, expected in ((1.9, ["test.stands_apart"]), (-2.1, []), (60.0, ["condition.extrapolated"])):
         there = replace(at, speed_mps=at.speed_mps + off_mph * MPH)
         assert [fact.code for fact in condition_facts(apart, there)] == expected
+
+
+def test_a_window_that_ends_before_the_peak_says_so(campaign: Campaign) -> None:
+    """Of a triangle that peaks at 30 ms; the vehicle stops later, and what the window holds is not mentioned."""
+    pulse = replace(campaign.tests[0].pulse, accel_mps2=-300.0 * np.interp(GRID_S, [0.0, 0.03, 0.06], [0.0, 1.0, 0.0]))
+    test = replace(campaign.tests[0], pulse=pulse)
+    (beyond,) = window_facts(test, 20.0)
+    assert beyond.code == "test.beyond_window"
+    assert beyond.values["peak_ms"] == pytest.approx(30.0, abs=0.1)
+    assert beyond.values["ttzv_ms"] == pytest.approx(38.2, abs=5.0)
+    assert "the peak, 30.6 g at 30.0 ms" in beyond.sentence
+    (later,) = window_facts(test, 31.0)
+    assert "peak" not in later.sentence
+    assert window_facts(test, 60.0) == ()
 
 
 @pytest.mark.slow

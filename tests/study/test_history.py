@@ -23,7 +23,6 @@ from crashfuse.study.history import (
     forget,
     keep,
     past_results,
-    past_settings,
 )
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
@@ -211,13 +210,6 @@ def test_each_other_seed_and_way_is_found_once(campaign: Campaign, cache: Cache,
     assert earlier_settings([*results, *results], campaign, "T2", "displacement_domain", SHOWN, cache) == OTHERS
     shown = OTHERS[1]
     assert earlier_settings(results, campaign, "T2", "displacement_domain", shown, cache) == [OTHERS[0], SHOWN]
-
-
-def test_those_shown_are_among_all_that_are_past(campaign: Campaign, results: list[PastResult]) -> None:
-    """Each once, of this test and approach alone."""
-    assert past_settings([*results, *results], campaign, "T2", "cae", SHOWN) == [*OTHERS, SHOWN]
-    assert past_settings(results, campaign, "T3", "cae", SHOWN) == []
-    assert past_settings(results, campaign, "T2", "fused", SHOWN) == []
 
 
 def test_what_would_be_the_same_prediction_is_none(campaign: Campaign, cache: Cache, results: list[PastResult]) -> None:

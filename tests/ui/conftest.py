@@ -69,8 +69,9 @@ class Session:
     @property
     def numbers(self) -> dict[str, str]:
         """The large numbers by their labels, and what the page Data says first of a campaign."""
-        told = re.search(r"(\d+) tests? at (.*), ([\d,]+) CAE runs", self.words)
-        first = dict(zip(("Tests", "Test speeds", "CAE runs"), told.groups(), strict=True)) if told else {}
+        first = dict(zip(("Tests", "CAE runs"), (label.split()[0] for label in self.answer), strict=False))
+        speeds = re.search("Tests at (.*) · ", self.words)
+        first |= {"Test speeds": speeds[1]} if speeds else {}
         return {metric.label: metric.value for metric in self.app.metric} | first
 
     def open_tab(self, page: str, label: str) -> "Session":
@@ -81,14 +82,21 @@ class Session:
 
     def open_folder(self, folder: str) -> "Session":
         """Type a folder in on Data, and open it."""
-        self.open_tab("data", "Open another campaign")
+        if "Open another campaign" in self.buttons:
+            self.press("Open another campaign")
         self.app.text_input(key="folder").set_value(folder)
         return self.press("Open folder")
 
     @property
+    def answer(self) -> dict[str, str]:
+        """The line above every page: its links, and what they mean."""
+        line = [button for button in self.app.button if str(button.key).startswith("answer")]
+        return {as_read(button.label): as_read(button.proto.help) for button in line}
+
+    @property
     def buttons(self) -> list[str]:
-        """Labels of all buttons."""
-        return [button.label for button in self.app.button]
+        """Labels of all buttons below the line that stands above every page."""
+        return [button.label for button in self.app.button if not str(button.key).startswith("answer")]
 
     @property
     def downloads(self) -> list[str]:

@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -12,11 +13,11 @@ from streamlit.testing.v1.element_tree import Selectbox
 
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
-from crashfuse.errors import UsageError
-from crashfuse.reporting.certification_facts import sentences
+from crashfuse.reporting.certification_facts import exceptions, planned, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.ui.certify import matrix as matrix_ui
+from crashfuse.ui.certify.results import LastVerdicts, last_verdicts
+from crashfuse.ui.kit import frame
 from crashfuse.wording import probability_text
 from tests.ui.conftest import Session, Visit
 
@@ -40,8 +41,8 @@ M1,20,2050,1500
 M2,33,2050,1500
 M3,70,2050,1500
 """
-FILES = ["certification.csv", "track_record.csv", "criteria.toml", "matrix.csv", "certification.json"]
-FILES += ["report.html", "report.pptx"]
+FILES = ["report.html", "report.pptx", "certification.csv", "track_record.csv", "criteria.toml", "matrix.csv"]
+FILES += ["certification.json"]
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -80,18 +81,28 @@ def of_library(folder: Path, confidence: float = 0.9) -> Verdicts:
 
 def shown(session: Session) -> pd.DataFrame:
     """The table of all verdicts."""
+    session.app.button_group(key="answered").set_value("All verdicts")
+    session.run()
     (table,) = [own.value for own in session.app.dataframe if "Verdict" in own.value]
     return table
 
 
-def typed_in(monkeypatch: pytest.MonkeyPatch, edit: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
-    """Let the table of criteria be edited, which only a browser can: it is the browser's own table."""
-    monkeypatch.setattr(st, "data_editor", lambda begun, **_: edit(begun))
+def field(session: Session, label: str) -> Any:
+    """A field of a row, or another one, by its label; that of a row after the first ends in ``, row 2``."""
+    fields = (*session.app.number_input, *session.app.text_input, *session.app.selectbox)
+    return next(own for own in fields if own.label == label)
 
 
-def fields(session: Session) -> dict[str, str | None]:
-    """The text fields by label."""
-    return {field.label: field.value for field in session.app.text_input}
+def remove(session: Session, rows: str, row: int) -> Session:
+    """Press the button that removes a row, counted from 0."""
+    keys = [key for own in session.app.button if (key := str(own.key)).startswith(f"remove {rows} ")]
+    session.app.button(key=keys[row]).click()
+    return session.run()
+
+
+def of_row(session: Session, row: str) -> str:
+    """The label of the button of a planned test."""
+    return next(label for label in session.buttons if f"*{row}*" in label)
 
 
 @pytest.mark.slow
@@ -99,12 +110,13 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     """Counts, the conditions to test, the whole table, the record, and the files."""
     session = certified(visit("certify", **LINK))
     expected = of_library(asking)
-    counts = expected.certification.counts
-    assert {word.lower(): int(n) for word, n in session.numbers.items() if word.lower() in counts} == counts
-    record = expected.certification.record
-    _, saved, missed = record.waived(expected.certification.criteria)
-    assert session.numbers["Need not be run"] == "{} of {}".format(*expected.certification.saved)
-    assert session.numbers["Wrong so far"] == (f"{missed} of {saved}" if saved else "–")
+    answered = planned(expected.certification)
+    assert [label.split("**")[1] for label in session.buttons if label.startswith("**")] == [
+        row.word for row in answered
+    ]
+    assert "{} of {}".format(*expected.certification.saved) in session.words
+    for told in exceptions(expected.certification).values():
+        assert told[0] in session.words
     for sentence in sentences(expected.certification, "matrix"):
         assert sentence in session.words
     table, own = shown(session), expected.table
@@ -114,13 +126,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert table["Probability"].tolist() == [
         probability_text(p, expected.certification.criteria.confidence) for p in known
     ]
-    assert session.charts == 1
-    assert session.app.expander[-1].label == "All verdicts as a table"
-    (pills,) = [own for own in session.app.pills if own.label == "Verdicts"]
-    pills.set_value(["outside"])
-    session.run()
-    assert shown(session)["Condition"].tolist() == ["M3", "M3"]
-    assert tab(session, "Files and report").downloads == FILES
+    assert session.press("Export").downloads == FILES
     assert tab(session, "Validated domain").charts == 1
     assert tab(session, "Track record").charts == 1
     (record,) = [own for own in session.tables if "What this record supports" in own]
@@ -136,8 +142,7 @@ def test_another_limit_or_confidence_is_answered_at_once(
     """Nothing is fitted, nothing has to be pressed."""
     session = certified(visit("certify", **LINK))
     fitting_is_an_error()
-    (confidence,) = session.app.number_input
-    confidence.set_value(0.7)
+    field(session, "Confidence").set_value(0.7)
     session.run()
     assert "Certify" not in session.buttons
     looser = of_library(asking, confidence=0.7)
@@ -160,6 +165,32 @@ def test_a_link_to_a_cell_shows_its_reason_and_leads_to_predict(asking: Path, vi
 
 
 @pytest.mark.slow
+def test_a_click_says_what_another_question_would_change(
+    asking: Path, visit: Visit, fitting_is_an_error: Callable[[], None]
+) -> None:
+    """Another confidence and stricter limits take no fits; the numbers are those of the library."""
+    session = certified(visit("certify", **LINK))
+    fitting_is_an_error()
+    (pills,) = [own for own in session.app.pills if own.label.startswith("What if")]
+    pills.set_value(["confidence 0.99", "limits 5 % stricter"])
+    table = session.run().finish().tables[-1]
+    looser = of_library(asking, confidence=0.99).certification
+    assert table["Need not be run"].tolist()[0] == "{} of {}".format(*looser.saved)
+    assert table["What if"].tolist() == ["confidence 0.99", "limits 5 % stricter"]
+
+
+@pytest.mark.usefixtures("asking")
+def test_other_pages_know_the_last_verdicts_or_what_they_take(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a visit to Certify, by the campaign's criteria and planned tests; nothing is fitted for it."""
+    known: list[LastVerdicts] = []
+    monkeypatch.setattr(frame, "show_head", lambda view, *_, **__: known.append(last_verdicts(view)))
+    visit("train", **LINK, seed="77")
+    assert known[-1] == (None, "3 planned tests are not judged yet")
+    visit("train", **LINK, seed="77", criteria="peak~~~x~")
+    assert known[-1] == (None, "criteria are not declared: start with limits of these tests")  # "x" is none
+
+
+@pytest.mark.slow
 def test_with_a_single_test_the_page_says_what_cannot_be_said(asking: Path, visit: Visit) -> None:
     """Everything is outside, and there is no record; nothing else fails."""
     table = pd.read_csv(asking / "tests.csv")
@@ -167,10 +198,8 @@ def test_with_a_single_test_the_page_says_what_cannot_be_said(asking: Path, visi
     for test_id in table["id"][1:]:
         (asking / "tests" / f"{test_id}.csv").unlink()
     session = certified(visit("certify", **LINK))
-    assert session.numbers["Outside"] == "6"
-    assert session.numbers["Need not be run"] == "0 of 3"
-    assert session.numbers["Wrong so far"] == "–"
-    assert session.charts == 1
+    assert "0 of 3" in session.words
+    assert [label.split("**")[1] for label in session.buttons if label.startswith("**")] == ["cannot say"] * 3
     assert "too few to check verdicts" in tab(session, "Validated domain").words
     assert session.charts == 1
     assert "There is no record" in tab(session, "Track record").words
@@ -179,11 +208,18 @@ def test_with_a_single_test_the_page_says_what_cannot_be_said(asking: Path, visi
 
 @pytest.mark.usefixtures("open_campaign")
 def test_without_criteria_the_page_says_how_to_declare_them(visit: Visit) -> None:
-    """No limits are invented, and nothing can be computed."""
-    session = visit("certify")
+    """Nothing can be computed until the reader asks for limits of the tests, rounded in their units."""
+    session = visit("certify", system="kph-kg")
     assert "No criteria yet" in session.words
     assert "Certify" not in session.buttons
-    assert "at_most = …" in session.app.code[0].value
+    session.press("Limits of these tests")
+    metrics = [text.split("~")[0] for text in session.app.session_state["criteria"]]
+    assert metrics == ["max_crush", "peak", "delta_v", "olc", "rating"]
+    shown = field(session, "At most, row 3").value
+    assert shown == int(shown)
+    assert "Certify" in session.buttons
+    session.press("Good ratings")
+    assert [text.split("~")[1] for text in session.app.session_state["criteria"]] == ["20", "40", "60"]
 
 
 @pytest.mark.parametrize(
@@ -207,7 +243,7 @@ def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, vis
     (upload,) = session.app.file_uploader
     upload.set_value([("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20", "text/plain")])
     session.run()
-    assert session.app.number_input[0].value == 0.8
+    assert field(session, "Confidence").value == 0.8
     assert session.app.session_state["criteria"] == ["peak~~~20~peak"]
     (upload,) = session.app.file_uploader
     upload.set_value([("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20", "text/plain")])
@@ -218,25 +254,39 @@ def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, vis
 
 
 @pytest.mark.usefixtures("asking")
-def test_rows_typed_in_are_in_the_link_and_stay_when_the_page_is_left(
-    visit: Visit, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A second session with the link begins with the same table; the folder's own criteria are no part of a link."""
+def test_rows_typed_in_are_in_the_link_and_stay_when_the_page_is_left(visit: Visit) -> None:
+    """A second session with the link begins with the same rows; the folder's own criteria are no part of a link."""
     session = visit("certify", **LINK)
     assert "criteria" not in session.app.query_params
-    with monkeypatch.context() as patched:
-        typed_in(patched, lambda table: table.assign(at_most=[444.0, float("nan")]).assign(name=["crush", ""]))
-        session.run()
+    field(session, "At most").set_value(444.0)
+    field(session.run(), "Name, row 2").set_value("")
     typed = ["max_crush~~~444~crush", "rating~40~0.6~~"]
-    assert session.app.query_params["criteria"] == typed
+    assert session.run().app.query_params["criteria"] == typed
     session.go("data").go("certify")
     assert session.app.session_state["criteria"] == typed
-    begun: list[pd.DataFrame] = []
-    typed_in(monkeypatch, lambda table: begun.append(table) or table)  # type: ignore[func-returns-value]
     second = visit("certify", **LINK, criteria=typed, confidence="0.8")
-    assert begun[-1]["at_most"].tolist()[0] == 444.0
-    assert second.app.session_state["criteria"] == typed
-    assert second.app.number_input[0].value == 0.8
+    assert (field(second, "At most").value, field(second, "Confidence").value) == (444.0, 0.8)
+    field(second, "Metric").set_value("peak")
+    assert second.run().app.session_state["criteria"] == ["peak~~~~", typed[1]]  # a limit of crush is none of peak
+    assert "expected at_least or at_most" in second.words
+    remove(second, "criteria", 0).press("Add a criterion")
+    assert second.app.session_state["criteria"] == [typed[1], "rating~~~~"]
+
+
+@pytest.mark.usefixtures("asking")
+def test_planned_tests_are_typed_in_the_readers_units(visit: Visit) -> None:
+    """At first the campaign's; each is changed, added or removed, and the link has them."""
+    session = visit("certify", **LINK, system="kph-kg", matrix="Typed in")
+    assert [field(session, label).value for label in ("Id", "Speed (km/h)")] == ["M1", pytest.approx(32.1869)]
+    field(session, "Speed (km/h)").set_value(56.0)
+    session.run().press("Add a planned test")
+    remove(session, "planned", 1)
+    rows = [text.split("~")[:2] for text in session.app.query_params["planned"]]
+    assert [name for name, _ in rows] == ["M1", "M3", "P01"]
+    assert float(rows[0][1]) == pytest.approx(56.0)
+    field(session, "Speed (km/h), row 2").set_value(None)
+    assert "Planned tests, column speed_kph, row 2: expected a number" in session.run().words
+    assert "Certify" not in session.buttons
 
 
 @pytest.mark.usefixtures("asking")
@@ -250,18 +300,12 @@ def test_back_takes_the_table_of_criteria_back(visit: Visit) -> None:
 
 
 @pytest.mark.usefixtures("asking")
-def test_a_limit_in_other_units_is_shown_rounded_beside_what_was_declared(
-    asking: Path, visit: Visit, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """48 km/h of the file stay 48 km/h, in the link and in words, when the page shows mph."""
+def test_a_limit_is_shown_in_the_readers_units_and_kept_as_declared(asking: Path, visit: Visit) -> None:
+    """48 km/h of the file stay 48 km/h in the link when the page shows mph."""
     (asking / "criteria.toml").write_text('[[criterion]]\nmetric = "delta_v"\nat_most = 48\n')
-    begun: list[pd.DataFrame] = []
-    typed_in(monkeypatch, lambda table: begun.append(table) or table)  # type: ignore[func-returns-value]
     session = visit("certify", **LINK, system="mph-lb")
-    assert begun[-1]["at_most"].tolist() == pytest.approx([48 / 1.609344])
-    assert "delta_v at most 48 km/h" in session.words
+    assert field(session, "At most").value == pytest.approx(48 / 1.609344, abs=1e-4)
     assert session.app.session_state["criteria"] == ["delta_v~~~48~delta_v"]
-    assert "at most 48 km/h" not in visit("certify", **LINK, system="kph-kg").words
 
 
 @pytest.mark.slow
@@ -273,10 +317,9 @@ def test_what_belongs_to_a_campaign_goes_with_it(
     shutil.copytree(campaign_on_disk, other)
     session = certified(visit("certify", **LINK))
     choices = session.app.expander[0]
-    assert (choices.label, choices.proto.expanded) == ("Criteria and conditions", False)
-    session.app.selectbox(key="cell").set_value("M1 | crush")
-    session.run()
-    assert session.app.query_params["cell"] == "M1 | crush"
+    assert (choices.label, choices.proto.expanded) == ("Criteria and planned tests", False)
+    session.press(of_row(session, "M1"))
+    assert session.app.query_params["cell"] == "M1"
     session.go("data").open_folder(str(other)).go("certify")
     assert session.app.session_state["campaign"] == other.name
     assert "No criteria yet" in session.words
@@ -284,17 +327,7 @@ def test_what_belongs_to_a_campaign_goes_with_it(
     assert not {"cell", "criteria"} & {*session.app.query_params}
     session.app.sidebar.selectbox(key="campaign").set_value(asking.name)
     assert not session.run().app.expander[0].proto.expanded
-    assert session.charts == 1
-
-
-@pytest.mark.usefixtures("open_campaign")
-def test_a_grid_is_in_the_link(visit: Visit) -> None:
-    """Every combination; at first over the tests' speeds at their middle weights."""
-    grid = visit("certify")
-    assert fields(grid)["Speeds (mph)"] == "15:35:5"
-    assert fields(grid)["Front weights (lb)"] == "2060"
-    linked = visit("certify", matrix="Grid", speeds="20:30:5", front_weights="2000, 2100")
-    assert "6 conditions, 20.0 to 30.0 mph" in [own.label for own in linked.app.expander]
+    assert of_row(session, "M1")
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -308,7 +341,7 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
     upload = session.app.file_uploader[-1]
     upload.set_value([("planned.csv", content, "text/csv")])
     session.run()
-    summary = "2 conditions, 21.0 to 24.5 mph"
+    summary = "2 planned tests, 21.0 to 24.5 mph"
     assert summary in [own.label for own in session.app.expander]
     link = {"matrix": "Upload", "uploaded": session.app.session_state["uploaded"]}
     session.run()
@@ -331,8 +364,8 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
 
 def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_link(asking: Path, visit: Visit) -> None:
     """Its file is uploaded once; another session sees what became of it, and so do report and table."""
-    session = tab(certified(visit("certify", **LINK)), "Earlier verdicts")
-    assert "what became of it is in the report, too." in session.words
+    session = tab(certified(visit("certify", **LINK)), "Track record")
+    assert "against what an earlier certification said" in session.words
     record = json.loads(certification_json(of_library(asking).certification))
     record["cells"]["M1"] = {"crush": ("open", 0.5, 1.0, 2.0), "rating": ("open", 0.5, 0.0, 1.0)}
     last, _ = record["tests_sha256"].popitem()
@@ -346,16 +379,16 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert "Of 6 verdicts that both have" in session.words
     assert session.tables[-1]["Condition"].tolist()[0] == "M1"
     session.run()
-    link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Earlier verdicts"}
+    link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Track record"}
     elsewhere = certified(visit("certify", **link))
     assert "Of 6 verdicts that both have" in elsewhere.words
-    names = tab(elsewhere, "Files and report").downloads
+    names = elsewhere.press("Export").downloads
     assert sorted(names) == sorted([*FILES, "changes.csv"])
 
 
 def test_verdicts_that_were_kept_are_chosen_from_a_list(asking: Path, visit: Visit) -> None:
     """Those of the page, those of the command and uploaded ones; none is chosen any more once the list is cleared."""
-    session = tab(certified(visit("certify", **LINK)), "Earlier verdicts")
+    session = tab(certified(visit("certify", **LINK)), "Track record")
     before = len(kept(session).options)
     session.press("Keep today’s verdicts")
     assert len(kept(session).options) > before  # another process may keep some, too
@@ -382,26 +415,6 @@ def kept(session: Session) -> "Selectbox[str]":
     return next(box for box in session.app.selectbox if box.label == "Earlier certification")
 
 
-@pytest.mark.parametrize("text", ["fast", "20:30", "20:30:-1", "0:1e9:0.001", ""])
-@pytest.mark.usefixtures("open_campaign")
-def test_a_grid_that_cannot_be_read_is_a_sentence(visit: Visit, text: str) -> None:
-    """What was expected, and what was found."""
-    session = visit("certify")
-    session.app.text_input(key="speeds in mph").set_value(text)
-    session.run()
-    errors = [error.value.replace("\\", "") for error in session.app.error]
-    assert len(errors) == 1
-    assert errors[0].startswith(("Speeds (mph): expected numbers", "A grid takes each speed once"))
-    assert "Rear weights (lb)" in fields(session)  # all can be corrected
-
-
-def test_ranges_and_lists_may_be_mixed() -> None:
-    """First, last and step, ends included."""
-    assert matrix_ui._numbers("10, 20:21:0.5; 30", "Speeds") == [10.0, 20.0, 20.5, 21.0, 30.0]
-    with pytest.raises(UsageError, match="found 'a'"):
-        matrix_ui._numbers("a", "Speeds")
-
-
 @pytest.mark.usefixtures("asking")
 @pytest.mark.parametrize("asked", ["0.3", "95"])
 def test_a_confidence_that_there_is_not_is_a_sentence(visit: Visit, asked: str) -> None:
@@ -409,7 +422,7 @@ def test_a_confidence_that_there_is_not_is_a_sentence(visit: Visit, asked: str) 
     session = visit("certify", **LINK, confidence=asked)
     assert f"expected a confidence from 0.5 to 0.999999, found {asked}" in session.words
     assert "Certify" not in session.buttons
-    session.app.number_input[0].set_value(0.8).run()
+    field(session, "Confidence").set_value(0.8).run()
     assert "expected a confidence" not in session.words
 
 
@@ -417,7 +430,7 @@ def test_a_confidence_that_there_is_not_is_a_sentence(visit: Visit, asked: str) 
 def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
     """The sample's criteria come with their own."""
     session = visit("certify", **LINK)
-    assert session.app.number_input[0].value == 0.9
+    assert field(session, "Confidence").value == 0.9
     session.app.selectbox(key="campaign").set_value("sample")
     session.run()
-    assert session.app.number_input[0].value == 0.95
+    assert field(session, "Confidence").value == 0.95

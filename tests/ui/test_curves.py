@@ -1,10 +1,12 @@
 """Which curves a figure of pulses shows: the choice of its own, and what is added."""
 
+import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
-from crashfuse.ui.kit.curves import Shown, unlike_usual
+from crashfuse.ui.kit.curves import Shown
 from crashfuse.ui.kit.files import Caption
 from crashfuse.ui.kit.text import as_read
 from tests.ui.conftest import Session, Visit
@@ -26,7 +28,8 @@ def beside_the_figure(session: Session) -> list[str]:
 @pytest.mark.usefixtures("open_campaign")
 def test_a_link_may_ask_for_anything(visit: Visit) -> None:
     """What is known is shown, and labelled in full; beside the figure it is said which tests and runs are not known."""
-    session = visit("compare", **CAE_ONLY, test="T2", band="magic", also=["T9", "T3", "cae:C00", "cae:none", "at:1mph"])
+    asked = ["T9", "T3", "cae:C00", "cae:none", "at:1mph"]
+    session = visit("compare", **CAE_ONLY, test="T2", explained="magic", compare_also=asked)
     predicted(session, "T2")
     session.app.session_state["pins"] = ["30mph 2000lb 1500lb", "0mph 1lb", "🚗"]
     session.run()
@@ -40,92 +43,61 @@ def test_a_link_may_ask_for_anything(visit: Visit) -> None:
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_the_nearest_tests_are_those_of_this_speed_first(visit: Visit) -> None:
-    """T3 is one mile per hour from T2; a choice made for one test is kept for another."""
-    session = visit("compare", **CAE_ONLY, test="T2")
-    predicted(session, "T2").press("Nearest tests")
-    assert session.app.session_state["also"][0] == "T3"
-    assert sorted(session.app.session_state["also"]) == ["T1", "T3", "T4"]
+def test_the_nearest_tests_follow_the_test_and_go_as_they_came(visit: Visit) -> None:
+    """T3 is one mile per hour from T2; on Predict nothing of it is shown."""
+    session = predicted(visit("compare", **CAE_ONLY, test="T2"))
+    session.app.toggle(key="compare_nearest").set_value(True).run()
+    assert all(f"{name} · " in figure(session) for name in ("T1", "T3", "T4"))
+    assert "T2 · " not in figure(session)
     session.app.session_state["test"] = "T3"
     predicted(session.run(), "T3")
-    (also,) = [each for each in session.app.multiselect if each.label == "Also show"]
-    assert also.value == ["T1", "T4"]
-    assert "T3" in session.app.session_state["also"]
+    assert "T2 · " in figure(session)
+    assert "T3 · " not in figure(session)
+    assert "T2 · " not in figure(fitted(visit("predict", **CAE_ONLY)))
+    session.app.toggle(key="compare_nearest").set_value(False).run()
+    assert "T2 · " not in figure(session)
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_on_data_too_it_is_said_what_a_link_asks_for_in_vain(visit: Visit) -> None:
-    """Of the tests that are shown alone, and of what is put beside them; pins wait for an answer of Predict."""
-    session = visit("data", campaign="campaign", only=["T2", "T8"], also=["cae:none", "at:30mph 2000lb 1500lb"],
-                    pins="30mph 2000lb 1500lb")  # fmt: skip
-    said = beside_the_figure(session)
-    assert "Not among the tests in use and the CAE runs: T8." in said
-    assert "Not among the tests in use and the CAE runs: none." in said
-    assert "Pinned predictions are shown once the page Predict has an answer with these settings." in said
+def test_a_test_that_stands_apart_is_always_among_the_nearest(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many are nearer."""
+    apart = SimpleNamespace(test="T1")
+    monkeypatch.setattr("crashfuse.ui.kit.curves.departures_near", lambda *_: (apart,))
+    monkeypatch.setattr("crashfuse.ui.kit.curves._NEAREST", 1)
+    session = predicted(visit("compare", **CAE_ONLY, test="T2", compare_nearest="true"))
+    assert [f"{name} · " in figure(session) for name in ("T1", "T3", "T4")] == [True, True, False]
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_hiding_every_curve_is_possible_and_said(visit: Visit) -> None:
-    """An empty figure would look like an error."""
-    session = visit("compare", **CAE_ONLY, test="T2")
-    predicted(session, "T2")
-    session.app.session_state["curves"] = []
-    session.run()
-    assert "No curve is chosen." in session.words
-
-
-@pytest.mark.usefixtures("open_campaign")
-def test_figures_of_other_curves_have_files_of_other_names(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same curves come to the same name, even if the band of the recommended approach is asked for by its name.
-
-    What predictions miss of a test has no curve of the test: none is hidden.
-    """
-    names: list[str] = []
-    monkeypatch.setattr("crashfuse.ui.kit.figures.offer_files", lambda _, caption, __: names.append(caption.name))
-    approaches = ["cae", "displacement_domain"]
-    session = predicted(visit("compare", campaign="campaign", approaches=approaches, test="T2"), "T2")
-    usual = names[-1]
-    session.app.session_state["band"] = "displacement_domain"
-    session.run()
-    assert names[-1] == usual
-    session.app.session_state["curves"] = ["displacement_domain"]
-    session.run()
-    assert names[-1] == usual.replace("pulses", "pulses-no-Test-no-CAE")
-    session.app.session_state["compared"] = "Residuals"
-    session.run()
-    assert names[-1] == usual.replace("pulses", "residuals-no-CAE")
-
-
-@pytest.mark.usefixtures("open_campaign")
-def test_a_picture_says_what_it_shows_and_nothing_that_is_hidden(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The line above it names what is left, as do the files of a figure that always shows some curves."""
+def test_a_page_begins_with_the_curves_that_matter(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recommended prediction, the CAE model and the test; files of other curves have other names."""
     captions: list[Caption] = []
     monkeypatch.setattr("crashfuse.ui.kit.figures.offer_files", lambda _, caption, __: captions.append(caption))
-    approaches = ["cae", "displacement_domain"]
-    session = predicted(visit("compare", campaign="campaign", approaches=approaches, test="T2"), "T2")
+    approaches = ["cae", "displacement_domain", "fused"]
+    session = predicted(visit("compare", campaign="campaign", approaches=approaches, test="T2", explained="fused"))
     over_time = "Acceleration, velocity and displacement over time: "
-    assert captions[-1].title == f"{over_time}test T2 and its prediction by every approach"
-    session.app.session_state["curves"] = ["displacement_domain"]
+    assert captions[-1].title == f"{over_time}test T2 and its prediction by CAE and Fused"
+    session.app.session_state["compare_curves"] = ["displacement_domain"]
     session.run()
-    assert captions[-1].title == f"{over_time}prediction of test T2 by Displacement domain"
-    session.app.session_state["curves"] = ["test"]
+    assert captions[-1].title == f"{over_time}test T2, prediction by Displacement domain and Fused"
+    assert "pulses-Fused-Displacement-domain" in captions[-1].name
+    session.app.session_state["compared"] = "Residuals"
     session.run()
-    assert captions[-1].title == f"{over_time}test T2"
+    assert "residuals-Fused-Displacement-domain" in captions[-1].name
+    session = fitted(visit("predict", campaign="campaign", approaches=approaches))
+    assert captions[-1].title.startswith("Prediction by CAE and ")
+    assert "Representative" not in captions[-1].name
 
 
 def test_what_a_figure_shows_is_said_in_words() -> None:
-    """Of a figure with further pulses alone, that they stand beside."""
-    shown = Shown(True, ("cae", "fused"), (), "fused", None, (), every=False)
+    """They are in the names of its files, too."""
+    shown = Shown("fused", ("test", "cae"), ())
     assert shown.of("T2") == "test T2 and its prediction by CAE and Fused"
-    assert replace(shown, every=True).by == "every approach"
-    assert replace(shown, test=False, approaches=()).of("T2") == "beside test T2"
-
-
-def test_a_figure_with_another_filled_band_says_whose_it_is() -> None:
-    """Where it is the usual one and nothing is hidden, nothing is said."""
-    assert unlike_usual([], "time_domain", "fused") == ("Time domain band",)
-    assert unlike_usual(["test", "lf_tcn"], "fused", "fused") == ("no Test", "no LF TCN")
-    assert unlike_usual([], "fused", "fused") == ()
+    assert replace(shown, others=()).of("T2") == "test T2, prediction by Fused"
+    assert (shown.named("pulses"), replace(shown, is_usual=False).named("pulses")) == (
+        "pulses",
+        "pulses Fused Test CAE",
+    )
 
 
 def predicted(session: Session, test: str = "T2") -> Session:
@@ -141,7 +113,7 @@ def offered(session: Session) -> list[str]:
 
 def figure(session: Session) -> str:
     """What the figure is made of."""
-    return str(session.app.get("plotly_chart")[0].proto.spec)
+    return json.dumps(json.loads(session.app.get("plotly_chart")[0].proto.spec), ensure_ascii=False)
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -159,10 +131,10 @@ def test_another_seed_and_way_of_leaving_out_are_offered_once_they_are_known(vis
 @pytest.mark.usefixtures("open_campaign")
 def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
     """Where it is computed later, it is shown then; the settings that are shown anyway are not missed."""
-    session = predicted(visit("compare", **ONE, test="T2", also=SEED_1))
+    session = predicted(visit("compare", **ONE, test="T2", compare_also=SEED_1))
     assert NOT_YET.format("T2", "seed 1") in session.words
     assert "seed 1" not in figure(session)
-    other = predicted(visit("compare", **ONE, test="T2", seed="1", also=SEED_1))
+    other = predicted(visit("compare", **ONE, test="T2", seed="1", compare_also=SEED_1))
     assert "Not shown" not in other.words
     assert "Not shown" not in session.run().words
     assert "Displacement domain, seed 1" in figure(session)
@@ -179,7 +151,7 @@ def test_its_rating_and_metrics_stand_below_those_that_it_was_put_beside(visit: 
     other = predicted(visit("compare", **ONE, test="T2", leave_out="speed group")).open_tab(
         "compare", "Ratings and metrics"
     )
-    session = predicted(visit("compare", **ONE, test="T2", also="by:fast 0 speed group"))
+    session = predicted(visit("compare", **ONE, test="T2", compare_also="by:fast 0 speed group"))
     session.open_tab("compare", "Ratings and metrics")
     name, label = "Displacement domain, all at its speed left out", "Displacement domain"
     (ratings, metrics), (own_ratings, own_metrics) = session.tables[:2], other.tables[:2]
@@ -193,39 +165,10 @@ def test_its_rating_and_metrics_stand_below_those_that_it_was_put_beside(visit: 
 def test_it_is_said_which_of_several_settings_are_not_shown(visit: Visit) -> None:
     """Whatever a link has in their place."""
     asked = [SEED_1, "by:paper 0 speed group", "by:fast 0 magic", "by:*seven*"]
-    session = predicted(visit("compare", **ONE, test="T2", also=asked))
+    session = predicted(visit("compare", **ONE, test="T2", compare_also=asked))
     for words in ("seed 1", "paper settings, all at its speed left out"):
         assert NOT_YET.format("T2", words) in session.words
     assert NEVER.format("fast 0 magic or *seven*") in beside_the_figure(session)
-
-
-@pytest.mark.usefixtures("open_campaign")
-def test_on_data_it_stands_among_the_tests_by_the_name_of_its_own(visit: Visit) -> None:
-    """One with the usual settings, too, as no other is shown there; the CAE runs have it beside them as well."""
-    predicted(visit("compare", **ONE, test="T2"))
-    predicted(visit("compare", **ONE, test="T2", seed="1"))
-    session = visit("data", **ONE, test="T2", also=["by:fast 0 test", SEED_1])
-    for tab in ("Tests", "CAE model"):
-        session.open_tab("data", tab)
-        assert "T2 by Displacement domain, seed 1" in figure(session)
-        (also,) = [each for each in session.app.multiselect if each.label == "Also show"]
-        assert also.value == ["by:fast 0 test", SEED_1]
-        assert "T2 by Displacement domain" in also.options
-    session.app.session_state["test"] = "T3"
-    words = session.run().words
-    for settings in ("the usual settings", "seed 1"):
-        assert NOT_YET.format("T3", settings) in words
-    session.press("Predict T3 with seed 1").finish()
-    assert "T3 by Displacement domain, seed 1" in figure(session)
-
-
-@pytest.mark.usefixtures("open_campaign")
-def test_what_stands_in_the_figure_is_not_asked_for_though_other_approaches_lack_it(visit: Visit) -> None:
-    """A study by one approach is enough for its prediction, where the page would compare two."""
-    predicted(visit("compare", **ONE, test="T2", seed="1"))
-    session = visit("data", approaches=["displacement_domain", "lf_tcn"], test="T2", also=SEED_1)
-    assert "Displacement domain, seed 1" in figure(session)
-    assert NOT_YET.format("T2", "seed 1") not in session.words
 
 
 def fitted(session: Session) -> Session:
@@ -238,26 +181,29 @@ def test_the_next_seed_is_one_click_away_and_then_stands_beside(visit: Visit) ->
     """In the figure and in the table with differences; whoever opens the link later has it at once."""
     session = fitted(visit("predict", **HERE))
     assert offered(session) == ["Displacement domain, seed 1"]
-    session.app.session_state["also"] = [SEED_1]
+    session.app.session_state["predict_also"] = [SEED_1]
     session.run()
     assert NOT_YET.format("this condition", "seed 1") in session.words
     assert "seed 1" not in figure(session)
     session.press("Predict with seed 1").finish()
     assert "Displacement domain, seed 1" in figure(session)
     assert "yet" not in session.words
-    other = visit("predict", **HERE, also=SEED_1, predict_tab="Metrics")
+    other = visit("predict", **HERE, predict_also=SEED_1)
     condition, *_ = other.tables[0].columns[1:]
-    assert list(other.tables[0].columns[2:]) == [f"{condition}, seed 1", f"Difference, {condition}, seed 1"]
+    seed_1 = f"{condition}, seed 1"
+    assert list(other.tables[0].columns[2:]) == [seed_1, f"{seed_1} − {condition}"]
+    other.app.button_group(key="subtracted").set_value(seed_1).run()
+    assert list(other.tables[0].columns[1:]) == [seed_1, condition, f"{condition} − {seed_1}"]
 
 
 @pytest.mark.usefixtures("open_campaign")
 def test_what_was_fitted_before_is_offered_whatever_was_left_out(visit: Visit) -> None:
     """Seen from the other seed, too; ways of leaving out, chosen on Compare, mean nothing here."""
     fitted(visit("predict", **HERE))
-    session = fitted(visit("predict", **HERE, seed="1", also="by:fast 0 speed group"))
+    session = fitted(visit("predict", **HERE, seed="1", predict_also="by:fast 0 speed group"))
     assert offered(session) == ["Displacement domain, seed 0", "Displacement domain, seed 2"]
     assert "Displacement domain, seed 0" in figure(session)
-    session.app.session_state["also"] = ["by:fast 1 speed group"]  # what is shown anyway
+    session.app.session_state["predict_also"] = ["by:fast 1 speed group"]  # what is shown anyway
     assert "is not there yet" not in session.run().words
 
 
@@ -265,6 +211,6 @@ def test_what_was_fitted_before_is_offered_whatever_was_left_out(visit: Visit) -
 def test_a_link_may_ask_for_any_settings(visit: Visit) -> None:
     """Such as there are none of."""
     session = fitted(visit("predict", **HERE))
-    session.app.session_state["also"] = ["by:fast 0 magic", "by:*seven*", "by:fast 99999999999 test", "by:"]
+    session.app.session_state["predict_also"] = ["by:fast 0 magic", "by:*seven*", "by:fast 99999999999 test", "by:"]
     assert "is not there yet" not in session.run().words
     assert offered(session) == ["Displacement domain, seed 1"]

@@ -103,62 +103,50 @@ def opened(visit: "Visit", page: str, press: str, **parameters: object) -> Sessi
 def test_on_data(open_campaign: Path, visit: "Visit") -> None:
     """Tests, conditions and CAE runs."""
     campaign = load_campaign(open_campaign)
-    session = visit("data", test="T2", only=["T2", "T3"], also=["cae:C05"], **OPTIONS)
+    session = visit("data", test="T2", **OPTIONS)
     for tab, figure in (
-        ("Tests", campaign.plot(tests=["T2", "T3"], also=["C05"], held_out="T2", display=SHOWN)),
+        ("Tests", campaign.plot(held_out="T2", display=SHOWN)),
         ("Conditions", campaign.plot("conditions", held_out="T2", display=SHOWN)),
-        ("CAE model", campaign.plot("cae", also=["C05"], display=SHOWN)),
+        ("CAE model", campaign.plot("cae", display=SHOWN)),
     ):
         assert drawn(session.open_tab("data", tab)) == traces(figure)
 
 
 def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
-    """Over time with corridors and another test beside, residuals, over displacement, and why it is rated so."""
-    session = opened(visit, "compare", "Predict test T2", test="T2", also=["T3"], corridors="true", band="cae")
+    """Over time with corridors and another test beside, over displacement, residuals, and why it is rated so."""
+    link = {"test": "T2", "compare_also": ["T3"], "corridors": "true", "explained": "cae"}
+    session = opened(visit, "compare", "Predict test T2", **link)
     study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=APPROACHES, workers=1)
 
     def library(figure: str, **options: Any) -> list[list[dict[str, Any]]]:
-        return traces(study.plot("T2", figure, display=SHOWN, **options))
+        return traces(study.plot("T2", figure, approaches=["cae"], also=["T3"], display=SHOWN, **options))
 
-    assert drawn(session) == library("motion", also=["T3"], corridors=True)
-    for key, tab, figures in (
-        ("compared", None, {"Residuals": "residuals"}),
-        (
-            "over_displacement",
-            "Over displacement",
-            {"Acceleration": "displacement", "Energy": "energy", "Check of the integration": "integration"},
-        ),
-    ):
-        if tab is not None:
-            session.app.button_group(key="compare_tab").set_value(tab).run()
-        for choice, figure in figures.items():
-            session.app.button_group(key=key).set_value(choice).run()
-            assert drawn(session) == library(figure, also=["T3"]), figure
-    session.app.button_group(key="over_displacement").set_value("Bias by speed").run()
-    assert drawn(session) == traces(study.campaign.plot("bias", held_out="T2", display=SHOWN))
-    session.app.button_group(key="over_displacement").set_value("Parts of the bias").run()
-    assert drawn(session) == library("bias parts")
+    assert drawn(session) == library("motion", corridors=True)
+    for choice, figure in (("Over displacement", "displacement"), ("Energy", "energy"), ("Residuals", "residuals")):
+        session.app.button_group(key="compared").set_value(choice).run()
+        assert drawn(session) == library(figure), figure
     session.app.button_group(key="compare_tab").set_value("Why").run()
-    session.app.button_group(key="explained").set_value("cae").run()
-    assert drawn(session) == library("scores") + library("rating", approaches=["cae"], also=["T3"])
+    assert drawn(session) == traces(study.plot("T2", "scores", display=SHOWN)) + library("rating")
 
 
 @pytest.mark.usefixtures("quick_networks")
-def test_on_the_networks(open_campaign: Path, visit: "Visit") -> None:
-    """Before and after the tests, side by side on one scale, with what was put beside; and how they learned."""
-    names = ["cae", "lf_tcn", "time_domain"]
+def test_on_train(open_campaign: Path, visit: "Visit") -> None:
+    """The networks before and after the tests on one scale, and how they learned; the bias and its parts; x(t)."""
+    names = ["cae", "lf_tcn", "time_domain", "displacement_domain"]
     study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=names, workers=1)
-    session = visit("compare", test="T2", also=["T3"], curves=["test"], **{**OPTIONS, "approaches": names}).finish()
-    session.app.button_group(key="compare_tab").set_value("Networks").run()
-    beside = [
-        study.plot("T2", "acceleration", approaches=[network], also=["T3"], display=SHOWN)
+    session = visit("train", test="T2", train_tab="Diagnostics", **{**OPTIONS, "approaches": names}).finish()
+    pulses = [
+        study.plot("T2", "acceleration", approaches=["cae", network], band=network, display=SHOWN)
         for network in ("lf_tcn", "time_domain")
     ]
-    share_y_range(beside)
-    assert drawn(session) == traces(*beside)
-    session.app.button_group(key="networks").set_value("Learning curves").run()
+    share_y_range(pulses)
     learning = [study.plot("T2", figure, approaches=["time_domain"]) for figure in ("training", "fine-tuning")]
-    assert drawn(session) == traces(*learning)
+    assert drawn(session) == traces(*pulses, *learning)
+    session.app.button_group(key="diagnostics").set_value("Bias").run()
+    bias = study.campaign.plot("bias", held_out="T2", display=SHOWN)
+    assert drawn(session) == traces(bias, study.plot("T2", "bias parts", display=SHOWN))
+    session.app.button_group(key="diagnostics").set_value("Integration check").run()
+    assert drawn(session) == traces(study.plot("T2", "integration", display=SHOWN))
 
 
 def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
@@ -180,7 +168,7 @@ def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> No
     assert open_campaign.is_dir()
     source = tmp_path / "v5.zip"
     source.write_bytes(zipped(nhtsa_files()))
-    session = visit("data", data_tab="Open another campaign", **OPTIONS)
+    session = visit("data", opening="open", **OPTIONS)
     session.app.file_uploader[0].set_value([(source.name, source.read_bytes(), "application/zip")])
     session.press("Open upload")
     (preview,) = preview_source(source)
@@ -208,7 +196,7 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
     at = {"speed_mph": 30.0, "front_weight_lb": 2050.0, "rear_weight_lb": 1500.0}
     pin = Condition.of(**{**at, "speed_mph": 20.0})
     link = {name: str(value) for name, value in at.items()}
-    session = opened(visit, "predict", "Predict", also=["T3"], pins=[pin.text], **link)
+    session = opened(visit, "predict", "Predict", predict_also=["T3"], pins=[pin.text], **link)
     campaign = load_campaign(open_campaign)
     prediction = predict(campaign, Condition.of(**at), APPROACHES)
     also: list[Further] = ["T3", predict(campaign, Condition.parse(pin.text), "displacement_domain")]
@@ -218,7 +206,10 @@ def test_on_predict(open_campaign: Path, visit: "Visit", monkeypatch: pytest.Mon
         ("Energy over crush", "energy"),
     ):
         session.app.button_group(key="predicted").set_value(choice).run()
-        assert drawn(session) == traces(prediction.plot(figure, also=also, band="displacement_domain", display=SHOWN))
+        expected = prediction.plot(
+            figure, approaches=["displacement_domain"], also=also, representative=False, display=SHOWN
+        )
+        assert drawn(session) == traces(expected)
     session.app.button_group(key="predict_tab").set_value("Over speed").run()
     session.press("Predict over speed").finish()
     session.app.selectbox(key="sweep_metric").set_value("peak").run()

@@ -1,5 +1,6 @@
 """The frame of every page, and the settings."""
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -8,8 +9,9 @@ from typing import cast
 import pytest
 from streamlit.testing.v1.element_tree import Widget
 
-from crashfuse.ui.kit import campaigns, frame
-from crashfuse.ui.kit.text import plain
+from crashfuse.execution.cache import default_folder
+from crashfuse.ui.certify import results as certify
+from crashfuse.ui.kit import campaigns, frame, visitors
 from tests.ui.conftest import Session, Visit
 
 PAGES = ("data", "train", "compare", "study", "predict")
@@ -30,13 +32,13 @@ def test_choices_hold_on_every_page(visit: Visit) -> None:
     """Chosen once, seen everywhere."""
     session = visit()
     session.app.sidebar.selectbox(key="test in mph-lb").select("T3").run()
-    session.app.sidebar.button_group(key="window").set_value(20.0).run()
+    session.app.sidebar.selectbox(key="window").select(20.0).run()
     session.app.sidebar.button_group(key="sign").set_value("Deceleration").run()
     for page in ("compare", "train", "study", "data"):
         session.go(page)
     sidebar = session.app.sidebar
     assert sidebar.selectbox(key="test in mph-lb").value == "T3"
-    assert sidebar.button_group(key="window").value == 20.0
+    assert sidebar.selectbox(key="window").value == 20.0
     assert sidebar.button_group(key="sign").value == "Deceleration"
 
 
@@ -62,7 +64,7 @@ def test_an_address_reproduces_the_view(visit: Visit, campaign_folder: Path) -> 
     assert session.app.title[0].value == "campaign"
     sidebar = session.app.sidebar
     assert sidebar.selectbox(key="test in mph-lb").value == "T3"
-    assert sidebar.button_group(key="window").value == 20.0
+    assert sidebar.selectbox(key="window").value == 20.0
     assert sidebar.button_group(key="unit").value == "m/s²"
     assert sidebar.button_group(key="sign").value == "Deceleration"
     assert "have not opened" not in session.words
@@ -163,15 +165,14 @@ def test_a_campaign_that_goes_bad_while_open_is_refused_on_every_page(visit: Vis
 
 @pytest.mark.slow
 def test_the_notice_of_a_synthetic_campaign_stands_on_every_page(visit: Visit, open_campaign: Path) -> None:
-    """It says plainly that no real car is shown, above results in a word that unfolds; its words are text."""
+    """It says plainly that no real car is shown, in the line above every page; its words are text."""
     notice = "Synthetic: no real vehicle. ![x](https://example.org/x.png)"
     (open_campaign / "campaign.toml").write_text(f'name = "*Toy*"\nnotice = "{notice}"\n')
     session = visit()
     assert session.app.title[0].value == r"\*Toy\*"
     for page in PAGES:
         session.go(page)
-        badges = [own.proto.help for own in session.app.markdown if "Synthetic" in own.value]
-        assert notice in session.words or badges == [plain(notice)]
+        assert session.answer["Synthetic"] == notice
         assert not any("![" in caption.value for caption in session.app.caption)
 
 
@@ -198,6 +199,63 @@ def test_a_cache_that_cannot_be_written_is_said(visit: Visit, tmp_path: Path, mo
         in visit("train").words
     )
     frame._not_kept.clear()
+
+
+@pytest.mark.usefixtures("one_cache")
+@pytest.mark.slow
+def test_above_every_page_stands_what_is_known_and_what_it_takes_to_know_more(
+    visit: Visit, open_campaign: Path
+) -> None:
+    """Criteria, then a list of conditions, then a click on Certify; the answer is there in other sessions, too."""
+
+    def answer(session: Session) -> str:
+        return list(session.answer)[2]
+
+    answers = [answer(visit())]
+    (open_campaign / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 900.0\n')
+    for name, text in (("matrix.csv", "id,speed_mph,front_weight_lb,rear_weight_lb\nM,25,2050,1500\n"), ("", "")):
+        certify._declared.clear()  # which looks at files every ten seconds
+        answers.append(answer(visit()))
+        (open_campaign / (name or "none")).write_text(text)
+    assert len(set(answers)) == 3
+    session = visit("certify", approach="displacement_domain").press("Certify").finish().go("train")
+    known = answer(session)
+    assert re.fullmatch(r"\*\*[01] of 1 planned test need not be run\*\*", known)
+    assert answer(visit("certify", approach="displacement_domain")) == known
+    next(button for button in session.app.button if button.label == "24 CAE runs").click()
+    assert session.run().app.button_group(key="data_tab").value == "CAE model"
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_units_and_sign_are_kept_for_the_visitor_alone(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In other campaigns and sessions; a link overrides them, and nothing that it asks for is kept."""
+    monkeypatch.setattr(visitors, "browser", lambda: "anna")
+    session = visit(unit="m/s²")
+    session.app.sidebar.button_group(key="system").set_value("kph-kg").run()
+    session.app.sidebar.button_group(key="sign").set_value("Deceleration").run()
+    keys, expected = ("system", "unit", "sign"), ["kph-kg", "g", "Deceleration"]
+    session = visit("data", campaign="sample")
+    assert [session.app.session_state[key] for key in keys] == expected
+    assert visit("data", sign="Acceleration").app.session_state["sign"] == "Acceleration"
+    monkeypatch.setattr(visitors, "browser", lambda: "ben")
+    assert visit("data").app.session_state["sign"] == "Acceleration"
+    (default_folder() / "visitors.json").write_text('{"a": 1, "b": {"sign": []}}')
+    assert visit("data").app.session_state["sign"] == "Acceleration"
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.parametrize(("typed", "expected"), [("50", 50.0), ("0–35.5 ms", 35.5), ("5", 60.0), ("magic", 60.0)])
+def test_any_window_can_be_rated(visit: Visit, typed: str, expected: float) -> None:
+    """Typed in or of a link, and its ratings stand beside the usual ones; an impossible one leaves the one before."""
+    assert visit("compare", window=typed).app.session_state["window"] == expected
+    session = visit("compare", approaches="cae", test="T2", compare_tab="Ratings and metrics")
+    field = session.app.sidebar.selectbox(key="window")
+    field.options.append(typed)  # which Streamlit's tests do not know of a field that takes what is typed
+    field.set_value(typed).run()
+    assert session.app.session_state["window"] == expected
+    ratings = session.press("Predict test T2").finish().tables[0]
+    assert f"0–{expected:g} ms" in ratings.columns
+    assert "0–40 ms" in ratings.columns
 
 
 @pytest.mark.usefixtures("open_campaign")

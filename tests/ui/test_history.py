@@ -120,8 +120,8 @@ def test_two_predictions_are_shown_on_predict_with_both_pinned(visit: Visit, ope
     assert session.app.session_state["pins"] == ["50kph 900kg 700kg", "56kph 900kg 700kg"]
     assert session.app.session_state["speed_mph"] == pytest.approx(31.0686, abs=1e-4)
     session = visit("history", first=otherwise.id, second=other.id).press("Show both on Predict")
-    chosen = {key: session.app.session_state[key] for key in ("seed", "also", "pins")}
-    assert chosen == {"seed": 1, "also": ["by:fast 0 test"], "pins": []}
+    chosen = {key: session.app.session_state[key] for key in ("seed", "predict_also", "pins")}
+    assert chosen == {"seed": 1, "predict_also": ["by:fast 0 test"], "pins": []}
     told = visit("history", first=one.id, second=otherwise.id).words
     assert "differ in their condition or in their settings; these do not" in told
     elsewhere = predicted(50, "b")
@@ -136,8 +136,8 @@ def test_two_studies_with_a_test_in_common_are_shown_on_compare(visit: Visit, op
     other = kept(2, data, tests="T1 T2", config=StudyConfig(seed=1, leave_out="speed group"))
     session = visit("history", first=one.id, second=other.id).press("Show both on Compare, T2")
     assert session.app.title[0].value == "Compare"
-    chosen = {key: session.app.session_state[key] for key in ("test", "seed", "leave_out", "also")}
-    assert chosen == {"test": "T2", "seed": 0, "leave_out": "test", "also": ["by:fast 1 speed group"]}
+    chosen = {key: session.app.session_state[key] for key in ("test", "seed", "leave_out", "compare_also")}
+    assert chosen == {"test": "T2", "seed": 0, "leave_out": "test", "compare_also": ["by:fast 1 speed group"]}
     more, elsewhere = kept(3, data, seed=2), kept(4, "campaign", seed=3, tests="T2", fingerprint="b")
     for first, second in ((other, more), (one, elsewhere)):
         buttons = visit("history", first=first.id, second=second.id).buttons

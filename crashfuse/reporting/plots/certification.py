@@ -12,7 +12,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
-from crashfuse.reporting.certification_tables import ANSWER, answer_texts
+from crashfuse.reporting.certification_tables import ANSWER, ANSWER_WORDS, answer_texts
 from crashfuse.reporting.earlier_prediction import WITH_GROUP
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -40,21 +40,27 @@ _NONE = "No test was left out: nothing to compare with."
 
 
 def verdict_matrix(
-    certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, words: bool = True
+    certification: Certification,
+    display: Display = DEFAULT,
+    part: slice = slice(None),
+    *,
+    words: bool = True,
+    narrow: bool = False,
 ) -> go.Figure:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria: colour, word and probability of being met.
 
     Beside each row stands the answer at the condition. A cell's mark carries ``"<condition> | <criterion>"``. Without
-    ``words``, and beyond 400 conditions, only colours are drawn. ``part`` takes some of the sorted conditions.
+    ``words``, and beyond 400 conditions, only colours are drawn. ``part`` takes some of the sorted conditions; a
+    ``narrow`` figure has probabilities below the words, and the answers alone.
     """
     by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
     ids, rows = zip(*by_speed[part], strict=True)
     criteria, confidence = certification.criteria.items, certification.criteria.confidence
-    width = min(max(_HEADER_CHARACTERS // len(criteria), 9), 22)
+    width = min(max(_HEADER_CHARACTERS // len(criteria) // (1 + narrow), 9), 22)
     names = [_header(criterion, width, display) for criterion in criteria]
     speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
     labels, short = ([f"{name(i)} · {v}" for i, v in zip(ids, speeds, strict=True)] for name in (str, tick_name))
-    with_words, in_a_line = words and len(rows) <= MOST_WORDS, len(names) <= _FEW_CRITERIA
+    with_words, in_a_line = words and len(rows) <= MOST_WORDS, len(names) <= _FEW_CRITERIA and not narrow
     row_px = _NARROW_ROW_PX if in_a_line and len(rows) > FEW_CONDITIONS else _ROW_PX
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
     figure = new_figure(height=above + _BELOW_PX + row_px * len(rows) if with_words else _ALL_ROWS_PX)
@@ -89,7 +95,8 @@ def verdict_matrix(
     figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
     if with_words:
         figure.update_yaxes(tickvals=labels, ticktext=short)
-        cut = answer_texts(certification, short=True)
+        alone = {i: ANSWER_WORDS[answer] for i, answer in certification.answers.items()}
+        cut = alone if narrow else answer_texts(certification, short=True)
         _write_beside(figure, labels, [cut[i] for i in ids])
     return figure
 

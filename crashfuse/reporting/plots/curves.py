@@ -25,6 +25,19 @@ POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside
 Band = tuple[FloatArray, FloatArray, FloatArray]
 
 
+class LegendName(str):
+    """The name of a curve that is drawn with a line of its choice."""
+
+    line: dict[str, Any]
+
+    @classmethod
+    def of(cls, name: str, line: dict[str, Any]) -> "LegendName":
+        """A name with its line."""
+        named = cls(name)
+        named.line = line
+        return named
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Curve:
     """Values over an axis, in the figure's units; its bands (positions, lower, upper), and what its name adds."""
@@ -42,11 +55,14 @@ def draw_curves(
     """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else, under its name.
 
     The last is on top, above all bands. One band is filled and in the legend, by default that of the preferred
-    approach, whose band of whole pulses is dashed; of the others the edges are drawn. ``yaxis`` is ``"y2"`` for the
-    second of stacked plots; the style applies to all lines.
+    approach, whose band of whole pulses is dashed. If only one curve beside the approaches has a band, that is filled,
+    too; of the others the edges are drawn. ``yaxis`` is ``"y2"`` for the second of stacked plots; the style applies to
+    all lines.
     """
     lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
     filled = with_filled_band(curves, filled)
+    beside = [name for name, curve in curves.items() if curve.band is not None and name not in (filled, *COLOURS)]
+    alike = (filled, *beside) if len(beside) == 1 else (filled,)
     for name, curve in curves.items():
         colour: str = lines[name]["color"]
         key: dict[str, Any] = {"name": labels[name], "legendgroup": name, "showlegend": False}
@@ -54,7 +70,7 @@ def draw_curves(
         if name == filled:
             key = {"name": POINTWISE, "legendgroup": f"band of {name}", "whose": labels[name], **listed}
         if curve.band is not None:
-            add_band(figure, *curve.band, colour=colour, filled=name == filled, yaxis=yaxis, **key)
+            add_band(figure, *curve.band, colour=colour, filled=name in alike, yaxis=yaxis, **key)
         if curve.whole is not None:
             key = {"name": WHOLE, "legendgroup": f"whole of {name}", "whose": f"{labels[name]}, {WHOLE}", **listed}
             dashed = {"width": 1.5, "dash": "dash", "color": colour}
@@ -74,7 +90,9 @@ def with_filled_band(curves: Mapping[str, Curve], asked: str | None = None) -> s
 
 
 def curve_line(name: str) -> dict[str, Any]:
-    """Colour, width and dash of an approach's line, or of the :data:`TEST`'s."""
+    """Colour, width and dash of an approach's line, of the :data:`TEST`'s, or of a name that brings its own."""
+    if isinstance(name, LegendName):
+        return name.line
     if name == TEST:
         return {"color": MEASURED_COLOUR, "width": 2.5}
     return {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
@@ -82,7 +100,7 @@ def curve_line(name: str) -> dict[str, Any]:
 
 def curve_lines(names: Collection[str]) -> dict[str, dict[str, Any]]:
     """Lines of several curves by name, whatever is put beside approaches and test among them."""
-    further = [name for name in names if name != TEST and name not in COLOURS]
+    further = [name for name in names if name != TEST and name not in COLOURS and not isinstance(name, LegendName)]
     return {name: further_line(further.index(name)) if name in further else curve_line(name) for name in names}
 
 
@@ -90,10 +108,10 @@ def by_speed(
     tests: Sequence[CrashTest],
     highlight: str | None = None,
     display: Display = DEFAULT,
-    among: Sequence[CrashTest] = (),
+    speeds_mps: Mapping[str, float] | None = None,
 ) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
-    """Tests by increasing speed, each with the name and style that it has ``among`` all; the highlight is thick."""
-    styles = speed_lines(among or tests)
+    """Tests by increasing speed, each with its name and its style among all speeds; the highlight is thick."""
+    styles = speed_lines(speeds_mps or {test.id: test.condition.speed_mps for test in tests})
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight
         yield (

@@ -189,17 +189,17 @@ def bias_by_speed(
     tests: Sequence[CrashTest],
     biases: Sequence[BiasPoints],
     *,
-    among: Sequence[CrashTest] = (),
+    speeds_mps: Mapping[str, float] | None = None,
     highlight: str | None = None,
     display: Display = DEFAULT,
 ) -> go.Figure:
-    """Draw the CAE model's error in each test, over displacement and coloured by speed ``among`` all tests (Fig. 16).
+    """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16).
 
     ``biases`` are in the order of the tests; the test with the id ``highlight`` is drawn thick.
     """
     figure = displacement_figure(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
-    for test, style in by_speed(tests, highlight, display, among):
+    for test, style in by_speed(tests, highlight, display, speeds_mps):
         bias = of_test[test.id]
         add_line(figure, bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
     figure.update_yaxes(title=_BIAS.format(display.unit))

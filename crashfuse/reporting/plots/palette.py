@@ -1,13 +1,12 @@
 """Colours of approaches, grades and tests by speed, and their counterparts on a dark page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from plotly.colors import sample_colorscale
 
 from crashfuse.approaches.registry import CLASSES
-from crashfuse.crash_test import CrashTest
 from crashfuse.units import MPH
 
 PAPER, INK = "#FFFFFF", "#262A33"
@@ -78,21 +77,28 @@ def further_line(number: int) -> dict[str, Any]:
     return {"color": colour, "width": 1.6, "dash": dash}
 
 
-def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, Any]]:
+def added_test_line(test: str, speeds_mps: Mapping[str, float]) -> dict[str, Any]:
+    """Line of a test among predictions: in the colour of its speed, and dashed unlike any approach."""
+    line = speed_lines(speeds_mps)[test]["line"]
+    number = [dash for dash, _ in _REPEATS].index(line["dash"])
+    return {**further_line(number), "color": line["color"]}
+
+
+def speed_lines(speeds_mps: Mapping[str, float]) -> dict[str, dict[str, Any]]:
     """Style of each test's curve: dark for slow, bright for fast, on a scale that the colour-blind can follow.
 
-    Colours follow the rank of speeds, so that tests of one speed differ in hue; the second and further ones of these
-    have dashes and a few marks of a shape of their own as well.
+    A colour is that of a speed in the range of all; of tests at about one speed, the second and further ones have
+    dashes and a few marks of a shape of their own.
     """
-    slow_to_fast = sorted(tests, key=lambda test: test.condition.speed_mps)
-    shades = np.rint(np.linspace(0, _SHADES - 1, len(tests))).astype(int)
-    rounded = [round(test.condition.speed_mps / MPH) for test in slow_to_fast]
+    slow_to_fast = sorted(speeds_mps, key=speeds_mps.__getitem__)
+    low, high = (speeds_mps[test] for test in (slow_to_fast[0], slow_to_fast[-1])) if speeds_mps else (0.0, 0.0)
+    rounded = [round(speeds_mps[test] / MPH) for test in slow_to_fast]
     styles: dict[str, dict[str, Any]] = {}
     for place, test in enumerate(slow_to_fast):
-        colour = _SLOW_TO_FAST[shades[place]]
+        colour = _SLOW_TO_FAST[round((_SHADES - 1) * (speeds_mps[test] - low) / (high - low or 1.0))]
         dash, symbol = _REPEATS[rounded[:place].count(rounded[place]) % len(_REPEATS)]
-        styles[test.id] = {"line": {"color": colour, "dash": dash}}
+        styles[test] = {"line": {"color": colour, "dash": dash}}
         if symbol:
             marker = {"color": colour, "symbol": symbol, "size": 8, "maxdisplayed": _MARKS}
-            styles[test.id] |= {"mode": "lines+markers", "marker": marker}
+            styles[test] |= {"mode": "lines+markers", "marker": marker}
     return styles

@@ -66,7 +66,7 @@ def motion(
 
     Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
     """
-    figure = new_figure(height=820 + room_for_names(predictions))
+    figure = new_figure(height=510 + room_for_names(predictions))
     accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
     velocities, displacements = _integrals(measured, predictions, speed_mps, display)
@@ -78,9 +78,9 @@ def motion(
     figure.update_layout(
         hoversubplots="axis",
         xaxis={"anchor": "y3"},
-        yaxis={"domain": [0.62, 1.0], "title": display.accel_title},
-        yaxis2={**look, "domain": [0.31, 0.58], "title": display.title("Velocity", "km/h")},
-        yaxis3={**look, "domain": [0.0, 0.27], "title": "Displacement (mm)"},
+        yaxis={"domain": [0.5, 1.0], "title": display.accel_title},
+        yaxis2={**look, "domain": [0.25, 0.46], "title": display.title("Velocity", "km/h")},
+        yaxis3={**look, "domain": [0.0, 0.21], "title": "Displacement (mm)"},
     )
     if measured is not None:
         shade_window(figure, display.window_ms, rows=3)
@@ -124,19 +124,19 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
 def measured_pulses(
     tests: Sequence[CrashTest],
     *,
-    among: Sequence[CrashTest] = (),
+    speeds_mps: Mapping[str, float] | None = None,
     highlight: str | None = None,
     cfc: float | None = None,
     display: Display = DEFAULT,
     further: Mapping[str, Prediction] | None = None,
 ) -> go.Figure:
-    """Draw tests, coloured by their speeds ``among`` all; the one with the id ``highlight`` is thick.
+    """Draw tests, coloured by their speeds among all; the one with the id ``highlight`` is thick.
 
     With a channel filter class (SAE J211-1, at most 1000) the curves as read are thin behind the filtered ones.
     """
     further = further or {}
     figure = new_figure(height_under_names(len(tests) + len(further)))
-    for test, style in by_speed(tests, highlight, display, among):
+    for test, style in by_speed(tests, highlight, display, speeds_mps):
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
         if cfc is not None:
             line = {**style["line"], "dash": "solid", "width": 1}
@@ -154,6 +154,7 @@ def library_band(
     library: CaeLibrary,
     tests: Sequence[CrashTest] = (),
     *,
+    speeds_mps: Mapping[str, float] | None = None,
     display: Display = DEFAULT,
     further: Mapping[str, Prediction] | None = None,
 ) -> go.Figure:
@@ -164,7 +165,7 @@ def library_band(
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale
     add_band(figure, _GRID_MS, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs")
     add_line(figure, _GRID_MS, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
-    for test, style in by_speed(tests, display=display):
+    for test, style in by_speed(tests, None, display, speeds_mps):
         if (run := library.paired_run(test.condition)) is not None:
             style["name"] = f"{library.ids[run]} · {display.speed(test.condition.speed_mps)}"
             add_line(figure, _GRID_MS, library.accel_mps2[run] * display.accel_scale, **style)

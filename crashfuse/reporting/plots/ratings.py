@@ -143,13 +143,13 @@ def _grade_scale() -> list[tuple[float, str]]:
 
 _OUTSIDE, _BEYOND = "#E69F00", "#C1121F"  # of a curve outside the inner and the outer corridor
 _LAST = 2000  # in the legend, where 1000 is usual
-_DOMAINS = ((0.67, 0.985), (0.45, 0.62), (0.225, 0.395), (0.0, 0.17))
+_DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))
 """Of the rows, from the top, as shares of the height."""
 
 
 def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
     """Draw the four scores of each approach as bars, beside each other."""
-    figure = new_figure(height=280)
+    figure = new_figure(height=250)
     parts = [f"{part.capitalize()} ({100 * weight:.0f} %)" for part, weight in WEIGHTS.items()]
     for name, rating in ratings.items():
         scores = [getattr(rating, part) for part in WEIGHTS]
@@ -179,7 +179,7 @@ def rated_curves(
     numbers: at the test, and at the prediction where it has the same hump.
     """
     further = further or {}
-    figure = new_figure(height=980 + room_for_names([TEST, approach, *further]))
+    figure = new_figure(height=570 + room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale
     add_corridors(figure, Pulse(curves.time_s, curves.reference), display)
     grid_ms = GRID_S / MS

@@ -45,7 +45,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         *origin,
         date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         words=WORDS,
-        said={place: sentences(certification, place) for place in ("summary", "domain", "record", "changes")},
+        said={place: sentences(certification, place) for place in ("answer", "summary", "domain", "record", "changes")},
         exceptions=exceptions(certification),
         table_of=tables,
         n_conditions=len(certification.matrix.ids),
@@ -53,20 +53,12 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         notes=[(note.test, note.when, note.text) for note in notes],
         repeats=repeats_table(repeats, campaign.test_ids, windows_ms),
         confidence=criteria.confidence,
-        occupant=_occupant(certification),
         earlier=None if since is None else since.earlier,
         domain_figure=validated_domain(certification, display),
         matrix_figures=list(_matrix_figures(certification, display)),
         record_figures=list(_record_figures(certification, display)),
         reliability=reliability(certification.record),
     )
-
-
-def _occupant(certification: Certification) -> list[str]:
-    occupant, metrics = certification.campaign.occupant, {own.metric for own in certification.criteria.items}
-    olc = f"OLC: free flight of {occupant.olc_free_flight_mm:g} mm, restraint over {occupant.olc_restraint_mm:g} mm."
-    vpi = f"VPI: slack of {occupant.vpi_slack_mm:g} mm, spring of {occupant.vpi_stiffness_npm:g} N/m for 1 kg."
-    return [words for metric, words in (("olc", olc), ("vpi", vpi)) if metric in metrics]
 
 
 def _matrix_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:

@@ -28,6 +28,7 @@ from crashfuse.reporting.report.sections import details, repeats_table
 from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.facts import window_facts
 from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.recommendation import Recommendation, recommend, recommend_without
 from crashfuse.study.study import Fold, Study
@@ -137,6 +138,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "test": test,
         "advice": advice.sentences if len(study.folds) > 1 else (),
         "outcome": rating,
+        "beyond": [fact.sentence for fact in window_facts(test, window)],
         "repeat": repeat and repeat.sentence(rating.overall, LABELS[advice.approach]),
         "motion": study.plot(test.id, notes=notes, display=display),
         "details": details(study.campaign, fold.estimates, display, test, said=advice.sentences),

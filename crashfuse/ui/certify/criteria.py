@@ -1,163 +1,130 @@
-"""The acceptance criteria: those of the campaign, an uploaded file's, or typed into a table."""
+"""The acceptance criteria: those of the campaign, an uploaded file's, or typed in, a row each."""
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass
 from typing import Any
 
-import pandas as pd
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
-from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, criteria_of, read_criteria
+from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.certification.criteria import (
+    CONFIDENCE,
+    RATING,
+    Criteria,
+    Criterion,
+    criteria_of,
+    limits_of_tests,
+    ratings_wanted,
+    read_criteria,
+)
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
-from crashfuse.ui.certify.uploaded import show_wrong, under_its_name, uploaded
+from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_rows, show_wrong, under_its_name, uploaded
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.text import plain
 
-_FILE, _EDITOR = "criteria.toml", "editor of criteria"
-_LIMIT_HELP = "In the unit beside the metric; shown to four digits."
-_COLUMNS = {"name": "str", "metric": "str", "window_ms": "float", "at_least": "float", "at_most": "float"}
+_FILE = "criteria.toml"
+_FIELDS = ("metric", "window_ms", "at_least", "at_most", "name")  # of a criterion in the session and the address
 _METRICS = {**metric_headings(), RATING: f"{STANDARD} rating against a test there"}
-_EXAMPLE = f"""confidence = {CONFIDENCE}
-
-[[criterion]]
-name = "crush"           # yours to choose
-metric = "max_crush"
-at_most = …              # your limit, in mm
-
-[[criterion]]
-name = "rating"          # of the prediction, 0 to 1
-metric = "rating"
-window_ms = 60
-at_least = …"""
 
 
-@dataclass
-class _Editor:
-    """The table as the browser's editor began with it, and what it said last; another one begins anew."""
-
-    begun: pd.DataFrame
-    said: list[str] | None = None
-    round: int = 0
-
-
-def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator) -> Criteria | None:
-    """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here."""
-    state, display, wrong = st.session_state, view.display, _take_declared(view)
-    labels = {name: display.heading(label) for name, label in _METRICS.items()}
-    editor: _Editor = state.setdefault(_EDITOR, _Editor(_rows(())))
-    if state["criteria"] != editor.said:
-        editor.round += 1
-    key = f"criteria {editor.round} {display.units}"
-    if key not in state:  # another round, or back from another page, which forgets the editor's changes, or other units
-        editor.begun = _converted(_rows(state["criteria"]), display.units.factor)
-    edited = st.data_editor(
-        editor.begun,
-        key=key,
-        num_rows="dynamic",
-        hide_index=True,
-        placeholder="",
-        column_config={
-            "name": st.column_config.TextColumn("Name", help="Any; or else the metric's own.", max_chars=100),
-            "metric": st.column_config.SelectboxColumn(
-                "Metric",
-                options=list(_METRICS),
-                format_func=lambda name: labels[str(name)],
-                width=280,  # its longest name; with more, a limit is cut off at 900 px
-                required=True,
-            ),
-            "window_ms": st.column_config.NumberColumn("Window (ms)", help="Of a rating alone; 60 if it is empty."),
-            "at_least": st.column_config.NumberColumn("At least", help=_LIMIT_HELP, format="%.4g"),
-            "at_most": st.column_config.NumberColumn("At most", help=_LIMIT_HELP, format="%.4g"),
-        },
-        alt="Acceptance criteria: name, metric, window, and limits",
-    )
-    rows = _converted(edited, lambda unit: 1 / display.units.factor(unit))
-    state["criteria"] = editor.said = _texts(rows)
-    address.publish()
-    confidence = beside.number_input(
-        "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session",
-        help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
-    )  # fmt: skip
-    with help_in.popover("How criteria are declared, or brought as a file", icon=":material/help:"):
-        st.markdown(
-            f"One row a criterion, with limits in the unit beside its metric. `{_FILE}`, in the campaign folder or "
-            "uploaded here, has the names and units of `metrics.csv`: "
-            f"{', '.join(f'`{name}` ({METRIC_UNITS[name]})' for name in MAIN_METRICS)} and others."
-        )
-        _show_upload(view)
-        st.code(_EXAMPLE, language="toml")
-    declared = _declared(_rows(state["criteria"]))
-    if not declared:
-        if wrong is not None:
-            show_wrong(wrong)
-        st.info("No criteria yet: add a row above, with a metric and its limit.", icon=":material/edit:")
-        return None
-    try:
-        criteria = criteria_of(declared, confidence)
-    except DataError as error:
-        show_wrong(error)
-        return None
-    other_units = [own for own in criteria.items if view.display.units.unit(own.unit) != own.unit]
-    if other_units:
-        limits = "; ".join(f"{own.name} {own.limits}" for own in other_units)
-        st.caption(f"In the units of files: {plain(limits)}.")
-    return criteria
-
-
-def _take_declared(view: View) -> DataError | None:
-    """Make the criteria in the campaign's folder the default; returns what is wrong with them, if anything is."""
-    path, declared, wrong = view.folder / _FILE, None, None
+def criteria_asked(view: View) -> Criteria | None:
+    """The criteria that are chosen, at first the campaign's; None if there are none. A DataError says what is wrong."""
+    state, path, wrong = st.session_state, view.folder / _FILE, None
+    declared: Criteria | None = None
     try:
         declared = read_criteria(path) if path.is_file() else None
     except DataError as error:
         wrong = error
-    address.default("criteria", _texts(_table(declared)))
+    address.default("criteria", [_text(_values(own)) for own in declared.items] if declared else [])
     address.default("confidence", declared.confidence if declared else CONFIDENCE)
-    return wrong
+    state["criteria"] = [text for text in state["criteria"] if _is_row(text)]  # of a link that was cut
+    if state["criteria"]:
+        return criteria_of([_row(text) for text in state["criteria"]], state["confidence"])
+    if wrong is not None:
+        raise wrong
+    return None
 
 
-def _table(criteria: Criteria | None) -> pd.DataFrame:
-    return pd.DataFrame([asdict(own) for own in criteria.items] if criteria else [], columns=list(_COLUMNS))
+def choose_criteria(view: View) -> Criteria | None:
+    """Ask for criteria, confidence and approach; None while there are none or they are wrong, which is said here."""
+    state, units = st.session_state, view.display.units
+    try:
+        criteria, wrong = criteria_asked(view), None
+    except DataError as error:
+        criteria, wrong = None, error
+    labels = {name: view.display.heading(label) for name, label in _METRICS.items()}
+
+    def fields(parts: list[str]) -> list[Field | None]:
+        factor = units.factor(METRIC_UNITS.get(parts[0], ""))
+        return [
+            Field("Metric", labels, clears=(1, 2, 3, 4)),
+            Field("Window (ms)", factor=1.0, help="Of a rating.") if parts[0] == RATING else None,
+            Field("At least", factor=factor, help="In the unit of the metric."),
+            Field("At most", factor=factor),
+            Field("Name", help="Yours to choose; else the metric’s."),
+        ]
+
+    edit_rows("criteria", (4.5, 1.5, 2, 2, 2.5), fields)
+
+    def start(rows: list[dict[str, Any]]) -> None:
+        state["criteria"] = [_text(row) for row in rows]
+
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        st.number_input(
+            "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session", width=150,
+            help="A criterion counts as met from this probability, as not met from its complement, else it is open.",
+        )  # fmt: skip
+        st.selectbox(
+            "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach",
+            persist_state="session", width=210,
+        )  # fmt: skip
+        another = _text({"metric": RATING if any(RATING in text for text in state["criteria"]) else MAIN_METRICS[0]})
+        st.button(
+            "Add a criterion", icon=":material/add:",
+            on_click=lambda: state.update(criteria=[*state["criteria"], another]),
+        )  # fmt: skip
+        st.button(
+            "Limits of these tests", icon=":material/speed:", type="secondary" if criteria else "primary",
+            on_click=lambda: start(limits_of_tests(view.campaign, units)),
+            help="Start with the most that a test showed of crush, peak, velocity change and OLC, rounded up, and with "
+            "a rating of 0.8. They are no requirement of anyone: change them.",
+        )  # fmt: skip
+        st.button(
+            "Good ratings", icon=":material/grade:", on_click=lambda: start(ratings_wanted()),
+            help=f"Start with {STANDARD} ratings that are good, 0.8 or more, over 20, 40 and 60 ms.",
+        )  # fmt: skip
+        with st.popover("From a file", icon=":material/upload:"):
+            _show_upload(view)
+    if wrong is not None:
+        show_wrong(wrong)
+    elif criteria is None:
+        st.info("No criteria yet: start with limits of these tests, or add your own.", icon=":material/edit:")
+    return criteria
 
 
-def _texts(rows: pd.DataFrame) -> list[str]:
-    """The criteria of a table as they stand in the session and the address: metric, window, limits, name."""
-    known = rows[rows["metric"].notna()].astype(object)
-    return [
-        "~".join([metric, *("" if pd.isna(number) else f"{number:.12g}" for number in numbers), str(name)])
-        for name, metric, *numbers in known.fillna({"name": ""}).itertuples(index=False)
-    ]
+def _values(criterion: Criterion) -> dict[str, Any]:
+    return {name: getattr(criterion, name) for name in _FIELDS}
 
 
-def _rows(texts: Sequence[str]) -> pd.DataFrame:
-    """The table of criteria that these texts stand for; what is no criterion, of a link that was cut, is left out."""
-    rows = []
-    for metric, *numbers, name in (text.split("~", 4) for text in texts if text.count("~") >= 4):
-        with suppress(ValueError):
-            if metric in _METRICS:
-                rows.append([name, metric, *(float(number or "nan") for number in numbers)])
-    return pd.DataFrame(rows, columns=list(_COLUMNS)).astype(_COLUMNS)
+def _text(row: dict[str, Any]) -> str:
+    """A criterion as it stands in the session and the address."""
+    values = [row.get(name) for name in _FIELDS]
+    return SEPARATOR.join(
+        "" if value is None else value if isinstance(value, str) else f"{value:.12g}" for value in values
+    )
 
 
-def _converted(rows: pd.DataFrame, factor: Callable[[str], float]) -> pd.DataFrame:
-    """The same table with its limits times a factor for the unit of their metric."""
-    factors = rows["metric"].map(lambda name: factor(METRIC_UNITS.get(name, "")))
-    limits = rows[["at_least", "at_most"]].mul(factors.astype(float), axis=0)
-    return rows.assign(**limits)
+def _row(text: str) -> dict[str, Any]:
+    metric, *numbers, name = text.split(SEPARATOR, len(_FIELDS) - 1)
+    given = zip(_FIELDS, [metric, *(float(number) if number else None for number in numbers), name], strict=True)
+    return {key: value for key, value in given if value not in (None, "")}
 
 
-def _declared(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows in which anything was entered, as mappings of what was."""
-    entered = [
-        {str(name): value for name, value in row.items() if not pd.isna(value) and value != ""}
-        for row in rows.to_dict("records")
-    ]
-    return [row for row in entered if row]
+def _is_row(text: str) -> bool:
+    try:
+        return _row(text)["metric"] in _METRICS
+    except (ValueError, KeyError):
+        return False
 
 
 def _show_upload(view: View) -> None:
@@ -173,8 +140,11 @@ def _show_upload(view: View) -> None:
         except DataError as error:
             st.session_state[wrong] = under_its_name(error, _FILE, file.name)
             return
-        st.session_state.update(criteria=_texts(_table(criteria)), confidence=criteria.confidence)
+        rows = [_text(_values(own)) for own in criteria.items]
+        st.session_state.update(criteria=rows, confidence=criteria.confidence)
 
+    names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
+    st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {names} and others.")
     st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take)
     if wrong in st.session_state:
         show_wrong(st.session_state[wrong])

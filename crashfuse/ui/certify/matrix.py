@@ -1,62 +1,78 @@
-"""The conditions to judge: the campaign's matrix, an uploaded one, or a grid."""
+"""The planned tests: those of the campaign, of an uploaded file, or typed in, a row each."""
 
-import re
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.matrix import Matrix
-from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.files.csv_text import without_formulas
-from crashfuse.reporting.plots.display import Display
-from crashfuse.ui.certify.uploaded import choose_kept, show_wrong, uploaded
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.ui.certify.entry import SEPARATOR, Field, choose_kept, edit_rows, find_kept, show_wrong, uploaded
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.text import plain
-from crashfuse.wording import IN_SI, speed
+from crashfuse.wording import IN_SI, SYSTEMS, UnitSystem, speed
 
 JUDGED = "judged"
 """Session key: whether the conditions that are chosen have verdicts."""
 _FILE = "matrix.csv"
-_OWN, _UPLOAD, _GRID = "The campaign's", "Upload", "Grid"
-_STEPS = {"mph": 5, "km/h": 10}  # between speeds of a grid
-_MOST_VALUES = 1000  # of a range
-_NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
-_HELP = "Numbers separated by commas, or first:last:step, such as 20:35:5."
+_OWN, _UPLOAD, _TYPED = "The campaign’s", "Upload", "Typed in"
+_STEPS = {"mph": 5, "km/h": 10}  # between speeds to start with
+_MOST_ROWS, _FEW_ROWS = 40, 8  # with widgets, a file has more; without scrolling
+_SYSTEM = 4  # place of the name of the units in a row, before the factors
+
+
+def matrix_asked(view: View) -> Matrix | None:
+    """The planned tests that are chosen, at first the campaign's; None if there are none. Raises as :class:`Matrix`."""
+    state, own = st.session_state, view.folder / _FILE
+    address.default("matrix", _OWN if own.is_file() else _TYPED, _sources(view))
+    address.default("planned", _usual(view), follow=not state.get(JUDGED))  # verdicts would go
+    if state["matrix"] == _OWN:
+        return _read(own, campaigns.stamp(own), view.campaign.fingerprint, view.campaign)
+    if state["matrix"] == _UPLOAD:
+        campaign = view.campaign
+        return find_kept(_FILE, "uploaded", lambda content: _checked(content, campaign.fingerprint, campaign))
+    return _typed(tuple(state["planned"]), view.campaign.fingerprint, view.campaign) if state["planned"] else None
 
 
 def choose_matrix(view: View) -> Matrix | None:
-    """Ask for the conditions; None while there are none or some are wrong, which is said here."""
-    own = view.folder / _FILE
-    sources = [_OWN] * own.is_file() + [_UPLOAD, _GRID]
-    left, right = st.columns([3, 4], vertical_alignment="bottom")
-    with left:
-        st.caption("Conditions from")
-        source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)
-    matrix: Matrix | None
+    """Ask for the planned tests; None while there are none or some are wrong, which is said here."""
+    matrix, wrong = None, None
     try:
-        with right:
-            if source == _OWN:
-                matrix = _read(own, campaigns.stamp(own), view.campaign.fingerprint, view.campaign)
-            else:
-                matrix = _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display)
+        matrix = matrix_asked(view)
     except CrashfuseError as error:
-        show_wrong(error)
-        return None
-    if matrix is None:
-        return None
-    speeds = [condition.speed_mps for condition in matrix.conditions]
-    n = f"{len(speeds):,} conditions" if len(speeds) > 1 else "1 condition"
-    ends = view.display.words(speed(min(speeds), max(speeds), between=" to "))
-    with st.expander(f"{n}, {ends}", icon=":material/table:"):
-        rows = [{"Condition": i, **view.display.columns(c), **dict(c.factors)} for i, c in matrix.items]
-        st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The conditions to judge")
-    return matrix
+        wrong = error
+    left, right = st.columns([3, 5], vertical_alignment="bottom")
+    with left:
+        st.caption("Planned tests from")
+        source = choose("Planned tests from", _sources(view), key="matrix")
+    with right:
+        if source == _UPLOAD:
+            wrong = _show_upload(view.campaign) or wrong
+    if source == _TYPED:
+        _edit(view)
+    elif matrix is not None:
+        n = f"{len(matrix.ids):,} planned test{'s' * (len(matrix.ids) > 1)}"
+        speeds = [condition.speed_mps for condition in matrix.conditions]
+        ends = view.display.words(speed(min(speeds), max(speeds), between=" to "))
+        with st.expander(f"{n}, {ends}", icon=":material/table:"):
+            rows = [{"Id": i, **view.display.columns(c), **dict(c.factors)} for i, c in matrix.items]
+            st.dataframe(without_formulas(pd.DataFrame(rows)), hide_index=True, alt="The planned tests")
+    if wrong is not None:
+        show_wrong(wrong)
+    return None if wrong is not None else matrix
+
+
+def _sources(view: View) -> list[str]:
+    return [_OWN] * (view.folder / _FILE).is_file() + [_TYPED, _UPLOAD]
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -64,10 +80,14 @@ def _read(path: Path, stamp: tuple[int, ...], fingerprint: str, _campaign: Campa
     return Matrix.read(path, _campaign.factors)
 
 
-def _uploaded(campaign: Campaign) -> Matrix | None:
+def _show_upload(campaign: Campaign) -> CrashfuseError | None:
     columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
     label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
-    return choose_kept(label, _FILE, "uploaded", key, lambda content: _checked(content, campaign.fingerprint, campaign))
+    try:
+        choose_kept(label, _FILE, "uploaded", key, lambda content: _checked(content, campaign.fingerprint, campaign))
+    except CrashfuseError as error:
+        return error
+    return None
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -75,69 +95,86 @@ def _checked(content: bytes, fingerprint: str, _campaign: Campaign) -> Matrix:  
     return uploaded(content, _FILE, lambda path: Matrix.read(path, _campaign.factors))
 
 
-def _grid(campaign: Campaign, display: Display) -> Matrix:
-    """A grid as typed in, at first over the tests' speeds at their middle weights, in round numbers."""
-    units = display.units
-    tests, step = display.vectors(np.array([test.condition.vector for test in campaign.tests])), _STEPS[units.speed]
-    low, high = np.ceil(tests[:, 0].min() / step) * step, np.floor(tests[:, 0].max() / step) * step
-    speeds = f"{low:.0f}:{high:.0f}:{step}" if low < high else f"{np.median(tests[:, 0]):.1f}"
-    weights = [f"{weight:.0f}" for weight in np.median(tests[:, 1:], axis=0)]
-    typed = {}
-    axes = (
-        ("Speeds", "speeds", speeds),
-        *zip(("Front weights", "Rear weights"), ("front_weights", "rear_weights"), weights, strict=True),
-    )
-    for column, (label, key, usual) in zip(st.columns(3), axes, strict=True):
-        unit = units.speed if key == "speeds" else units.weight
-        address.default(key, f"{usual} {unit}", follow=not st.session_state.get(JUDGED))  # else verdicts would go
-        typed[f"{label} ({unit})"] = _axis(column, label, key, unit)
-    factors = {}
-    columns = st.columns(max(len(campaign.factors), 3)) if campaign.factors else []
-    for column, (name, known) in zip(columns, campaign.factors.items(), strict=False):
-        key = f"grid_{name}"
-        address.default(key, [])
-        address.put(key, [value for value in st.session_state[key] if value in known])
-        chosen = column.multiselect(
-            plain(name.capitalize()), known, key=key, placeholder="not given", persist_state="session",
-            help="Tests may differ by it; if it is not given, intervals cover every value.",
-        )  # fmt: skip
-        if chosen:
-            factors[name] = chosen
-    first, second, third = (
-        [number * IN_SI[unit] for number in _numbers(text, label)] for label, (text, unit) in typed.items()
-    )
-    v0, front, rear = (unit.replace("km/h", "kph") for _, unit in typed.values())
-    return Matrix.grid(first, second, third, factors, (v0, front, rear))
-
-
-def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str, str]:
-    """What is typed for one axis, shown in the reader's unit; it is kept with the unit that it was typed in."""
-    state, field = st.session_state, f"{key} in {unit}"
-    typed, _, given = state[key].strip().rpartition(" ")
-    if given not in IN_SI:  # of a link that was typed
-        typed, given = state[key], unit
-        state[key] = f"{typed} {unit}"
-    factor = IN_SI[given] / IN_SI[unit]
-    converted = _NUMBER.sub(lambda found: f"{float(found[0]) * factor:.6g}", typed)
-    address.put(field, typed if given == unit else converted)
-    column.text_input(
-        f"{label} ({unit})", key=field, help=_HELP, on_change=lambda: state.update({key: f"{state[field]} {unit}"})
-    )
-    return typed, given
-
-
-def _numbers(text: str, label: str) -> list[float]:
-    """Numbers that were typed in: a list, ranges in it included."""
-    found: list[float] = []
+@st.cache_resource(max_entries=32, show_spinner=False)
+def _typed(texts: tuple[str, ...], fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
+    rows = [_parts(text, _campaign) for text in texts]
+    rows = [row for row in rows if row[_SYSTEM] == rows[0][_SYSTEM]]  # a page writes no others
+    system = SYSTEMS[rows[0][_SYSTEM]]
+    names = [
+        f"{name}_{unit}" for name, unit in zip(("speed", "front_weight", "rear_weight"), system.endings, strict=True)
+    ]
+    table = pd.DataFrame([row[:_SYSTEM] for row in rows], columns=["id", *names])
+    for name, column in zip(_campaign.factors, zip(*(row[_SYSTEM + 1 :] for row in rows), strict=True), strict=True):
+        table[name] = column
     try:
-        for part in re.findall(r"[^,;\s]+", text):
-            first, *others = map(float, part.split(":"))
-            last, step = others or (first, 1.0)
-            if not step > 0 or not 0 <= (last - first) / step <= _MOST_VALUES:
-                raise ValueError("no range")
-            found += [round(first + i * step, 9) for i in range(int((last - first) / step + 1e-9) + 1)]
-    except ValueError:  # not a number, or one too few or too many of them
-        found = []
-    if not 0 < len(found) <= _MOST_VALUES:
-        raise UsageError(f"{label}: expected numbers such as 20, 25, 30, or 20:35:5; found {text!r}.")
-    return found
+        return Matrix.of(table, _campaign.factors)
+    except DataError as error:  # with rows as a reader counts them
+        problems = [
+            replace(own, where="Planned tests", row=None if own.row is None else own.row + 1) for own in error.problems
+        ]
+        raise DataError(problems) from error
+
+
+def _parts(text: str, campaign: Campaign) -> list[str]:
+    """Id, speed, weights, the name of their units, and factors of a row, of whatever a link has."""
+    n = _SYSTEM + 1 + len(campaign.factors)
+    parts = [*text.split(SEPARATOR), *[""] * n][:n]
+    return parts if parts[_SYSTEM] in SYSTEMS else [*parts[:_SYSTEM], "mph-lb", *parts[_SYSTEM + 1 :]]
+
+
+def _text(i: str, vector: FloatArray, system: UnitSystem, factors: Sequence[str]) -> str:
+    numbers = [f"{value / IN_SI[unit]:.12g}" for value, unit in zip(vector, _units(system), strict=True)]
+    return SEPARATOR.join([i, *numbers, *(name for name, own in SYSTEMS.items() if own == system), *factors])
+
+
+def _units(system: UnitSystem) -> tuple[str, str, str]:
+    return system.speed, system.weight, system.weight
+
+
+def _usual(view: View) -> list[str]:
+    """Tests to start with: the campaign's, or round speeds over those of its tests, at their middle weights."""
+    campaign, system, own = view.campaign, view.display.system, view.folder / _FILE
+    with suppress(CrashfuseError):
+        if own.is_file():
+            items = _read(own, campaigns.stamp(own), campaign.fingerprint, campaign).items
+            given = [(i, condition.vector, dict(condition.factors)) for i, condition in items]
+            return [
+                _text(i, vector, system, [of.get(name, "") for name in campaign.factors]) for i, vector, of in given
+            ]
+    step, factors = _STEPS[system.speed], [IN_SI[unit] for unit in _units(system)]
+    tests = np.array([test.condition.vector for test in campaign.tests]) / factors
+    low, high = np.ceil(tests[:, 0].min() / step) * step, np.floor(tests[:, 0].max() / step) * step
+    speeds = np.arange(low, high + step / 2, step) if low <= high else [round(float(np.median(tests[:, 0])), 1)]
+    front, rear = np.median(tests[:, 1:], axis=0).round()
+    return [
+        _text(f"P{number:02d}", np.array([v, front, rear]) * factors, system, [""] * len(campaign.factors))
+        for number, v in enumerate(speeds, start=1)
+    ]
+
+
+def _edit(view: View) -> None:
+    """Fields for every planned test; numbers are kept in the units that the test was begun in."""
+    campaign, shown, state = view.campaign, _units(view.display.system), st.session_state
+    address.put("planned", [SEPARATOR.join(_parts(text, campaign)) for text in state["planned"][:_MOST_ROWS]])
+
+    def fields(parts: list[str]) -> list[Field | None]:
+        units = zip(("Speed", "Front weight", "Rear weight"), shown, _units(SYSTEMS[parts[_SYSTEM]]), strict=True)
+        numbers = [Field(f"{label} ({unit})", factor=IN_SI[kept] / IN_SI[unit]) for label, unit, kept in units]
+        factors = [
+            Field(name.capitalize(), {value: value for value in known}) for name, known in campaign.factors.items()
+        ]
+        return [Field("Id"), *numbers, None, *factors]
+
+    with st.container(height=420 if len(state["planned"]) > _FEW_ROWS else "content", border=False):
+        edit_rows("planned", (2, 2, 2, 2, 0.01, *[2] * len(campaign.factors)), fields)
+    if len(state["planned"]) < _MOST_ROWS:
+        st.button("Add a planned test", icon=":material/add:", on_click=_add, args=(view,))
+
+
+def _add(view: View) -> None:
+    """Another row like the last, under another id."""
+    state = st.session_state
+    rows = state["planned"] or _usual(view)
+    known = {text.partition(SEPARATOR)[0] for text in rows}
+    name = next(i for n in range(1, _MOST_ROWS + 2) if (i := f"P{n:02d}") not in known)
+    state["planned"] = [*state["planned"], SEPARATOR.join([name, *rows[-1].split(SEPARATOR)[1:]])]

@@ -6,6 +6,7 @@ is drawn, and read back when a session begins and on Back and Forward. With Stre
 """
 
 import math
+import re
 from collections.abc import Callable, Collection, Mapping, MutableMapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,14 +17,12 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.settings import DEVICES, PRESETS
-from crashfuse.certification.verdict import WORDS
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.plots.curves import TEST
-from crashfuse.reporting.report.page import REPORT_FORMS
 from crashfuse.signals.metrics import METRIC_LABELS
-from crashfuse.study.config import WINDOWS_MS, StudyConfig
+from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
 from crashfuse.wording import SYSTEMS
 
 MOST_PINS = 6
@@ -44,7 +43,7 @@ REFUSED = "refused"
 class Choice:
     """One choice."""
 
-    kind: type = str  # what the address is read as: str, int, float, bool, or tuple for several texts
+    kind: Callable[[str], Any] = str  # what the address is read by: str, int, float, bool, or tuple for several texts
     default: Value = None  # None if it depends on the campaign, see :func:`default`
     options: Sequence[Value] = ()  # none where they depend on the campaign
     pages: tuple[str, ...] = ()  # on which it acts; none for all
@@ -60,7 +59,7 @@ class Choice:
             return tuple(text for text in texts if text and (not self.options or text in self.options))
         try:
             value: Value = texts[-1] == "true" if self.kind is bool else self.kind(texts[-1])
-        except ValueError:
+        except (ValueError, UsageError):
             return self.default
         sound = value in self.options if self.options else not isinstance(value, float) or math.isfinite(value)
         return value if sound else self.default
@@ -72,6 +71,13 @@ class Choice:
         if isinstance(value, bool):
             return [str(value).lower()]
         return [f"{value:.12g}" if isinstance(value, float) else str(value)]
+
+
+def window_of(text: str) -> float:
+    """The rated window that was typed, such as 50 or 0–50 ms; a UsageError if nothing can be rated over it."""
+    numbers = re.findall(r"\d+(?:\.\d+)?", text)
+    require_window(float(numbers[-1]) if numbers else text)
+    return float(numbers[-1])
 
 
 CHOICES: dict[str, Choice] = {
@@ -86,58 +92,59 @@ CHOICES: dict[str, Choice] = {
     "seed": Choice(int, 0, range(2**32)),
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
-    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "compare", "study", "predict", "history")),
+    "window": Choice(window_of, WINDOWS_MS[-1], (), ("data", "train", "compare", "study", "predict", "history")),
     "system": Choice(options=tuple(SYSTEMS)),
-    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "study", "predict", "certify")),
-    "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
+    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "train", "compare", "study", "predict", "certify")),
+    "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "train", "compare", "predict")),
     # what is shown on a page
+    "opening": Choice(str, None, ("add", "open"), ("data",), of_campaign=True),
     "corridors": Choice(bool, False, pages=("compare",)),
     "cost": Choice(float, pages=("study",)),
-    "report_form": Choice(str, "whole", REPORT_FORMS, ("compare", "study", "predict")),
-    "report_tests": Choice(tuple, (), pages=("study",), of_campaign=True),
-    "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
-    "band": Choice(str, "recommended", ("recommended", *APPROACHES), ("compare", "predict")),
-    "only": Choice(tuple, (), pages=("data",), of_campaign=True),
-    "also": Choice(tuple, (), pages=("data", "compare", "predict"), of_campaign=True),
-    "pins": Choice(tuple, (), pages=("data", "compare", "predict")),
+    "compare_curves": Choice(tuple, None, (TEST, *APPROACHES), ("compare",)),
+    "predict_approach": Choice(options=APPROACHES, pages=("predict",)),
+    "predict_curves": Choice(tuple, None, (*APPROACHES, "representative"), ("predict",)),
+    **{f"{page}_also": Choice(tuple, (), pages=(page,), of_campaign=True) for page in ("compare", "predict")},
+    **{f"{page}_nearest": Choice(bool, False, pages=(page,)) for page in ("compare", "predict")},
+    "pins": Choice(tuple, (), pages=("compare", "predict")),
     "speed_mph": Choice(float, pages=("predict",)),
     "front_weight_lb": Choice(float, pages=("predict",)),
     "rear_weight_lb": Choice(float, pages=("predict",)),
     "sweep_metric": Choice(str, next(iter(METRIC_LABELS)), tuple(METRIC_LABELS), ("predict",)),
     "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
     "confidence": Choice(float, pages=("certify",), of_campaign=True),
-    "grid_…": Choice(tuple, pages=("certify",)),
-    "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
+    "planned": Choice(tuple, pages=("certify",), of_campaign=True),
+    "what_if": Choice(tuple, (), pages=("certify",), of_campaign=True),
     "listed": Choice(str, "this", ("this", "all"), pages=("history",)),
 }
 _ON_PAGE = {
     "data": ("import", "filter"),
-    "train": ("purpose",),
-    "compare": ("compare_tab", "compared", "explained", "networks", "over_displacement"),
+    "train": ("train_tab", "diagnostics"),
+    "compare": ("compare_tab", "compared", "explained"),
     "study": ("study_tab", "ways"),
-    "predict": ("predict_tab", "predicted", "factor_…", "speed_range", "front_range", "rear_range"),
-    "certify": ("approach", "certify_tab", "record"),
+    "predict": ("predict_tab", "predicted", "subtracted", "factor_…", "speed_range", "front_range", "rear_range"),
+    "certify": ("approach", "certify_tab", "answered", "record"),
     "history": ("first", "second", "compared_way", "compared_approach"),
 }
 _ON_PAGE_OF_CAMPAIGN = {
     "data": ("data_tab",),
-    "certify": ("matrix", "uploaded", "earlier", "speeds", "front_weights", "rear_weights", "cell"),
+    "certify": ("matrix", "uploaded", "earlier", "cell"),
 }
 CHOICES |= {key: Choice(pages=(page,)) for page, keys in _ON_PAGE.items() for key in keys}
 CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_PAGE_OF_CAMPAIGN.items() for key in keys}
 
 
-def follow(page: str) -> None:
+def follow(page: str, wanted: Callable[[], Mapping[str, list[str]]] = dict) -> None:
     """Take all choices from the address if a session begins, those of its page if the user goes back or forward.
 
-    At no other time: a click may come from a browser that has not seen the latest address yet.
+    At no other time: a click may come from a browser that has not seen the latest address yet. A session begins with
+    what its visitor always wants, unless the address says otherwise.
     """
     state, context = _state(), get_script_run_ctx()
     asked = given()
     began = _PAGE not in state
     state[_PAGE] = page
     if began or (context is not None and context.is_history_navigation and asked):
-        _take(None if began else page, asked)
+        _take(None if began else page, {**wanted(), **asked} if began else asked)
     if began:
         want_units()
     for key, choice in CHOICES.items():
@@ -266,10 +273,12 @@ def chosen_config() -> StudyConfig:
     """The settings made on the Train page, else the defaults; also for a seed that is none, which that page tells."""
     state = st.session_state
     seed = int(state.get("seed", 0))
+    windows = {*WINDOWS_MS, float(state.get("window", WINDOWS_MS[-1]))}
     return StudyConfig(
         approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
         preset=state.get("preset", "fast"),
         seed=seed if seed in CHOICES["seed"].options else 0,
+        windows_ms=tuple(sorted(windows)),
         leave_out=state.get("leave_out", "test"),
         device=state.get("device", "auto"),
     )

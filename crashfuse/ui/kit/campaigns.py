@@ -4,7 +4,6 @@ Folders opened before are offered again: a small file in the cache folder holds 
 each of them.
 """
 
-import hashlib
 import json
 import os
 import secrets
@@ -31,7 +30,6 @@ from crashfuse.ui.kit.visitors import logged_in, note_in_log, visitor
 SAMPLE = "sample"
 _opening = threading.Lock()  # with the list in hand: to make it takes the lock
 _MOST_RECENT = 8
-_LARGEST_LIST = 64 << 10  # bytes of the file
 _PATIENCE_S = 5.0  # to wait for another who writes it
 
 
@@ -278,12 +276,7 @@ def folder_labels(folders: tuple[Path, ...]) -> list[str]:
 
 
 def _listed() -> list[Path]:
-    try:
-        if _recent_file().stat().st_size > _LARGEST_LIST:
-            return []
-        paths = json.loads(_recent_file().read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return []
+    paths = visitors.read_small(_recent_file())
     listed = paths[:_MOST_RECENT] if isinstance(paths, list) else []
     return [Path(path) for path in listed if isinstance(path, str) and Path(path).is_absolute()]
 
@@ -297,4 +290,4 @@ def _is_there(folder: Path) -> bool:
 def _recent_file() -> Path:
     if not logged_in():
         return default_folder() / "recent.json"
-    return default_folder() / f"recent-{hashlib.sha256(visitor().key.encode()).hexdigest()[:16]}.json"
+    return default_folder() / f"recent-{visitors.short_key()}.json"

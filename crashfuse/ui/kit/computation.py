@@ -59,7 +59,7 @@ def _folds() -> WeakValueDictionary[Hashable, Fold]:
 
 def said_of(campaign: Campaign) -> Hashable:
     """Equal for equal data, and equal remarks on them, which stand in reports: why a test is left out is no data."""
-    return campaign.fingerprint, campaign.remarks
+    return campaign.fingerprint, campaign.remarks, tuple(test.statements for test in campaign.tests)
 
 
 class Request(ABC, Generic[T]):

@@ -16,11 +16,11 @@ from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.address import choose_campaign
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.results import refused_into, show_problems
-from crashfuse.ui.kit.text import plain, show_label
+from crashfuse.ui.kit.text import plain
 from crashfuse.ui.kit.uploads import is_ours
 from crashfuse.ui.kit.visitors import note_in_log, visitor
 
-_USED, _REMOVED, _COPY = "tests in use", "test to take out", "copy folder"  # widget keys
+_USED, _COPY = "tests in use", "copy folder"  # widget keys
 _REFUSED = "edit refused"  # session key
 _KEPT_NOTES = "notes"  # session key: notes by folder, where they cannot be kept in the folder
 _NOTE_REFUSED = "note refused"  # session key: why the last one was not added
@@ -60,33 +60,37 @@ def offer_leaving_out(view: View) -> None:
             )  # fmt: skip
 
 
-def show_tests_in_use(view: View) -> None:
-    """Show which tests are in use, to be changed, or offer a copy that can be."""
-    if problems := st.session_state.pop(_REFUSED, None):
-        show_problems(problems, "Nothing was changed", "The campaign is as it was.", place="edit")
+def choose_tests_in_use(view: View) -> None:
+    """Let the tests in use be changed, or offer a copy of the campaign where they can be."""
     if not can_be_edited(view.folder):
         _offer_copy(view)
         return
-    used, unused = view.campaign.test_ids, tuple(test_id for test_id, _ in view.campaign.unused)
+    used, unused = view.campaign.test_ids, [test_id for test_id, _ in view.campaign.unused]
     address.put(_USED, list(used))
-    with st.container(horizontal=True, vertical_alignment="bottom"):
-        st.pills(
-            "Tests in use", sorted((*used, *unused)), selection_mode="multi", format_func=plain, key=_USED,
-            on_change=_change_use, args=(view, used), width="content", wrap=True, help=_LEFT_OUT_HELP,
-        )  # fmt: skip
-        with st.popover("Take out …", icon=":material/delete:", help="Take a test out of the campaign folder."):
-            st.selectbox("Test", sorted((*used, *unused)), key=_REMOVED)
-            st.caption("Its row and its pulse leave the folder. Undo brings them back.")
-            take_out = lambda: remove_tests(view.folder, [st.session_state[_REMOVED]])  # noqa: E731
-            st.button("Take it out of the folder", on_click=_edit, args=(view, take_out))
-    for test_id in unused:
+    st.pills(
+        "Tests in use", sorted((*used, *unused)), selection_mode="multi", format_func=plain, key=_USED,
+        on_change=_change_use, args=(view, used), width="content", wrap=True, help=_LEFT_OUT_HELP,
+    )  # fmt: skip
+
+
+def show_tests_out_of_use(view: View) -> None:
+    """Ask why tests are left out, offer to take them out of the folder, and show why a change was refused."""
+    if problems := st.session_state.pop(_REFUSED, None):
+        show_problems(problems, "Nothing was changed", "The campaign is as it was.", place="edit")
+    for test_id, _ in view.campaign.unused if can_be_edited(view.folder) else ():
         key, label = f"why {test_id} of {view.folder} is left out", f"Why is {test_id} left out?"
         address.put(key, view.campaign.why_unused.get(test_id, ""))
-        show_label(label)
-        st.text_input(
-            label, key=key, max_chars=LONGEST_REASON, on_change=_say_why, args=(view, test_id, key),
-            label_visibility="collapsed", placeholder="no reason given; what you write stands in every report",
-        )  # fmt: skip
+        with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+            st.markdown(f":small[{plain(label)}]", width="content")
+            st.text_input(
+                label, key=key, max_chars=LONGEST_REASON, on_change=_say_why, args=(view, test_id, key),
+                label_visibility="collapsed", placeholder="no reason given; what you write stands in every report",
+            )  # fmt: skip
+            st.button(
+                f"Take {plain(test_id)} out of the folder", icon=":material/delete:", on_click=_edit,
+                args=(view, partial(remove_tests, view.folder, [test_id])),
+                help="Its row and its pulse leave the folder. Undo brings them back.",
+            )  # fmt: skip
 
 
 def _change_use(view: View, used: tuple[str, ...]) -> None:

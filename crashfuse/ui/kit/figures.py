@@ -7,6 +7,7 @@ focus; Enter clicks, and Escape takes the cursor away.
 import hashlib
 import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,7 +22,7 @@ from crashfuse.reporting.plots.canvas import AXIS_TITLE, darkened, room_above, w
 from crashfuse.reporting.plots.palette import IN_THE_DARK
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.kit import address
-from crashfuse.ui.kit.files import Caption, caption
+from crashfuse.ui.kit.files import Caption, caption, export_button
 from crashfuse.ui.kit.navigation import component
 
 _DIGITS = 5  # of the largest value of a curve, on a screen of thousands of pixels
@@ -169,6 +170,12 @@ def _cached(key: Hashable, dark: bool, _draw: Callable[[], go.Figure]) -> tuple[
     return figure, SentFigure(darkened(figure) if dark else figure)
 
 
-def show_tabs(tabs: Mapping[str, Callable[[T], None]], subject: T, key: str) -> None:
-    """Let the user choose a tab, and compute and show it alone."""
-    tabs[choose("Tab", list(tabs), key=key)](subject)
+def show_tabs(
+    tabs: Mapping[str, Callable[[T], None]], subject: T, key: str, export: Callable[[T], None] | None = None
+) -> None:
+    """Let the user choose a tab, and compute and show it alone; at the right end of the row, ``export`` its files."""
+    with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
+        tab = choose("Tab", list(tabs), key=key)
+        if export is not None:
+            export_button(partial(export, subject))
+    tabs[tab](subject)

@@ -19,19 +19,23 @@ from crashfuse.reporting.figures import RUN, Further
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import ReportForm, ReportOptions
+from crashfuse.reporting.report.page import REPORT_FORMS
 from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.kit import address, campaigns
-from crashfuse.ui.kit.address import choose_one, chosen_config, kept_choice
+from crashfuse.ui.kit.address import chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import notes_of
+from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import plain
 from crashfuse.units import MS
 from crashfuse.wording import SYSTEMS
 
+_EXPORTED = "view whose files are shown"  # session key
 _LONGEST_NAME, _DIGEST = 130, 6
-_QUESTION = ("criteria", "matrix", "uploaded", "confidence", "earlier", "speeds", "front_weights", "rear_weights")
+_QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier")
+_OF_TEST = ("train", "compare")  # pages whose figures are of the held-out test
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
     "certification.csv": "Every verdict, one row a condition and criterion.",
@@ -83,7 +87,7 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
     campaign = campaigns.load(state["campaign"])
     display = Display(float(state["window"]), state["unit"], system=SYSTEMS[state["system"]])
     unused, config = [test for test, _ in campaign.unused], chosen_config()
-    if page == "compare":
+    if page in _OF_TEST:
         test = campaign.test(state["test"])
         names.insert(0, test.id)
         details.append(f"Test {test.id} at {display.condition(test.condition)}")
@@ -120,7 +124,7 @@ def unusual_settings() -> list[str]:
     if page == "certify":
         chosen = address.parameters("certify")
         said += [LABELS[approach] for approach in chosen.get("approach", [])]
-        asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION or key.startswith("grid_")}
+        asked = {key: texts for key, texts in sorted(chosen.items()) if key in _QUESTION}
         said += [_digest(repr(asked))] if asked else []
     said += [f"{config.preset} settings"] if config.preset != usual.preset else []
     return [*said, *([f"seed {config.seed}"] if config.seed != usual.seed else [])]
@@ -138,9 +142,27 @@ def _digest(text: str) -> str:
 
 
 def _left_out(page: str) -> list[str]:
-    """Elsewhere than on Compare the figures themselves say what was left out, or all tests were learned from."""
+    """Figures of all tests say it themselves, and what is predicted elsewhere is learned from all."""
     left_out = chosen_config().leave_out
-    return [LEFT_OUT[left_out]] if page == "compare" and left_out == "speed group" else []
+    return [LEFT_OUT[left_out]] if page in _OF_TEST and left_out == "speed group" else []
+
+
+def export_button(show: Callable[[], None]) -> None:
+    """Button that opens a dialog in which ``show`` draws what can be downloaded; nothing of it is computed before.
+
+    It stays open while the page is redrawn because more of a result is known, until the reader closes it or goes on.
+    """
+    place, state = address.here(), st.session_state
+
+    def show_and_listen() -> None:
+        show()
+        component("closing")(key="closing")
+
+    st.button("Export", icon=":material/download:", key="export", on_click=lambda: state.update({_EXPORTED: place}))
+    if state.get(_EXPORTED) == place:
+        st.dialog("Export", width="large", on_dismiss=lambda: state.pop(_EXPORTED, None))(show_and_listen)()
+    else:
+        state.pop(_EXPORTED, None)
 
 
 def download_table(name: str, table: Callable[[], pd.DataFrame], of: str = "") -> None:
@@ -161,7 +183,7 @@ def download_report(write: Callable[[], str], of: str, name: str = "report.html"
 
 def download_bytes(name: str, write: Callable[[], bytes], of: str = "", mime: str | None = None) -> None:
     """Button that downloads a file of any kind, and says what a known one holds."""
-    slides = "The figures of the report, one a slide." if name.endswith(".pptx") else None
+    slides = "The answer, then the figures of the report, one a slide." if name.endswith(".pptx") else None
     st.download_button(
         name, write, file_name=_named(name, of), mime=mime, icon=":material/download:", on_click="ignore",
         help=_HOLDS.get(name, slides),
@@ -174,9 +196,10 @@ def _named(name: str, of: str) -> str:
 
 def choose_form(short: str, whole: str) -> ReportForm:
     """Ask for the form of the report, and tell what it then has."""
-    labels, meaning = _FORM_LABELS.__getitem__, _FORM_HELP.format(short, whole)
-    choose_one("report_form", "Report", format_func=labels, help=meaning)
-    form: ReportForm = st.session_state["report_form"]
+    form: ReportForm = st.segmented_control(
+        "Report", REPORT_FORMS, default="whole", required=True, key="report form", persist_state="session",
+        format_func=_FORM_LABELS.__getitem__, help=_FORM_HELP.format(short, whole),
+    )  # fmt: skip
     return form
 
 
@@ -184,10 +207,10 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report, and which tests it shows one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
         form = choose_form(*_OF_STUDY)
-        shown: list[str] = []
+        shown: Sequence[str] = ()
         if len(tests) > 1:
-            shown = kept_choice(
-                "report_tests", tests, st.multiselect, "Tests shown one by one",
+            shown = st.multiselect(
+                "Tests shown one by one", tests, key=f"report tests of {view.name}", persist_state="session",
                 placeholder="all tests" if form == "whole" else "the worst",
                 help="Means are over all tests, whichever are shown.",
             )  # fmt: skip

@@ -20,14 +20,14 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import default_folder
 from crashfuse.reporting import glossary
 from crashfuse.reporting.plots.display import Display
-from crashfuse.study.config import StudyConfig, telling_test
+from crashfuse.study.config import WINDOWS_MS, StudyConfig, telling_test
 from crashfuse.study.facts import campaign_facts
-from crashfuse.ui.kit import address, campaigns, uploads, visitors
+from crashfuse.ui.kit import address, campaigns, navigation, uploads, visitors
 from crashfuse.ui.kit.address import ASKED, NOT_FOUND, choose_campaign, choose_held_out, chosen_config, forget
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import jobs
 from crashfuse.ui.kit.figures import load_early
-from crashfuse.ui.kit.navigation import end_page, navigate, open_asked, set_style, show_link, show_links, watch_browser
+from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
 from crashfuse.ui.kit.text import chosen_units, plain
@@ -36,8 +36,6 @@ from crashfuse.wording import SYSTEMS, said, speed
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
 _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
-_facts: ContextVar[tuple[View, bool, DeltaGenerator] | None] = ContextVar("facts", default=None)
-_IN_HEAD = {"test.stands_apart", "cae.runs_fail", "tests.left_out_of_use"}
 
 
 def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
@@ -122,11 +120,11 @@ def sidebar(page: str) -> View | Sequence[Problem]:
             every_s = _OFTEN_S if jobs().active else _SELDOM_S
             st.fragment(_keep_up, run_every=every_s)(address.here())
         visitors.show_account()
-        watch_browser()
+        navigation.watch_browser()
         if not isinstance(opened, View):  # nor is there a figure
             load_early()
     with links:
-        show_links()
+        navigation.show_links()
     return opened
 
 
@@ -140,28 +138,69 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         state["test"] = None
     if state["test"] is None:
         state["test"] = telling_test(campaign).id
-    if unused:
-        st.caption(f":material/block: Left out of use: {', '.join(map(plain, unused))}")
-    importing = page == "data" and bool(state["import"])
+    adding = _is_adding(page)
     was_drawn, state[_HELD_OUT] = state.get(_HELD_OUT), False
-    if address.acts("test", page) and page != "train" and not importing:  # there it is chosen among the settings
+    if address.acts("test", page) and page != "train" and not adding:  # there it is chosen among the settings
         _choose_held_out(tests, was_drawn=bool(was_drawn))
         for note in campaign.cae.extrapolation(tests[state["test"]].condition):
             st.caption(f":material/warning: {plain(note)}")
     if page == "compare":  # the page Train has it among its settings
         choose_left_out(page)
-    if address.acts("window", page) and not importing:
-        address.choose_one("window", "Rated time window", format_func=lambda ms: f"0–{ms:g} ms")
-    units_of = {"mph-lb": "mph, lb", "kph-kg": "km/h, kg"}.__getitem__
-    meaning = "Of speeds and weights everywhere; files keep their own."
-    address.choose_one("system", "Units", format_func=units_of, on_change=address.want_units, help=meaning)
-    if address.acts("unit", page):
-        address.choose_one("unit", "Accelerations in")
-    if address.acts("sign", page):
-        meaning = "Braking is negative as an acceleration (SAE J1733), positive as a deceleration."
-        address.choose_one("sign", "Show as", help=meaning)
+    if address.acts("window", page) and not adding:
+        _choose_window()
+    _choose_units(page)
     display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
     return View(campaign, name, tests[state["test"]], display)
+
+
+def _choose_window() -> None:
+    shown = float(st.session_state["window"])
+    st.selectbox(
+        "Rated time window", sorted({*WINDOWS_MS, shown}), format_func=lambda ms: f"0–{ms:g} ms", key="window",
+        accept_new_options=True, on_change=_take_window, args=(shown,), persist_state="session",
+        help="Type any other, from 10 to 100 ms: up to zero velocity (TTZV), say.",
+    )  # fmt: skip
+
+
+def _take_window(before: float) -> None:
+    """Take the window that was chosen or typed; one that is none leaves the one before."""
+    state = st.session_state
+    try:
+        state["window"] = address.window_of(str(state["window"]))
+    except UsageError as error:
+        state["window"] = before
+        st.toast(plain(error), icon=":material/edit:")
+
+
+def _choose_units(page: str) -> None:
+    """Ask for units and sign in a row; what is chosen holds for the visitor until they choose again."""
+    labels = {
+        "system": ("Units of speeds and weights", {"mph-lb": "mph, lb", "kph-kg": "km/h, kg"}),
+        "unit": ("Unit of accelerations", {"g": "g", "m/s²": "m/s²"}),
+        "sign": ("Sign of braking", {"Acceleration": "−", "Deceleration": "+"}),
+    }
+
+    def keep(key: str) -> None:
+        address.want_units()
+        visitors.keep_for_visitor(key, st.session_state[key])
+
+    with st.container(gap=None, key="units"):
+        st.markdown(
+            f":small[Units{', sign of braking' if address.acts('sign', page) else ''}]",
+            help="Kept for you on this machine. Files keep their own units. SAE J1733: braking is negative.",
+        )
+        with st.container(horizontal=True, gap="xxsmall"):
+            for key, (label, words) in labels.items():
+                if address.acts(key, page):
+                    address.choose_one(
+                        key, label, format_func=words.__getitem__, label_visibility="collapsed", width="content",
+                        on_change=keep, args=(key,),
+                    )  # fmt: skip
+
+
+def _is_adding(page: str) -> bool:
+    """True if the page Data opens or imports something, and shows nothing of the campaign."""
+    return page == "data" and bool(st.session_state["import"] or st.session_state["opening"])
 
 
 def _choose_held_out(tests: Mapping[str, CrashTest], *, was_drawn: bool) -> None:
@@ -198,19 +237,22 @@ def _keep_up(shown: address.Place) -> None:
 
 def route(page: Page) -> None:
     """Set up the frame and run the page given in the address."""
-    set_style()
+    navigation.set_style()
     visitors.require_login(page.url_path)
     if not page.url_path:  # the address without a page
         page.run()
-    open_asked()
-    address.follow(page.url_path)
-    token = _opened.set(sidebar(page.url_path))
+    navigation.open_asked()
+    address.follow(page.url_path, visitors.kept_for_visitor)
+    opened = sidebar(page.url_path)
+    token = _opened.set(opened)
+    line = _AnswerLine(opened) if isinstance(opened, View) and not _is_adding(page.url_path) else None
     if ASKED not in st.session_state:  # else the link stays as it was given
         address.publish()
     try:
         with suppress(StopException):  # of end_page
             page.run()
-        _show_facts()
+        if line is not None:
+            line.complete()
     finally:
         _opened.reset(token)
 
@@ -255,11 +297,11 @@ def enter_with_campaign(
         show_link("data", "Open a campaign of your own", ":material/folder_open:")
         end_page()
     if detail is None:
-        show_head(view, title)
+        show_head(title)
         return view
     chosen = address.acts("leave_out", address.here().page) and st.session_state["leave_out"] == "speed group"
     grouped = chosen if by_group is None else by_group(view)
-    show_head(view, title, detail(view), chosen_config(), by_group=grouped)
+    show_head(title, detail(view), chosen_config(), by_group=grouped)
     seed, seeds = st.session_state.get("seed", 0), address.CHOICES["seed"].options
     if seed not in seeds:
         st.error(f"There is no seed {seed}: it is from {seeds[0]} to {seeds[-1]}.", icon=":material/error:")
@@ -268,14 +310,9 @@ def enter_with_campaign(
     return view
 
 
-def show_head(
-    view: View, title: str, detail: str = "", config: StudyConfig | None = None, *, by_group: bool = False
-) -> None:
-    """Show in a line the title of a page, what it shows, the settings behind it, and the campaign's notice."""
-    if lost := _not_kept():
-        st.warning(plain(lost), icon=":material/save:")
-    with st.container(horizontal=True, vertical_alignment="center", key="head"):
-        st.title(title, width="content", anchor=False)
+def show_head(title: str, detail: str = "", config: StudyConfig | None = None, *, by_group: bool = False) -> None:
+    """Show in a line the title of a page, what it shows, and the settings behind it."""
+    with show_title(title):
         if detail:
             st.subheader(detail, width="content", anchor=False)
         if config is not None:
@@ -284,28 +321,62 @@ def show_head(
             st.badge(label, color=colour, help="As chosen on the page Train.")
             if by_group:
                 st.badge("All at its speed left out", color="orange")
-        if (notice := view.campaign.notice) and config is None:
-            st.caption(f":material/science: {plain(notice)}", width="content")
-        _facts.set((view, config is None, st.container(horizontal=True, width="content")))
 
 
-def _show_facts() -> None:
-    """Show what has to be known of the campaign as badges in the head, once the page is there: it may take a moment."""
-    if (asked := _facts.get()) is None:
-        return
-    view, notice_is_shown, slot = asked
-    _facts.set(None)
-    for fact in campaign_facts(view.campaign):
-        label, text = _in_badge(fact.label), plain(view.display.words(fact.sentence))
-        if fact.code in _IN_HEAD:
-            slot.badge(label, color="orange", help=text)
-        elif fact.code == "campaign.notice" and not notice_is_shown:
-            slot.badge(label, icon=":material/science:", color="gray", help=text)
+def show_title(title: str) -> DeltaGenerator:
+    """Show the title of a page; what is drawn within what is returned stands beside it."""
+    if lost := _not_kept():
+        st.warning(plain(lost), icon=":material/save:")
+    row = st.container(horizontal=True, vertical_alignment="center", key="head")
+    row.title(title, width="content", anchor=False)
+    return row
 
 
-def _in_badge(text: str) -> str:
-    """Text that a badge shows literally: it escapes brackets itself."""
-    return plain(text).replace(r"\[", "[").replace(r"\]", "]")
+class _AnswerLine:
+    """The line above every page: what is known of the campaign, and what it takes to know more, each a link.
+
+    It stands in app.py's own part, which the browser keeps while pages are switched. What may take a moment, what sets
+    tests apart and the answer of Certify, follows once the page is there.
+    """
+
+    def __init__(self, view: View) -> None:
+        self.view = view
+        self.row = st.container(horizontal=True, key="answer")
+        n, runs = len(view.campaign.tests), len(view.campaign.cae)
+        self._link("tests", f"{n} test{'s' * (n != 1)}", "What was measured.", "data", data_tab="Tests")
+        told = f"{runs:,} CAE run{'s' * (runs != 1)}"
+        self._link("cae", told, "What was simulated.", "data", data_tab="CAE model")
+
+    def complete(self) -> None:
+        """Add the answer of Certify, and what has to be known of the campaign."""
+        from crashfuse.ui.certify.results import latest_answer  # whose figures and reports take a while
+
+        view, answer = self.view, latest_answer(self.view)
+        self._link("certify", f"**{answer.label}**", answer.sentence, "certify")
+        for fact in campaign_facts(view.campaign):
+            label, key = plain(fact.label), f"{fact.code} {fact.label}"
+            if fact.code == "test.stands_apart":
+                test = view.campaign.test(str(fact.values["test"]))
+                label = f":orange[{label} at {view.display.words(speed(test.condition.speed_mps, form='.0f'))}]"
+                self._link(key, label, fact.sentence, "compare", test=test.id, compare_tab="Why")
+            elif fact.code in ("cae.runs_fail", "tests.left_out_of_use"):
+                tab = "CAE model" if fact.code == "cae.runs_fail" else "Tests"
+                self._link(key, f":orange[{label}]", fact.sentence, "data", data_tab=tab)
+            elif fact.code == "campaign.notice":
+                self._link(key, label, fact.sentence, "data", data_tab="Tests")
+
+    def _link(self, key: str, label: str, meaning: str, page: str, **chosen: str) -> None:
+        self.row.button(
+            label, key=f"answer {key}", type="tertiary", help=plain(self.view.display.words(meaning)),
+            on_click=_open_with, args=(page, chosen),
+        )  # fmt: skip
+
+
+def _open_with(page: str, chosen: Mapping[str, str]) -> None:
+    """Open a page where this is chosen; a callback."""
+    st.session_state.update(chosen, opening=None)
+    forget()
+    open_next(page)
 
 
 @st.cache_data(ttl=60, show_spinner=False)

@@ -1,7 +1,7 @@
 """What pages show of results: tables, problems in data, recommendation, notes; the numbers come from the library."""
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import groupby
@@ -43,12 +43,15 @@ TEST_COLUMN = "Test"
 """Heading of what was measured, beside the approaches."""
 
 
-def show_table(table: Styler | pd.DataFrame, key: str) -> None:
-    """Show a table with a button that copies it; the key is unique on the page."""
+def show_table(table: Styler | pd.DataFrame, key: str, remark: str = "", meanings: Sequence[str] = ()) -> None:
+    """Show a table with a button that copies it, a remark, and what its rows mean as tooltips; the key is unique."""
     styler = aligned(table if isinstance(table, Styler) else literal(table))
     st.table(styler, border="horizontal")
     copy = component("copy_table", html=_COPY, css="buttons.css")
-    copy(data=spreadsheet_text(styler.data.rename(columns=as_read)), key=f"copy {key}")
+    text = spreadsheet_text(styler.data.rename(columns=as_read))
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        copy(data={"text": text, "meanings": list(meanings)}, key=f"copy {key}", width="content")
+        st.caption(remark)
 
 
 def literal(table: pd.DataFrame) -> Styler:
@@ -294,35 +297,30 @@ def show_terms(config: StudyConfig) -> None:
 
 
 def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) -> None:
-    """Show pulse metrics by column, the test or an approach, and explain missing numbers."""
-    st.subheader("Pulse metrics", help=glossary.TTZV)
-    main, more = metrics_tables(columns, view.campaign, view.display)
-    missing, more_missing = metric_remarks(columns)
-    show_table(main, "metrics")
-    with st.expander("More of the pulse: equivalent pulses, loading, rebound", icon=":material/ssid_chart:"):
-        show_table(more, "more metrics")
-        st.caption(glossary.PULSE_SHAPE)
-        for sentence in more_missing:
-            st.caption(plain(sentence))
-    for sentence in missing:
-        st.caption(plain(sentence))
+    """Show the main pulse metrics by column, the test or an approach, and what each of them means."""
     missed = " Coloured: the test lies outside." if missed_by(columns) else ""
-    st.caption(f"Brackets: central 95 % of the model's predictive distribution, where it has one.{missed}")
+    remark = f"Values: what a test shows in the middle. Brackets: 95 of 100 tests lie inside.{missed}"
+    main, _ = metrics_tables(columns, view.campaign, view.display)
+    show_table(main, "metrics", remark, [glossary.METRICS[name] for name in MAIN_METRICS])
 
 
-def show_notes(estimates: Iterable[Estimate], said: Collection[str] = ()) -> None:
-    """List each note once, with the approaches it applies to; notes already ``said`` on the page are left out."""
-    makers = {note: names for note, names in notes_by_makers(estimates).items() if note not in said}
-    if makers:
-        st.subheader("Notes")
+def show_details(
+    columns: Sequence[tuple[str, Sequence[Metric]]],
+    estimates: Sequence[Estimate],
+    view: View,
+    said: Collection[str],
+    remarks: Sequence[str] = (),
+) -> None:
+    """Show, folded, what few readers need, but those all of it; notes already ``said`` on the page are left out."""
+    with st.expander("More: equivalent pulses, loading, rebound; notes; how the fits went", icon=":material/notes:"):
+        show_table(metrics_tables(columns, view.campaign, view.display)[1], "more metrics")
+        st.caption(glossary.PULSE_SHAPE)
+        main, more = metric_remarks(columns)
+        st.caption("  \n".join(map(plain, [*main, *more, *remarks])))
+        makers = {note: names for note, names in notes_by_makers(estimates).items() if note not in said}
         st.markdown("\n".join(f"- {', '.join(names)}: {plain(note)}" for note, names in makers.items()))
-
-
-def show_fits(estimates: Iterable[Estimate]) -> None:
-    """Show how the fits went, folded: few readers need it, but those need all of it."""
-    for estimate in estimates:
-        if sentences := fit_sentences(estimate.state):
-            with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):
-                st.markdown("\n\n".join(plain(sentence) for sentence in sentences))
+        for estimate in estimates:
+            if sentences := fit_sentences(estimate.state):
+                st.markdown("\n\n".join([f"**{LABELS[estimate.approach]}**", *map(plain, sentences)]))
                 if not (table := fit_table(estimate.state, chosen_units())).empty:
                     show_table(table, f"fit of {estimate.approach}")

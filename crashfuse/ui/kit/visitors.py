@@ -6,6 +6,7 @@ log has a line each on when, who and what; never what is in a file.
 
 import hashlib
 import importlib.util
+import json
 import logging
 import os
 import sys
@@ -14,6 +15,7 @@ import time
 import tomllib
 import uuid
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,9 @@ from typing import Any
 import streamlit as st
 
 from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.execution.cache import default_folder
+from crashfuse.files.atomic import write_atomically
+from crashfuse.files.locks import sole_writer
 from crashfuse.ui.kit.navigation import pages
 from crashfuse.ui.kit.text import plain
 
@@ -38,6 +43,9 @@ _SHORTEST = 32  # characters of the secret that signs the cookies
 _MOST_LINKS = 1000
 _HOW_TO = "see the how-to on a team server"
 _NOTED = "log-in noted"  # session key
+_KEPT, _MOST_VISITORS = "visitors.json", 200  # what they want in every session; the latest of them
+_LARGEST = 64 << 10  # bytes of a small file
+_PATIENCE_S = 5.0  # to wait for another who writes it
 _insisted = threading.Event()
 _linking = threading.Lock()
 
@@ -73,6 +81,39 @@ def browser() -> str:
 def logged_in() -> bool:
     """True if this server asks for a log-in, and the visitor has logged in."""
     return bool(st.user.to_dict().get("is_logged_in"))
+
+
+def kept_for_visitor() -> dict[str, list[str]]:
+    """What the visitor wants in every session, as an address has it."""
+    mine = _kept().get(short_key())
+    return {key: [str(text)] for key, text in mine.items()} if isinstance(mine, dict) else {}
+
+
+def keep_for_visitor(key: str, text: str) -> None:
+    """Keep it in the cache folder, for this visitor alone; whatever goes wrong, it is only not kept."""
+    with suppress(OSError, DataError), sole_writer(default_folder(), _PATIENCE_S):
+        kept, me, mine = _kept(), short_key(), kept_for_visitor()
+        kept.pop(me, None)
+        latest = [*kept.items(), (me, {**{name: texts[0] for name, texts in mine.items()}, key: text})]
+        write_atomically(default_folder() / _KEPT, json.dumps(dict(latest[-_MOST_VISITORS:])).encode())
+
+
+def read_small(file: Path) -> object:
+    """What a small JSON file holds; None if there is none, or it is damaged."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8")) if file.stat().st_size <= _LARGEST else None
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def _kept() -> dict[str, Any]:
+    known = read_small(default_folder() / _KEPT)
+    return known if isinstance(known, dict) else {}
+
+
+def short_key() -> str:
+    """What stands for the visitor in names of files: nobody can guess them by it."""
+    return hashlib.sha256(visitor().key.encode()).hexdigest()[:16]
 
 
 def begin_log() -> None:

@@ -88,7 +88,7 @@ def test_beside_each_row_stands_the_answer_at_its_condition(campaign: Campaign) 
     for row, tests in ((2, ("T1",)), (3, ("T2", "T3"))):
         verdicts[row] = tuple(replace(own, run=dict.fromkeys(tests, 1.0)) for own in verdicts[row])
     found = replace(found, verdicts=tuple(verdicts))
-    told = ["need not be run", "need not be run, as M20", "run: T1", "run: 2 tests", "would miss", "outside"]
+    told = ["skip", "skip, as M20", "was run: T1", "was run: 2 tests", "would miss", "cannot say"]
     for part in (slice(None), slice(1, 4)):
         figure = verdict_matrix(found, part=part)
         assert list(figure.layout.yaxis2.ticktext) == told[part]
@@ -122,7 +122,7 @@ def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> 
     same = f"{name}, a little faster"
     met: tuple[Word, Word] = ("met", "met")
     figure = verdict_matrix(certification(campaign, {name: met, same: met}, {name: 20.0, same: 20.1}))
-    assert figure.layout.yaxis2.ticktext[1] == "need not be run, as a condition …a long name"
+    assert figure.layout.yaxis2.ticktext[1] == "skip, as a condition …a long name"
 
 
 def test_the_legend_counts_the_verdicts_and_is_dim_with_them_on_a_dark_page(three: Certification) -> None:

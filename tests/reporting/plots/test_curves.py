@@ -26,10 +26,19 @@ def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
     assert test.legendrank < cae.legendrank < fused.legendrank
 
 
+def test_the_band_of_one_prediction_beside_is_filled_as_well() -> None:
+    """So that two conditions can be compared; of more, bands would cover each other."""
+    names = ("displacement_domain", "Displacement domain at 25.0 mph", "Displacement domain at 35.0 mph")
+    for some, filled in ((names[:2], 2), (names, 1)):
+        figure = new_figure(300)
+        draw_curves(figure, {name: Curve(X, X, (X, X - 1, X + 1)) for name in some})
+        assert [bool(trace.fill) for trace in figure.data[: len(some)]].count(True) == filled
+
+
 def test_one_band_is_filled_and_of_the_others_the_edges_are_drawn() -> None:
     """That of the preferred approach unless another is asked for; no line closes the edges at the end."""
-    curves = {name: Curve(X, X, (X, X - 1, X + 1)) for name in ("displacement_domain", "fused", "T08 · 35.1 mph")}
-    for asked, filled in ((None, "fused"), ("T08 · 35.1 mph",) * 2, ("cae", "fused")):
+    curves = {name: Curve(X, X, (X, X - 1, X + 1)) for name in ("displacement_domain", "fused", "time_domain")}
+    for asked, filled in ((None, "fused"), ("time_domain",) * 2, ("cae", "fused")):
         figure = new_figure(300)
         draw_curves(figure, curves, filled=asked)
         bands = {trace.legendgroup: trace for trace in figure.data[:3]}

@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -118,11 +117,14 @@ def test_words_read_on_every_grade_and_verdict_and_none_glares_in_the_dark() -> 
     assert len(set(dark)) == len(fills)
 
 
-def test_four_tests_of_one_speed_differ_in_more_than_their_dashes(campaign: Campaign) -> None:
-    """In colour, and but for the first in the shape of their marks, which the legend shows, too."""
-    first = campaign.tests[0]
-    styles = palette.speed_lines([replace(first, id=name) for name in "ABCD"])
-    assert len({style["line"]["color"] for style in styles.values()}) == 4
+def test_tests_of_one_speed_share_its_colour_and_differ_in_dashes_and_marks() -> None:
+    """But for the first in the shape of their marks, which the legend shows, too; one out of use changes nothing."""
+    speeds_mps = {**dict.fromkeys("ABCD", 9.0), "slow": 5.0, "fast": 15.0}
+    styles = palette.speed_lines(speeds_mps)
+    assert len({styles.pop(name)["line"]["color"] for name in ("slow", "fast")}) == 2
+    assert len({style["line"]["color"] for style in styles.values()}) == 1
+    fewer = palette.speed_lines({name: v0 for name, v0 in speeds_mps.items() if name != "D"})
+    assert all(fewer[name] == styles[name] for name in "ABC")
     assert len({style["line"]["dash"] for style in styles.values()}) == 4
     assert "marker" not in styles["A"]
     assert len({styles[name]["marker"]["symbol"] for name in "BCD"}) == 3
@@ -188,7 +190,7 @@ def test_what_is_put_beside_looks_like_no_approach_to_the_colour_blind_either() 
 
 def test_tests_of_rising_speed_rise_in_brightness_on_both_pages(campaign: Campaign) -> None:
     """A scale that the colour-blind, and a grey printer, can follow."""
-    styles = palette.speed_lines(campaign.tests)
+    styles = palette.speed_lines({test.id: test.condition.speed_mps for test in campaign.tests})
     slow_to_fast = [styles[test.id]["line"]["color"] for test in campaign.tests]
     for colours in (slow_to_fast, [palette.IN_THE_DARK[colour] for colour in slow_to_fast]):
         bright = [luminance(colour) for colour in colours]

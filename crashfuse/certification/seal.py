@@ -1,0 +1,297 @@
+"""Seals: ``certification.json`` signed with Ed25519, so that whoever has the public key can tell what was changed.
+
+``seal.json`` holds the signature and, signed as well, a short digest of each line of the certification's files, which
+tell where a file was changed. ``review.json`` is the signature of a reviewer who found all as it was sealed.
+"""
+
+import base64
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from crashfuse.campaign_folder.load import AT_THE_TOP, PULSES
+from crashfuse.errors import DataError, Problem, UsageError, shortened
+from crashfuse.files.atomic import write_atomically
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+
+FILE, SEAL, REVIEW = "certification.json", "seal.json", "review.json"
+_LARGEST = 64 << 20  # bytes of a seal or a certification; a key takes two hundred
+_SHORT = 8  # characters of the digest of a line
+_LINES, _REVIEW = b"crashfuse lines\n", b"crashfuse review\n"  # begin what is signed, so that neither is the other
+_KEY = re.compile(r' *"((?:[^"\\]|\\.)*)":')
+
+
+def make_keys(path: Path) -> str:
+    """Write a new private key, which its owner alone can read, and the public one beside it (``.pub``); its name."""
+    private = _ed25519().Ed25519PrivateKey.generate()
+    public = path.with_name(f"{path.name}.pub")
+    if there := [file for file in (path, public) if file.exists()]:
+        raise UsageError(f"{there[0]} is there already; name another file for the key.")
+    from cryptography.hazmat.primitives import serialization as form
+
+    pem = private.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as stream:
+        stream.write(pem)
+    public.write_bytes(private.public_key().public_bytes(form.Encoding.PEM, form.PublicFormat.SubjectPublicKeyInfo))
+    return key_name(private.public_key())
+
+
+def key_name(key: "Ed25519PublicKey") -> str:
+    """The first half of the SHA-256 of a public key: what two people compare who are on the phone."""
+    return hashlib.sha256(key.public_bytes_raw()).hexdigest()[:32]
+
+
+def private_key(path: Path) -> "Ed25519PrivateKey":
+    """Read a private key; a DataError if it is none of Ed25519."""
+    kind: type[Ed25519PrivateKey] = _ed25519().Ed25519PrivateKey
+    content = _read(path, "the private key that crashfuse key makes")
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    try:
+        key: object = load_pem_private_key(content, None)
+    except (ValueError, TypeError) as error:
+        found = "one with a password" if isinstance(error, TypeError) else "no private key"
+        key = "a public key" if b"PUBLIC KEY" in content else found
+    if not isinstance(key, kind):
+        raise _wrong_key(path, "a private key of Ed25519", key)
+    return key
+
+
+def public_key(path: Path) -> "Ed25519PublicKey":
+    """Read a public key; a DataError if it is none of Ed25519."""
+    return _public(_read(path, "a public key"), path)
+
+
+def _public(content: bytes, path: Path) -> "Ed25519PublicKey":
+    kind: type[Ed25519PublicKey] = _ed25519().Ed25519PublicKey
+    from cryptography.hazmat.primitives.serialization import load_pem_public_key
+
+    try:
+        key: object = load_pem_public_key(content)
+    except ValueError:
+        key = "a private key, which is its owner's alone" if b"PRIVATE KEY" in content else "no public key"
+    if not isinstance(key, kind):
+        raise _wrong_key(path, "a public key of Ed25519", key)
+    return key
+
+
+def _wrong_key(path: Path, expected: str, key: object) -> DataError:
+    found = key if isinstance(key, str) else type(key).__name__.replace("_", "").replace("Key", " key")
+    return DataError(Problem(path.name, expected, str(found), "make a pair with crashfuse key"))
+
+
+def _ed25519() -> Any:  # noqa: ANN401 - a module of the extra
+    try:
+        from cryptography.hazmat.primitives.asymmetric import ed25519
+    except ImportError as error:
+        raise UsageError('A seal needs the extra "seal": python -m pip install "crashfuse[seal]".') from error
+    return ed25519
+
+
+def _read(path: Path, expected: str) -> bytes:
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise DataError(Problem(path.name, expected, f"{path.stat().st_size >> 20} MB", "check the path"))
+        return path.read_bytes()
+    except OSError as error:
+        found = (error.strerror or "none that can be read").lower()
+        raise DataError(Problem(path.name, expected, found, "check the path")) from None
+
+
+def rests_on(campaign: Path, *others: Path | None) -> dict[str, str]:
+    """SHA-256 of every file of a campaign, by its place there, and of other files by their names."""
+    files = {campaign.name: campaign} if campaign.is_file() else {}
+    for path in sorted(campaign.rglob("*")) if campaign.is_dir() else ():
+        place = path.relative_to(campaign)
+        is_pulse = len(place.parts) == 2 and place.parts[0] in ("tests", "cae") and path.suffix in PULSES
+        if path.is_file() and (place.as_posix() in AT_THE_TOP or is_pulse):
+            files[place.as_posix()] = path
+    files |= {path.name: path for path in others if path is not None}
+    return {name: _sha256(path) for name, path in files.items()}
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def seal(folder: Path, key: "Ed25519PrivateKey", inputs: Mapping[str, str], before: str | None) -> None:
+    """Write what a certification rests on into its ``certification.json``, and sign that."""
+    names = sorted(path.name for path in folder.iterdir() if path.is_file() and path.name not in (FILE, SEAL, REVIEW))
+    values = json.loads((folder / FILE).read_bytes())
+    values["seal"] = {
+        "key": key_name(key.public_key()),
+        "before": before,
+        "files": {name: _sha256(folder / name) for name in names},
+        "rests_on": dict(inputs),
+    }
+    content = (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
+    write_atomically(folder / FILE, content)
+    lines = {name: "".join(_digests((folder / name).read_bytes())) for name in (FILE, *names)}
+    _write(folder / SEAL, key, {"signature": content, "lines_signature": _of_lines(lines)}, lines=lines)
+
+
+def review(folder: Path, key: "Ed25519PrivateKey") -> None:
+    """Sign a certification as one who found all of it as it was sealed."""
+    _write(folder / REVIEW, key, {"signature": _REVIEW + (folder / FILE).read_bytes()})
+
+
+def _write(path: Path, key: "Ed25519PrivateKey", signed: Mapping[str, bytes], **more: object) -> None:
+    signatures = {name: base64.b64encode(key.sign(content)).decode() for name, content in signed.items()}
+    raw = base64.b64encode(key.public_key().public_bytes_raw()).decode()
+    write_atomically(path, (json.dumps({"public_key": raw, **signatures, **more}, indent=1) + "\n").encode())
+
+
+def _digests(content: bytes) -> list[str]:
+    return [hashlib.sha256(line).hexdigest()[:_SHORT] for line in content.split(b"\n")]
+
+
+def _of_lines(lines: Mapping[str, str]) -> bytes:
+    return _LINES + "".join(f"{name} {digests}\n" for name, digests in sorted(lines.items())).encode()
+
+
+class Sealed(NamedTuple):
+    """A seal that holds: the name of its key, that of the reviewer's, and what it says of the certification."""
+
+    key: str
+    reviewer: str | None
+    date: str
+    before: str | None
+    files: Mapping[str, str]
+    rests_on: Mapping[str, str]
+
+
+def sealed_by(folder: Path) -> str:
+    """The key that sealed the certification in a folder; empty if none did, or it was changed since."""
+    try:
+        return verify(folder).key
+    except (DataError, UsageError):
+        return ""
+
+
+def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = None) -> Sealed:
+    """Hold a certification against its seal, by a public key that one trusts or that of the seal itself.
+
+    Raises a DataError with every file that was changed, and where; with a ``campaign``, of its files, too.
+    """
+    values, content = _values(folder / SEAL), _read(folder / FILE, "the sealed file")
+    raw, lines = values["public_key"], values.get("lines")
+    if not isinstance(lines, dict) or not all(isinstance(text, str) for text in lines.values()):
+        raise _damaged(folder / SEAL)
+    key = _ed25519().Ed25519PublicKey.from_public_bytes(raw)
+    if trusted is not None and (given := public_key(trusted)).public_bytes_raw() != raw:
+        expected, advice = f"a seal by the key {key_name(given)}", "ask its maker, and do not trust it until then"
+        raise DataError(Problem(SEAL, expected, f"one by the key {key_name(key)}", advice))
+    if not _holds(key, values["lines_signature"], _of_lines(lines)):
+        lines = {}  # whoever changed these may have changed anything
+    problems: list[Problem] = []
+    if not _holds(key, values["signature"], content):
+        problems += _changes(FILE, content, lines)
+        raise DataError(shortened(problems))
+    told = _contents(folder / FILE, content)
+    for name, sha256 in told.files.items():
+        path = folder / name
+        if not path.is_file():
+            problems.append(Problem(name, "the file that was sealed", "no such file", "ask its maker for it"))
+        elif _sha256(path) != sha256:
+            problems += _changes(name, path.read_bytes(), lines)
+    if campaign is not None:
+        there = rests_on(campaign)
+        problems += [
+            Problem(
+                name, "the file that it rests on", "another one" if name in there else "no such file", "ask its maker"
+            )
+            for name, sha256 in told.rests_on.items()
+            if there.get(name) != sha256
+        ]
+    reviewer = None
+    if (folder / REVIEW).exists():
+        of_review = _values(folder / REVIEW)
+        other = _ed25519().Ed25519PublicKey.from_public_bytes(of_review["public_key"])
+        reviewer = key_name(other)
+        if not _holds(other, of_review["signature"], _REVIEW + content):
+            problems.append(Problem(REVIEW, f"a review of this {FILE}", "one of another", "ask the reviewer"))
+    if problems:
+        raise DataError(shortened(problems))
+    return told._replace(key=key_name(key), reviewer=reviewer)
+
+
+def _values(path: Path) -> dict[str, Any]:
+    """A seal or a review, its key and signatures as bytes."""
+    content = _read(path, "the seal that crashfuse certify --seal writes")
+    try:
+        values: dict[str, Any] = json.loads(content)
+        for name in ("public_key", "signature", *(["lines_signature"] if path.name == SEAL else [])):
+            values[name] = base64.b64decode(values[name], validate=True)
+        if len(values["public_key"]) != 32:
+            raise ValueError("no key of Ed25519")
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise _damaged(path) from None
+    return values
+
+
+def _contents(path: Path, content: bytes) -> Sealed:
+    try:
+        values = json.loads(content)
+        told = values["seal"]
+        files, inputs = dict(told["files"]), dict(told["rests_on"])
+        safe = all(PurePosixPath(name).name == name and name not in ("", "..") for name in files)
+        if not safe or not all(isinstance(text, str) for text in (*files.values(), values["date"])):
+            raise ValueError("names of files elsewhere")
+        return Sealed("", None, values["date"], told["before"], files, inputs)
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise _damaged(path) from None
+
+
+def _damaged(path: Path) -> DataError:
+    expected = "a seal as crashfuse certify --seal writes it"
+    return DataError(Problem(path.name, expected, "another file, or a damaged one", "ask its maker for the original"))
+
+
+def _holds(key: "Ed25519PublicKey", signature: bytes, content: bytes) -> bool:
+    from cryptography.exceptions import InvalidSignature
+
+    try:
+        key.verify(signature, content)
+    except InvalidSignature:
+        return False
+    return True
+
+
+def _changes(name: str, content: bytes, lines: Mapping[str, str]) -> Iterator[Problem]:
+    """Where a file is not what was sealed, by the digests of its lines; in JSON with the key that stands there."""
+    advice, expected = "ask its maker for the original", "what was sealed"
+    digests = lines.get(name, "")
+    then = [digests[i : i + _SHORT] for i in range(0, len(digests), _SHORT)]
+    now, texts = _digests(content), content.split(b"\n")
+    places = [i for i, (a, b) in enumerate(zip(then, now, strict=False)) if a != b]
+    if not then or (len(then) == len(now) and not places):
+        yield Problem(name, expected, "something else, no line tells where", advice)
+        return
+    if len(then) != len(now):
+        first = places[0] if places else min(len(then), len(now))
+        more = len(now) - len(then)
+        found = f"{abs(more)} {'more' if more > 0 else 'fewer'} lines, from here on"
+        yield Problem(name, expected, found, advice, _key_at(name, texts, first), first + 1)
+        return
+    for place in places:
+        found = repr(texts[place].decode("utf-8", "backslashreplace").strip())[:80]
+        yield Problem(name, expected, found, advice, _key_at(name, texts, place), place + 1)
+
+
+def _key_at(name: str, texts: Sequence[bytes], place: int) -> str | None:
+    """The keys that lead to a line of indented JSON, such as ``cells.M01``."""
+    keys, indent = [], float("inf")
+    for text in reversed(texts[: place + 1] if name.endswith(".json") else ()):
+        line = text.decode("utf-8", "replace").lstrip("\ufeff")
+        found, here = _KEY.match(line), len(line) - len(line.lstrip(" "))
+        if here < indent and line.strip():
+            indent = here
+            keys += [found[1]] if found else []
+    return ".".join(reversed(keys)) or None

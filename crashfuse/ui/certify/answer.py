@@ -1,0 +1,222 @@
+"""The tab Answer: skip, run, would miss or cannot say, per planned test, with reasons, caveats and what-ifs."""
+
+from dataclasses import replace
+
+import pandas as pd
+import streamlit as st
+
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.changes import saved_and_missed
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.track_record import at_most
+from crashfuse.files.csv_text import without_formulas
+from crashfuse.reporting.certification_facts import Planned, exceptions, planned
+from crashfuse.reporting.certification_tables import SHOWN
+from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, verdict_matrix
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.verdicts import Verdicts
+from crashfuse.study.outliers import departures
+from crashfuse.ui.certify.results import Judgement, coloured, judge
+from crashfuse.ui.kit import address
+from crashfuse.ui.kit.computation import Request
+from crashfuse.ui.kit.figures import choose, show_clickable
+from crashfuse.ui.kit.navigation import open_page
+from crashfuse.ui.kit.progress import show_end, show_job
+from crashfuse.ui.kit.results import show_table
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.predict import fill_in
+from crashfuse.wording import joined
+
+_CELL, _CRITERION = "cell", "criterion of the cell"  # session keys
+_MANY_PX = 560  # of a list that scrolls: the reason stays beside it
+_FEW, _MOST = 12, 200  # planned tests in a list without scrolling, and at all
+_CAVEATS = 4  # subjects that stand above the answer
+_STRICTER, _WITHOUT = "limits 5 % stricter", "without "  # what if
+_WAYS = ("Planned tests", "By criterion", "All verdicts")
+_MEANINGS = {
+    "skip": "would meet all criteria at once, with the confidence asked for",
+    "run": "uncertain: only a test, or another design, can tell",
+    "would miss": "would miss a criterion: another design, not a test, is needed",
+    "cannot say": "beyond what the tests check, or records end too early",
+    "was run": "a test was made there",
+}
+
+
+def show(judgement: Judgement) -> None:
+    """Show the answer per planned test, why, what speaks against it, and what would change it."""
+    certification = judgement.certification
+    _show_headline(certification)
+    subjects = list(exceptions(certification).items())
+    with st.container(key="caveats"):
+        for subject, (first, *others) in subjects[:_CAVEATS]:
+            more = f" :gray[and {len(others)} more below]" if others else ""
+            st.markdown(f":small[:material/warning: **{plain(subject)}:** {plain(first)}{more}]")
+    left, right = st.columns([3, 2], gap="medium")
+    with left:
+        way = choose("Shown as", _WAYS, key="answered")
+        {_WAYS[0]: _show_planned, _WAYS[1]: _show_matrix, _WAYS[2]: _show_verdicts}[way](judgement)
+    with right:
+        _show_reason(certification, judgement.display)
+    _show_variants(certification)
+    with st.expander(
+        f"All caveats ({sum(len(told) for _, told in subjects)}) and what else to know", icon=":material/list:"
+    ):
+        for subject, told in subjects:
+            st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in told))
+        st.markdown("**The answer in sentences**")
+        judgement.show_sentences("matrix")
+
+
+def _show_headline(certification: Certification) -> None:
+    (saved, of), (n, missed) = certification.saved, saved_and_missed(certification)
+    answer = f":primary[{saved:,} of {of:,}] planned tests need not be run to know these pulse criteria"
+    st.subheader(answer, anchor=False)
+    record = (
+        f"{missed} of {n} left-out tests that need not have been run missed a criterion"
+        if n
+        else ("no left-out test would have been skipped, so the record says nothing of such answers")
+    )
+    bound = f" ({at_most(missed, n)}, exact 95 % bound)" if n else ""
+    st.caption(f"Confidence {certification.criteria.confidence:g}. Wrong so far: {record}{bound}.")
+
+
+def _show_planned(judgement: Judgement) -> None:
+    """A button for every planned test, in the order of speed, in the colour of its answer."""
+    rows, chosen = planned(judgement.certification), str(st.session_state[_CELL] or "").partition(" | ")[0]
+    with st.container(height=_MANY_PX if len(rows) > _FEW else "content", border=False, gap=None, key="planned_tests"):
+        for number, row in enumerate(rows[:_MOST]):
+            label = f"**{row.word}** *{plain(row.id)}* {plain(judgement.display.speed(row.condition.speed_mps))} · "
+            st.button(
+                label + plain(judgement.display.words(row.why)), key=f"planned {row.word} {number}", width="stretch",
+                type="primary" if row.id == chosen else "secondary", on_click=_choose, args=(row.id,),
+            )  # fmt: skip
+    if len(rows) > _MOST:
+        st.caption(f"The slowest {_MOST}; *All verdicts* has all.")
+    words = dict.fromkeys(row.word for row in rows)
+    st.caption("  \n".join(f"**{word}**: {_MEANINGS[word]}" for word in _MEANINGS if word in words))
+
+
+def _choose(cell: str) -> None:
+    st.session_state[_CELL] = cell
+
+
+def _show_matrix(judgement: Judgement) -> None:
+    n = len(judgement.certification.matrix.ids)
+    with st.container(height=_MANY_PX if n > FEW_CONDITIONS else "content", border=False):
+        show_clickable(
+            lambda: verdict_matrix(judgement.certification, judgement.display, narrow=True),
+            "Verdicts by planned test and criterion", _choose, "verdict matrix", judgement.key, judgement.display,
+            name="verdicts",
+        )  # fmt: skip
+    told = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
+    st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict. All are in certification.csv.")
+
+
+def _show_verdicts(judgement: Judgement) -> None:
+    certification, display = judgement.certification, judgement.display
+    table, heading = SHOWN["verdicts"](certification, display), display.title("Speed", "mph")
+    table.insert(1, heading, [display.speeds(verdict.condition.speed_mps) for _, verdict in certification.cells])
+    st.dataframe(
+        coloured(without_formulas(table), "Verdict"), hide_index=True, height=min(36 * len(table) + 40, _MANY_PX),
+        column_config={
+            heading: st.column_config.NumberColumn(format="%.1f"),
+            "Probability": st.column_config.TextColumn(alignment="right"),
+            "Reason": st.column_config.TextColumn(width="large"),
+        },
+        alt="Verdicts by planned test and criterion, with values, intervals, probabilities and reasons",
+    )  # fmt: skip
+
+
+def _show_reason(certification: Certification, display: Display) -> None:
+    """Ask for a planned test, and show why its answer is what it is, a criterion at a time."""
+    state, rows = st.session_state, {row.id: row for row in planned(certification)}
+    test, _, criterion = str(state.get(_CELL) or "").partition(" | ")
+    if test not in rows:  # of another matrix
+        test = ""
+    shown = f"planned test of {len(rows)}"
+    state[shown] = test or None
+    st.selectbox(
+        "Why? Choose a planned test, or click one", list(rows), index=None, key=shown, placeholder="none chosen",
+        format_func=lambda i: f"{i} · {display.speed(rows[i].condition.speed_mps)} · {rows[i].word}",
+        on_change=lambda: _choose(state[shown]),
+    )  # fmt: skip
+    if not test:
+        return
+    row, verdicts = rows[test], {own.criterion.name: own for own in certification.rows[test]}
+    with st.container(border=True):
+        st.markdown(f"**{plain(test)}: {row.word}** · {plain(display.words(row.why))}")
+        st.caption(plain(display.condition(row.condition)))
+        state[_CRITERION] = criterion if criterion in verdicts else _deciding(row, certification)
+        st.pills(
+            "Criterion", list(verdicts), key=_CRITERION, required=True, label_visibility="collapsed",
+            format_func=lambda name: f"{name}: {verdicts[name].word}",
+            on_change=lambda: _choose(f"{test} | {state[_CRITERION]}"),
+        )  # fmt: skip
+        verdict = verdicts[state[_CRITERION]]
+        st.markdown(f"**{plain(display.words(joined([verdict.criterion.label, verdict.criterion.limits], ', ')))}**")
+        st.markdown(plain(display.words(verdict.reason)))
+        button, args = "See the predicted pulse there", (certification.campaign, row.condition)
+        if st.button(button, icon=":material/arrow_forward:", on_click=fill_in, args=args):
+            open_page("predict")
+
+
+def _deciding(row: Planned, certification: Certification) -> str:
+    """The criterion whose reason is shown first: the least probable of those that decide."""
+    words = {"would miss": "not met", "run": "open"}
+    verdicts = certification.rows[row.id]
+    deciding = [own for own in verdicts if own.word == words.get(row.word)] or verdicts
+    return min(deciding, key=lambda own: 0.0 if own.probability is None else own.probability).criterion.name
+
+
+def _stricter(criterion: Criterion) -> Criterion:
+    """The same with limits 5 % stricter; a rating is at most 1."""
+    least, most = criterion.at_least, criterion.at_most
+    highest = 1.0 if criterion.window_ms is not None else float("inf")
+    return replace(
+        criterion,
+        at_least=None if least is None else min(1.05 * least, highest),
+        at_most=None if most is None else 0.95 * most,
+    )
+
+
+def _variants(certification: Certification) -> list[str]:
+    """What else can be asked in a click: without a test that stands apart first."""
+    confidences = [f"confidence {own:g}" for own in (0.9, 0.99) if own != certification.criteria.confidence]
+    apart, tests = [own.test for own in departures(certification.campaign)], certification.campaign.test_ids
+    without = [f"{_WITHOUT}{test}" for test in dict.fromkeys((*apart, *tests)) if len(tests) > 1]
+    return [*confidences, _STRICTER, *without]
+
+
+def _asked_otherwise(certification: Certification, variant: str) -> Request[Verdicts]:
+    """The certification of a variant; without a test it learns anew, else it takes no time."""
+    campaign, criteria, matrix = certification.campaign, certification.criteria, certification.matrix
+    if variant.startswith(_WITHOUT):
+        return judge(campaign.without((variant.removeprefix(_WITHOUT),)), criteria, matrix)
+    if variant == _STRICTER:
+        return judge(campaign, replace(criteria, items=tuple(map(_stricter, criteria.items))), matrix)
+    return judge(campaign, replace(criteria, confidence=float(variant.split()[-1])), matrix)
+
+
+def _show_variants(certification: Certification) -> None:
+    """Show which answers another confidence, stricter limits, or one test less would change."""
+    variants, state, table = _variants(certification), st.session_state, []
+    address.put("what_if", [name for name in state["what_if"] if name in variants])
+    asked = st.pills("What if …", variants, selection_mode="multi", key="what_if", persist_state="session")
+    before = {row.id: row.word for row in planned(certification)}
+    for name in asked:
+        request = _asked_otherwise(certification, name)
+        if request.find() is None:
+            request.start()
+        job = request.find()
+        if job is not None and job.active:
+            show_job(job)
+        elif job is not None and job.result is not None:
+            now = job.result.certification
+            pairs = [(row.id, before[row.id], row.word) for row in planned(now)]
+            changed = "; ".join(f"{i}: {then} → {word}" for i, then, word in pairs if then != word)
+            saved = "{} of {}".format(*now.saved)
+            table.append({"What if": name, "Need not be run": saved, "What changes": changed or "no answer"})
+        elif job is not None:
+            show_end(job)
+    if table:
+        show_table(pd.DataFrame(table), key="what if")

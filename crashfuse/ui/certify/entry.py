@@ -1,0 +1,140 @@
+"""What the page Certify is given: rows typed in field by field, uploaded files, and what is wrong with either."""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import streamlit as st
+
+from crashfuse.certification import file_store
+from crashfuse.errors import CrashfuseError, DataError, UsageError, shortened
+from crashfuse.ui.kit.text import plain
+
+T = TypeVar("T")
+SEPARATOR = "~"
+"""Between the fields of a row, kept as a text."""
+
+
+class Field(NamedTuple):
+    """A field of a row: what its widget shows, a text, a number or one of some options, and in which unit it is kept.
+
+    Options are texts with what is shown of each; ``factor`` leads from the number that is kept to the one shown, and
+    ``clears`` are the places of fields that mean nothing beside another option.
+    """
+
+    label: str
+    options: dict[str, str] | None = None
+    factor: float | None = None
+    help: str | None = None
+    clears: Sequence[int] = ()
+
+
+def edit_rows(key: str, widths: Sequence[float], fields: Callable[[list[str]], Sequence[Field | None]]) -> None:
+    """Let rows be typed in that the session and the address hold as texts; each has a button that removes it.
+
+    Another list, of a link, a file or of Back, begins with widgets of its own: a browser would send what it showed
+    before.
+    """
+    state, written = st.session_state, f"{key} as typed"
+    texts, number = state.get(written, (None, 0))
+    if texts != state[key]:
+        number += 1
+        state[written] = list(state[key]), number
+    for row, text in enumerate(state[key]):
+        parts = text.split(SEPARATOR)
+        columns = st.columns([*widths, 0.5], vertical_alignment="bottom", gap="small")
+        for place, (column, field) in enumerate(zip(columns, fields(parts), strict=False)):
+            if field is not None:
+                with column:
+                    _edit(key, row, place, field, parts[place], f"{key} {number} {row} {place}")
+        remaining = [*state[key][:row], *state[key][row + 1 :]]
+        columns[-1].button(
+            "", icon=":material/close:", help=f"Remove row {row + 1}", key=f"remove {key} {number} {row}",
+            type="tertiary", on_click=state.update, args=({key: remaining},),
+        )  # fmt: skip
+
+
+def _edit(key: str, row: int, place: int, field: Field, text: str, widget: str) -> None:
+    state, keep = st.session_state, partial(_keep, key, row, place, field)
+    widget = f"{widget} {field.factor} {field.label}"
+    label = f"{field.label}, row {row + 1}" if row else field.label  # which is read out
+    look: dict[str, Any] = {"key": widget, "on_change": lambda: keep(state[widget])}
+    look |= {"label_visibility": "collapsed"} if row else {"help": field.help}
+    if field.factor is not None:
+        state.setdefault(widget, float(f"{float(text) * field.factor:.6g}") if text else None)
+        st.number_input(label, value=None, step=1.0, format="%.6g", **look)
+    elif field.options is not None:
+        state.setdefault(widget, text if text in field.options else None)
+        look |= {"format_func": field.options.__getitem__, "placeholder": "not given"}
+        st.selectbox(label, list(field.options), index=None, **look)
+    else:
+        state.setdefault(widget, text)
+        st.text_input(label, max_chars=100, **look)
+
+
+def _keep(key: str, row: int, place: int, field: Field, value: float | str | None) -> None:
+    """Take what was typed into a field; a number keeps all its digits in the unit of files."""
+    state, written = st.session_state, f"{key} as typed"
+    parts = state[key][row].split(SEPARATOR)
+    shown = "" if value is None else f"{value / (field.factor or 1):.12g}" if isinstance(value, float) else value
+    parts[place] = shown.replace(SEPARATOR, "-")
+    parts = ["" if other in field.clears else part for other, part in enumerate(parts)]
+    state[key] = [*state[key][:row], SEPARATOR.join(parts), *state[key][row + 1 :]]
+    if not field.clears:  # else other widgets begin
+        state[written] = list(state[key]), state[written][1]
+
+
+def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
+    """Read an uploaded file's content by a function of the library, which takes a path; messages give it this name."""
+    with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
+        path = Path(folder, name)
+        path.write_bytes(content)
+        return read(path)
+
+
+def under_its_name(error: CrashfuseError, file: str, name: str) -> CrashfuseError:
+    """What is wrong with a file that was read under its usual name, under the name that it was uploaded with."""
+    if not isinstance(error, DataError):
+        return error
+    return DataError([replace(problem, where=problem.where.replace(file, name, 1)) for problem in error.problems])
+
+
+def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
+    """Ask for a file that is kept on the server under a name, which the address has; ``file`` is its usual name.
+
+    A CrashfuseError says what is wrong with it, by ``read``, or that the file of a link is not on this server.
+    """
+    state, wrong = st.session_state, f"{key}: wrong"
+
+    def take() -> None:
+        state[wrong], state[choice] = None, None
+        if (given := state[key]) is None:  # it was taken away
+            return
+        try:
+            read(given.getvalue())
+            state[choice] = file_store.keep(given.getvalue(), file)
+        except CrashfuseError as error:
+            state[wrong] = under_its_name(error, file, given.name)
+
+    st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=take)
+    if (error := state.get(wrong)) is not None and state[choice] is None:
+        raise error
+    return find_kept(file, choice, read)
+
+
+def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
+    """What the address has as this choice; None if it has none. Raises as :func:`choose_kept`."""
+    if (name := st.session_state[choice]) is None:
+        return None
+    if (content := file_store.find(name)) is None:
+        raise UsageError(f"The {file} of this link is not on this server any more. Upload it again.")
+    return read(content)
+
+
+def show_wrong(error: CrashfuseError) -> None:
+    """Show what is wrong, a sentence each."""
+    sentences = shortened(error.problems) if isinstance(error, DataError) else error.args[:1]
+    st.error("  \n".join(plain(sentence) for sentence in sentences), icon=":material/error:")

@@ -1,0 +1,291 @@
+"""The page Train: approaches trained without the held-out tests or on all of them, and what they have learned."""
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any
+
+import plotly.graph_objects as go
+import streamlit as st
+
+from crashfuse.approaches.registry import BASELINE, LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
+from crashfuse.errors import CrashfuseError
+from crashfuse.reporting.figures import ONE_PROCESS
+from crashfuse.reporting.plots.canvas import share_y_range
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.study import Study
+from crashfuse.ui.kit import address
+from crashfuse.ui.kit.address import choose_held_out, chosen_config
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.computation import FitRequest, StudyRequest, jobs
+from crashfuse.ui.kit.figures import choose, show_cached_figure
+from crashfuse.ui.kit.files import download_bytes
+from crashfuse.ui.kit.frame import choose_settings
+from crashfuse.ui.kit.jobs import Job
+from crashfuse.ui.kit.navigation import open_next, show_link
+from crashfuse.ui.kit.progress import (
+    patience,
+    result_of,
+    result_or_none,
+    show_end,
+    show_job,
+    show_training,
+    stop_with_a_single_test,
+)
+from crashfuse.ui.kit.results import window_label
+from crashfuse.ui.kit.text import plain
+
+_ON_ALL = "Train on all tests"
+_NETWORKS = {
+    "lf_tcn": (
+        "Before: trained on CAE runs only",
+        "The networks should reproduce the CAE model; the remaining difference from the test is what no CAE run can "
+        "tell them.",
+    ),
+    "time_domain": ("After: fine-tuned on tests", "What the other tests add to the networks."),
+}
+_TUNING = {
+    "left_out_rmse": (
+        "Error on tests fitted to, and on tests left out, by strength",
+        "The fine-tuning has an exact solution. Chosen is how far each test may differ from what all share: the least "
+        "whose error on left-out tests is within one standard error of the lowest.",
+    ),
+    "tuning_curve": ("Loss over steps", "Loss on the other tests."),
+}
+"""By what the state of a network has of its fine-tuning: the alternative text of the figure, and what to see."""
+
+
+def show_form(view: View) -> None:
+    """Ask for the settings; train without the held-out tests, for Compare, and on all tests, for Predict."""
+    campaign, (config, trouble) = view.campaign, choose_settings(leaving_out=True)
+    left, right = st.columns(2, gap="medium")
+    study = None
+    with left.container(border=True, height="stretch"):
+        st.markdown("**Without the held-out tests**, for the page Compare")
+        if len(campaign.tests) > 1:
+            held_out = _choose_tests(view)
+            request = StudyRequest(campaign, held_out, config)
+            wrong = trouble or ("" if held_out else "Choose at least one test.")
+            study = None if wrong else request.find()
+            _offer(study, "Train without them", request.start, wrong)
+            if study is not None and (predicted := study.result or study.part) is not None:
+                _show_predicted(view, predicted, config)
+        else:
+            st.caption(f"{plain(campaign.test_ids[0])} is the only test: without it there is none to learn from.")
+    fit = FitRequest(campaign, config)
+    fitted = None if trouble else jobs().get(fit.key)
+    with right.container(border=True, height="stretch"):
+        st.markdown("**On all tests**, for the page Predict")
+        ready = fitted is not None and fitted.result is not None
+        with suppress(CrashfuseError):  # starting the job shows it
+            ready = ready or (fitted is None and not trouble and fit.in_cache())
+        if ready:
+            st.markdown(
+                f":material/check_circle: Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs. "
+                "The models are kept for next time; Predict answers any condition at once."
+            )
+            show_link("predict", "Predict a new condition")
+        else:
+            _offer(fitted, _ON_ALL, fit.start, trouble)
+    if study is not None and study.active:
+        show_job(study, study.part, time.monotonic())
+    if fitted is not None and fitted.active:
+        show_job(fitted, None, math.inf)
+
+
+def _choose_tests(view: View) -> tuple[str, ...]:
+    """Ask which tests to leave out, at first the one chosen for all pages."""
+    known = view.campaign.test_ids
+    address.default("held_out", [view.held_out.id])
+    asked = st.session_state["held_out"]
+    if missing := [test for test in asked if test not in known]:
+        st.caption(f":material/link_off: No test here is named {plain(', '.join(missing))[:80]}.")
+        st.session_state["held_out"] = [test for test in asked if test not in missing]
+    chosen = st.multiselect(
+        "Held-out tests, each in turn", known, key="held_out", persist_state="session",
+        help="While one is predicted, all others train, those in this list included.",
+    )  # fmt: skip
+    return tuple(test for test in known if test in chosen)
+
+
+def _offer(job: Job[Any] | None, label: str, start: Callable[[], None], trouble: str) -> None:
+    """Offer to start a job, unless it runs or is done; say what is in the way, or how it ended."""
+    if job is None or job.state in ("failed", "cancelled"):
+        st.button(label, type="primary", icon=":material/play_arrow:", on_click=start, disabled=bool(trouble))
+    if trouble:
+        st.caption(f":material/info: {plain(trouble)}")
+    elif job is not None:
+        show_end(job)
+
+
+def _show_predicted(view: View, study: Study, config: StudyConfig) -> None:
+    """Show how the approaches rate that have predicted already, and link to each test on Compare."""
+    show_training(config, study.config.approaches)
+    window_ms, n = view.display.window_ms, len(study.folds)
+    rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
+    of = plain(study.folds[0].held_out) if n == 1 else f"mean of {n} tests"
+    st.markdown(f":material/check_circle: Rated, {of}, {window_label(window_ms)}: {rated}.")
+    with st.container(horizontal=True):
+        for fold in study.folds:
+            st.button(
+                f"Compare {plain(fold.held_out)}", icon=":material/arrow_forward:", on_click=_open_test,
+                args=(fold.test,),
+            )  # fmt: skip
+
+
+def _open_test(test: CrashTest) -> None:
+    choose_held_out(test)
+    open_next("compare")
+
+
+def show_files(view: View) -> None:
+    """Offer the models that have learned from all tests."""
+    fitted = result_or_none(
+        FitRequest(view.campaign, chosen_config()),
+        invitation="The models are those that have learned from all tests, as by `crashfuse train`.",
+        button=_ON_ALL,
+    )
+    if fitted is not None:
+        download_bytes("models.zip", partial(fitted.models, view.campaign), view.campaign.name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Diagnosis:
+    """A held-out test, and what the approaches have learned without it."""
+
+    view: View
+    request: StudyRequest
+    study: Study  # while networks train, of fewer approaches than the settings ask for
+
+    @property
+    def test(self) -> str:
+        return self.request.held_out[0]
+
+    @property
+    def others(self) -> Campaign:
+        """What they have learned from."""
+        return self.request.config.training_campaign(self.view.campaign, self.test)
+
+    def show(self, figure: str, alt: str, meaning: str, approaches: tuple[str, ...] | None = None) -> None:
+        """Show a figure of the test, and what to see in it."""
+        self.show_drawn(
+            lambda: self.study.plot(self.test, figure, approaches=approaches, display=self.view.display), figure, alt
+        )
+        st.caption(meaning)
+
+    def show_drawn(self, draw: Callable[[], go.Figure], name: str, alt: str) -> None:
+        """Show a figure of this name."""
+        key = self.request.key, self.study.config.approaches, self.view.display
+        show_cached_figure(draw, alt, name, key, name=name)
+
+
+def show_diagnostics(view: View) -> None:
+    """Show what was learned without a held-out test: by the networks, of the bias, and whether a(s) gives x(t) back."""
+    campaign, state, key = view.campaign, st.session_state, "diagnosed"
+    stop_with_a_single_test(campaign)
+    with st.container(horizontal=True, vertical_alignment="center"):
+        figure = choose("Diagnostics", list(_DIAGNOSTICS), key="diagnostics")
+        st.markdown("of what was learned without", width="content")
+        address.put(key, view.held_out.id)
+        st.selectbox(
+            "Held-out test", campaign.test_ids, key=key, width=120, label_visibility="collapsed",
+            on_change=lambda: choose_held_out(campaign.test(state[key])),
+        )  # fmt: skip
+    config, test = chosen_config(), view.held_out.id
+    request = StudyRequest(campaign, (test,), config)
+    study = result_of(
+        request,
+        invitation=f"Nothing was trained without {plain(test)} yet, with these settings. "
+        + patience(config, "The displacement domain takes some seconds, the networks a little longer."),
+        button=f"Train without {test}",
+    )
+    show_training(config, study.config.approaches)
+    _DIAGNOSTICS[figure](_Diagnosis(view, request, study))
+
+
+def _show_networks(diagnosis: _Diagnosis) -> None:
+    """Show the networks before and after fine-tuning (Figs. 12 and 13), and how they were trained."""
+    (fold,) = diagnosis.study.folds
+    states = {estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _NETWORKS}
+    if not states:
+        st.info("No approach with a network is known here yet.", icon=":material/info:")
+        return
+
+    def draw(name: str) -> go.Figure:
+        return both()[name]
+
+    @cache
+    def both() -> dict[str, go.Figure]:
+        raw = [name for name in (BASELINE,) if name in fold.ratings]
+        figures = {
+            name: diagnosis.study.plot(
+                diagnosis.test, "acceleration", approaches=[*raw, name], band=name, display=diagnosis.view.display
+            )
+            for name in states
+        }
+        share_y_range(figures.values())
+        return figures
+
+    for column, name in zip(st.columns(2, gap="medium"), states, strict=False):
+        with column:
+            title, meaning = _NETWORKS[name]
+            rating = fold.ratings[name][diagnosis.view.display.window_ms]
+            st.markdown(f"**{title}** · {LABELS[name]} {rating.overall:.3f} ({rating.grade})")
+            alt = f"Acceleration over time: test {diagnosis.test}, the CAE model and {LABELS[name]}"
+            diagnosis.show_drawn(partial(draw, name), LABELS[name], alt)
+            st.caption(meaning)
+    name = "time_domain" if "time_domain" in states else "lf_tcn"
+    left, right = st.columns(2, gap="medium")
+    with left:
+        st.markdown("**Training on CAE runs**")
+        meaning = (
+            f"Mean square error, averaged over the networks ({states[name]['members']}); validation is on the tenth of "
+            "the runs that is not trained on."
+        )
+        diagnosis.show("training", "Mean square error over epochs", meaning, (name,))
+    for known, (alt, meaning) in _TUNING.items():
+        if known in states[name]:
+            with right:
+                st.markdown("**Fine-tuning on tests**")
+                diagnosis.show("fine-tuning", alt, meaning, (name,))
+
+
+def _show_bias(diagnosis: _Diagnosis) -> None:
+    """Show the bias that each test measured, and the parts of that which is expected in the held-out one."""
+    test, view = plain(diagnosis.test), diagnosis.view
+    diagnosis.show_drawn(
+        partial(view.campaign.plot, "bias", held_out=diagnosis.test, display=view.display), "bias by speed",
+        "What the CAE model got wrong in each test, over displacement, coloured by speed",
+    )  # fmt: skip
+    st.caption(
+        f"What has to be added to the CAE model to get each test. The displacement domain is fitted to these, but not "
+        f"to {test}, which is held out. The steep ends are at zero velocity."
+    )
+    if diagnosis.request.config.preset == "paper":
+        st.info(ONE_PROCESS)
+        return
+    alt = f"Parts of the bias that is expected in test {diagnosis.test}, over displacement, each with its 95 % band"
+    meaning = (
+        f"What the other {len(diagnosis.others.tests)} tests predict of the bias in {test}. Shared: the same in every "
+        "test. Ratio: the CAE model's pulse, its trend and its humps, times a factor. Parts can cancel each other: "
+        "their sum is better known than each. Of the test's own part, its repeatability, only the size can be "
+        "predicted."
+    )
+    diagnosis.show("bias parts", alt, meaning)
+
+
+def _show_integration(diagnosis: _Diagnosis) -> None:
+    diagnosis.show(
+        "integration",
+        "Displacement over time, integrated over time and recovered from a(s), and their difference",
+        "Lines: integrated twice over time, up to zero velocity. Circles: recovered from a(s) (Eq. 29 of the paper). "
+        "Where they agree, the conversion is lossless.",
+    )
+
+
+_DIAGNOSTICS = {"Networks": _show_networks, "Bias": _show_bias, "Integration check": _show_integration}
