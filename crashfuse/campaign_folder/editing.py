@@ -22,7 +22,7 @@ from crashfuse.campaign_folder import condition_tables, writer
 from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role
 from crashfuse.campaign_folder.copies import check_tests_differ
 from crashfuse.campaign_folder.history import changing, is_vacant, settle, taking_turns
-from crashfuse.campaign_folder.load import FILES
+from crashfuse.campaign_folder.load import FILES, WALLS
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
 from crashfuse.condition import ABOUT, About, Condition
@@ -32,6 +32,7 @@ from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_text, original
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import Pulse
+from crashfuse.signals.wall import Wall
 
 WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
 """Singular and plural of each role."""
@@ -54,6 +55,7 @@ class Addition:
     provenance: Mapping[str, str | float | Sequence[str]] = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
     about: About = ()
+    wall: Wall | None = None
 
     @property
     def further(self) -> dict[str, object]:
@@ -240,6 +242,9 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
     with changing(folder, ". ".join(map(str, added)), check) as new_file:
         for role, of_role in new.items():
             _write_pulses(folder, role, of_role, new_file)
+            walls, path_of_walls = {one.id: one.wall for one in of_role}, folder / WALLS
+            if role == "tests" and (any(walls.values()) or path_of_walls.is_file()):
+                writer.write_walls(path_of_walls, new_file(path_of_walls), walls)
         for name, text in {_SETTINGS: settings, **tables}.items():
             new_file(folder / name).write_bytes(text.encode())
     return tuple(added)

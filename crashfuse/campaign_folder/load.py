@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -26,13 +27,19 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CHECK_PATH, DataError, Problem, collecting, printable, shortened
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
+from crashfuse.files.parquet import ParquetTable
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault
+from crashfuse.signals.wall import Wall
+from crashfuse.units import KN, MS
 
 _FEWEST_RUNS = 10
 PULSES = (".csv", ".parquet")
 """Endings of tables of pulses."""
-FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv")
+WALLS = "tests_wall.parquet"
+"""Forces of the barrier, tidy."""
+WALL_COLUMNS = ("id", "time_ms", "force_kn")
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", WALLS)
 """The files of a campaign folder beside its pulses."""
 AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
 """The files of a campaign folder that do not lie in a folder in it."""
@@ -108,6 +115,7 @@ def read_folder(folder: str | Path) -> Campaign:
         tables["cae"] = tables["cae"].without(left_out)
         pulses["cae"] = np.delete(pulses["cae"], left_out, axis=0)
     _check_counts(tables, len(left_out), problems, warnings)
+    walls = _read_walls(folder, problems)
     if problems:
         raise DataError(shortened(problems))
     is_comparable = gap is None or not gap.hides_tests
@@ -132,9 +140,15 @@ def read_folder(folder: str | Path) -> Campaign:
         strict=True,
     )  # fmt: skip
     crash_tests = tuple(
-        CrashTest(i, condition, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about)
+        CrashTest(
+            i, condition, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about, walls.get(i)
+        )
         for i, condition, accel, tuned, about in tests
     )
+    for test in crash_tests:
+        if test.wall is not None:
+            witness, at = test.wall.beside(test.pulse.accel_mps2), test.condition
+            warnings += [f"tests.csv, {test.id}: {row}." for row in witness.findings(at.mass_kg, at.speed_mps)]
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
     return Campaign(
@@ -142,6 +156,21 @@ def read_folder(folder: str | Path) -> Campaign:
         settings.occupant, import_cfcs.pop() if len(import_cfcs) == 1 else None,
         tables["tests"].units, unused, settings.unused,
     )  # fmt: skip
+
+
+def _read_walls(folder: Path, problems: list[Problem]) -> dict[str, Wall]:
+    path, walls = folder / WALLS, dict[str, Wall]()
+    if path.is_file():
+        with collecting(problems), ParquetTable.opened(path, path.name) as table:
+            if not {*WALL_COLUMNS} <= {*table.names}:
+                expected, found = f"the columns {', '.join(WALL_COLUMNS)}", listed(table.names)
+                raise DataError(Problem(path.name, expected, found, "import the tests again"))
+            rows = pd.concat([frame for frame, _ in table.blocks(WALL_COLUMNS)])
+            for test_id, of_test in rows.groupby("id", observed=True, sort=False):
+                time_ms, force_kn = (of_test[name].to_numpy(np.float64) for name in WALL_COLUMNS[1:])
+                walls[str(test_id)] = Wall(time_ms * MS, force_kn * KN)
+                walls[str(test_id)].require_force(f"{path.name}, {printable(str(test_id), 60)}")
+    return walls
 
 
 def unread_files(folder: Path) -> str:

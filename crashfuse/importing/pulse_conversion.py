@@ -22,6 +22,7 @@ from crashfuse.readers.record import AxleWeights, PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, speed, weight
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, Pulse, kinematics
+from crashfuse.signals.wall import Wall
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, time_text
 
@@ -198,6 +199,7 @@ class Settled:
     quality: RunQuality = field(default_factory=RunQuality)  # of a CAE run
     role: Role = "tests"
     about: About = ()
+    wall: Wall | None = None
 
     def __repr__(self) -> str:
         return f"<Settled {self.id!r}: {self.condition}>"
@@ -275,7 +277,8 @@ def settled_at(
     quality = record.quality if role == "cae" else RunQuality()
     found = unit, sign, zero_s, cfc, tuple(steps)
     about = record.about_with(channels if role == "tests" else ())
-    return Settled(record.id, record.source, condition, pulse, names, *found, quality, role, about)
+    wall = None if record.wall is None else record.wall.from_contact(zero_s)
+    return Settled(record.id, record.source, condition, pulse, names, *found, quality, role, about, wall)
 
 
 def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) -> Pulse:

@@ -23,7 +23,7 @@ from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers import vocabulary
 from crashfuse.readers.members import as_text, is_numbered, opened_members
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence
@@ -282,8 +282,23 @@ def record_of(test: IsommeTest, source: str) -> Record:
     other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
     steps, channels = (*notes, *why), tuple(recorded.values())
     about = {name: test.descriptor(descriptor) or "" for name, descriptor in _ABOUT.items()}
-    said = steps, zero
-    return Record(test.name, source, condition, channels, chosen, *said, unread=untimed, other_setup=other, about=about)
+    barrier = ((f"0{one.code[1:]}", one) for one in test.channels if one.code[:1].upper() == "B")  # its test object
+    codes = [(vocabulary.ChannelCode.parsed(text), one) for text, one in barrier]
+    cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]
+    rawest = {code.sensor: one for code, one in sorted(cells, key=lambda pair: pair[0].order, reverse=True)}
+    wall = summed_wall([_force(one) for one in rawest.values()], told := list(steps))
+    record = Record(
+        test.name, source, condition, channels, chosen, tuple(told), zero, unread=untimed, other_setup=other
+    )
+    return replace(record, about=about, wall=wall)
+
+
+def _force(cell: Channel) -> tuple[FloatArray, FloatArray] | None:
+    factor = {"n": 1.0, "kn": 1e3}.get(cell.unit.strip().lower())
+    is_sound = factor and cell.interval_s and vocabulary.doubt_of(cell.status) < Doubt.FAILED
+    if not is_sound or cell.values.size < 2 or not np.isfinite(cell.values).all():
+        return None
+    return (cell.start_s or 0.0) + (cell.interval_s or 0.0) * np.arange(cell.values.size), (factor or 1.0) * cell.values
 
 
 def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
