@@ -242,8 +242,8 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
     with changing(folder, ". ".join(map(str, added)), check) as new_file:
         for role, of_role in new.items():
             _write_pulses(folder, role, of_role, new_file)
-            walls, path_of_walls = {one.id: one.wall for one in of_role}, folder / WALLS
-            if role == "tests" and (any(walls.values()) or path_of_walls.is_file()):
+            walls, path_of_walls = {one.id: one.wall for one in of_role}, folder / WALLS[role]
+            if any(walls.values()) or path_of_walls.is_file():
                 writer.write_walls(path_of_walls, new_file(path_of_walls), walls)
         for name, text in {_SETTINGS: settings, **tables}.items():
             new_file(folder / name).write_bytes(text.encode())

@@ -36,10 +36,10 @@ from crashfuse.units import KN, MS
 _FEWEST_RUNS = 10
 PULSES = (".csv", ".parquet")
 """Endings of tables of pulses."""
-WALLS = "tests_wall.parquet"
-"""Forces of the barrier, tidy."""
+WALLS: Mapping[str, str] = {"tests": "tests_wall.parquet", "cae": "cae_wall.parquet"}
+"""Forces of the barrier by role, tidy."""
 WALL_COLUMNS = ("id", "time_ms", "force_kn")
-FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", WALLS)
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", *WALLS.values())
 """The files of a campaign folder beside its pulses."""
 AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
 """The files of a campaign folder that do not lie in a folder in it."""
@@ -115,7 +115,7 @@ def read_folder(folder: str | Path) -> Campaign:
         tables["cae"] = tables["cae"].without(left_out)
         pulses["cae"] = np.delete(pulses["cae"], left_out, axis=0)
     _check_counts(tables, len(left_out), problems, warnings)
-    walls = _read_walls(folder, problems)
+    walls, walls_of_runs = (_read_walls(folder / name, problems) for name in WALLS.values())
     if problems:
         raise DataError(shortened(problems))
     is_comparable = gap is None or not gap.hides_tests
@@ -145,10 +145,16 @@ def read_folder(folder: str | Path) -> Campaign:
         )
         for i, condition, accel, tuned, about in tests
     )
-    for test in crash_tests:
-        if test.wall is not None:
-            witness, at = test.wall.beside(test.pulse.accel_mps2), test.condition
-            warnings += [f"tests.csv, {test.id}: {row}." for row in witness.findings(at.mass_kg, at.speed_mps)]
+    accused = [(f"tests.csv, {test.id}", test.wall, test.pulse.accel_mps2, test.condition) for test in crash_tests]
+    of_runs = zip(cae.ids, cae.accel_mps2, cae.conditions, strict=True)
+    accused += [
+        (f"cae.csv, {run}", walls_of_runs[run], accel, at) for run, accel, at in of_runs if run in walls_of_runs
+    ]
+    for kind in WALLS:
+        rows = ((who, wall.beside(accel), at) for who, wall, accel, at in accused if wall and who.startswith(kind))
+        warnings += _shortened(
+            [f"{who}: {text}." for who, one, at in rows for text in one.findings(at.mass_kg, at.speed_mps)]
+        )
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
     return Campaign(
@@ -158,8 +164,8 @@ def read_folder(folder: str | Path) -> Campaign:
     )  # fmt: skip
 
 
-def _read_walls(folder: Path, problems: list[Problem]) -> dict[str, Wall]:
-    path, walls = folder / WALLS, dict[str, Wall]()
+def _read_walls(path: Path, problems: list[Problem]) -> dict[str, Wall]:
+    walls = dict[str, Wall]()
     if path.is_file():
         with collecting(problems), ParquetTable.opened(path, path.name) as table:
             if not {*WALL_COLUMNS} <= {*table.names}:

@@ -67,7 +67,7 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
             (home / "tests" / f"{test.id}.csv").write_text(pulse_csv(test.pulse), encoding="utf-8", newline="")
         _write_runs(campaign, home / "cae_pulses.parquet")
         if walls := {test.id: test.wall for test in campaign.tests if test.wall is not None}:
-            write_walls(home / WALLS, home / WALLS, walls)
+            write_walls(home / WALLS["tests"], home / WALLS["tests"], walls)
         settings = [f"name = {toml_text(campaign.name)}"]
         settings += [f"notice = {toml_text(campaign.notice)}"] if campaign.notice else []
         cfc = campaign.channel_filter_class

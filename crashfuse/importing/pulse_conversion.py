@@ -277,7 +277,12 @@ def settled_at(
     quality = record.quality if role == "cae" else RunQuality()
     found = unit, sign, zero_s, cfc, tuple(steps)
     about = record.about_with(channels if role == "tests" else ())
-    wall = None if record.wall is None else record.wall.from_contact(zero_s)
+    wall: Wall | None = None
+    if record.wall is not None:
+        try:
+            wall = record.wall.from_contact(zero_s)
+        except DataError as error:
+            steps.append(f"Careful: the force of the barrier is left out: {error.problems[0].found}.")
     return Settled(record.id, record.source, condition, pulse, names, *found, quality, role, about, wall)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
-from crashfuse.readers.format import Travel
+from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, glstat_text, matsum_text, quality_of, read_nodout
 from crashfuse.readers.members import opened_members, read_all
@@ -171,9 +171,11 @@ def _record(
         mass = solver_run.vehicle_mass_kg(2 * energy / initial**2)
     speed_or_why, mass_and_source = (speed_mps, no_speed), (mass, "from the kinetic energy at that speed (glstat)")
     quality, about = quality_of(glstat, matsum), _about(files, run, budget, steps)
-    return solver_run.run_record(
-        run_id, source, run.nodes, proposed, units, speed_or_why, mass_and_source, quality, steps, about
-    )
+    force = f"{AXES[solver_run.axis_of_travel(run.start, travel)]}_force"
+    forces = [(time, state[force]) for time, state in sorted(run.walls.items()) if force in state]
+    wall = (np.array([time for time, _ in forces]), np.array([value for _, value in forces]))
+    known = speed_or_why, mass_and_source, quality, steps, about, wall
+    return solver_run.run_record(run_id, source, run.nodes, proposed, units, *known)
 
 
 def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -> dict[str, str]:

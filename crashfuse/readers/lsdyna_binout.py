@@ -46,6 +46,7 @@ _VARIABLES = {
     for name, forms in _DATABASES.items()
 }
 _METADATA = frozenset({"ids", "legend", "legend_ids", "title", "version", "revision", "date"})
+_FORCES = frozenset({"time", *(f"{axis}_force" for axis in AXES)})
 _TITLE_BYTES = 80
 _PREFIX = {"rbdout": "body "}
 _SAMPLED = 20  # states
@@ -223,12 +224,14 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     """A run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing."""
     glstat: States = {}
     matsum: States = {}
+    walls: States = {}
     parts: list[_Part] = []
     for shards in families:
         files = [_LsdaFile(stream, where, _wanted) for stream, where in shards]
         for file in files:
             glstat |= _states_of(file, "glstat")
             matsum |= _states_of(file, "matsum")
+            walls |= _states_of(file, "rwforc")
         family = list(_parts(files, [where for _, where in shards]))
         _check_apart(parts, family)
         parts += family
@@ -253,7 +256,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     count = sum(map(len, families))
     holding = len({part.where for part in parts})
     notes = (f"Nodes from {holding} of {count} files of binout, joined.",) if count > 1 else ()
-    return Histories(title, nodes, total, start, fastest, notes, parts[0].of.about), glstat, matsum
+    return Histories(title, nodes, total, start, fastest, notes, parts[0].of.about, walls), glstat, matsum
 
 
 def _states_of(file: _LsdaFile, database: str) -> States:
@@ -274,6 +277,8 @@ def _wanted(folder: _Folder) -> frozenset[str] | None:
             return _VARIABLES[database]
         case ("glstat", _):
             return GLSTAT
+        case ("rwforc", "forces", _):
+            return _FORCES
         case ("matsum", _):
             return MATSUM
     return None

@@ -3,7 +3,7 @@
 A time history is a sequence of records, big-endian, framed by their length: a header that lists what is written, then
 for each state its time, the global histories, those of parts and subsets, and those of each group of ``/TH``. Layout
 and codes are those of the solver's own writer (``hist1.F``, ``hist2.F``, ``hm_read_thgrou.F``) and converter. Forces
-(of walls, sections, interfaces, rigid bodies) are written as impulses since the start of the run; they are not read.
+are written as impulses since the start of the run: those of rigid walls are read, others not.
 
 The CSV misleads: its labels of global histories are those of one version of the solver, whatever was written, so labels
 are counted from the right. Variables of a node are called ``var 33``, unless the run wrote its titles. Labels may hold
@@ -37,7 +37,7 @@ from crashfuse.readers.vocabulary import iso_date
 from crashfuse.signals.pulse import FloatArray
 
 _KIND = "a time history of Radioss (T01), or the CSV of it"
-_NODES, _ACCELEROMETERS = 0, 108
+_NODES, _WALLS, _ACCELEROMETERS = 0, 102, 108
 _VARIABLES: Mapping[int, Mapping[int, str]] = {
     _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
     _ACCELEROMETERS: {1: "AX", 2: "AY", 3: "AZ", 4: "WX", 5: "WY", 6: "WZ"},
@@ -114,10 +114,24 @@ class _BinaryFile:
         time = self._block(0)[:, 0].astype(np.float64)
         codes = {name: code for code, name in enumerate(GLOBAL, start=1) if code in self._codes}
         model = {name: self._block(1)[:, self._codes.index(code)].astype(np.float64) for name, code in codes.items()}
-        unread = dict.fromkeys(f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES)
+        unread = dict.fromkeys(
+            f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES and one.kind != _WALLS
+        )
         factors = self._factors if all(0 < factor < 1e6 for factor in self._factors) else ()
         notes = (_CUT,) if self._left_over else ()
-        return TimeHistory(self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about)
+        return TimeHistory(
+            self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about, self._walls()
+        )
+
+    def _walls(self) -> dict[str, FloatArray]:
+        """Impulses of all rigid walls, normal (codes 1 to 3) and tangential (4 to 6), by axis."""
+        groups, found = [group for group in self._groups if group.elements and group.codes], dict[str, FloatArray]()
+        for at, group in enumerate(groups, start=len(self._blocks) - len(groups)):
+            for column, code in enumerate(group.codes if group.kind == _WALLS else ()):
+                axis = "XYZ"[(code - 1) % 3] if 1 <= code <= 6 else ""
+                values = self._block(at)[:, column :: len(group.codes)].sum(axis=1, dtype=np.float64)
+                found |= {axis: found.get(axis, 0.0) + values} if axis else {}
+        return found
 
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
         found: dict[str, dict[str, FloatArray]] = {}

@@ -72,6 +72,7 @@ class TimeHistory:
     unit_factors: tuple[float, ...] = ()  # to SI, of mass, length and time
     notes: tuple[str, ...] = ()  # what was joined, aligned or left out
     about: Mapping[str, str] = field(default_factory=lambda: {"solver": "Radioss"})
+    walls: Mapping[str, FloatArray] = field(default_factory=dict)  # impulses of all rigid walls along X, Y, Z
 
     @property
     def energies(self) -> Energies:
@@ -124,7 +125,9 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
             key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in part.model
         }
         time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
-        whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes))
+        whole = replace(
+            whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={}
+        )  # each may count anew
     if len(parts) > 1:
         whole = replace(whole, notes=(f"Joined from {', '.join(names)}.", *whole.notes))
     return whole
@@ -237,7 +240,11 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     steps += solver_run.note_of_kept(len(kept), len(nodes))
     mass, quality = _mass(run, set_out, source), run.energies.quality
     speed_or_why = speed_mps, no_speed
-    return solver_run.run_record(run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps, run.about)
+    impulse = run.walls.get("XYZ"[axis])  # walls are written as impulses, not as forces
+    wall = None if impulse is None or run.time.size < 2 else (run.time, np.gradient(impulse, run.time))
+    return solver_run.run_record(
+        run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps, run.about, wall
+    )
 
 
 def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:

@@ -18,6 +18,7 @@ from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.wall import Wall
 from crashfuse.units import MS
 from crashfuse.wording import Sentence, number
 
@@ -50,6 +51,8 @@ LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
 _SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run that ended at once
 FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
 _SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass at the start")  # by QUALITIES
+
+_MASS_KG = {"mm/ms²": 1.0, "mm/s²": 1e3, "m/s²": 1.0}  # of the unit of mass that goes with each
 
 # of a run: its unit of time in s, the unit of acceleration (None: not known), and a sentence
 Units = tuple[float, str | None, str]
@@ -251,6 +254,7 @@ def run_record(
     quality: RunQuality,
     steps: Sequence[str],
     about: Mapping[str, str],
+    wall: tuple[FloatArray, FloatArray] | None = None,
 ) -> Record:
     """The record of a run: its nodes as channels, and what its quantities add to the steps."""
     per_second, unit, _ = units
@@ -275,8 +279,12 @@ def run_record(
         channels.append(RecordedChannel(node.name, label, per_second * node.time, accel, unit))
     names = tuple(node.name for node in proposed)
     condition = PartialCondition(speed_mps, mass_kg)
+    force = None
+    if wall is not None and unit is not None and wall[0].size > 1:
+        told.append("Force of the barrier: that of the rigid walls along the travel, summed.")
+        force = Wall(per_second * wall[0], _MASS_KG[unit] * ACCELERATION_UNITS[unit] * wall[1])
     found = (condition, tuple(channels), names, tuple(told))
-    return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about)
+    return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about, wall=force)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

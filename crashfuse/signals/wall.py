@@ -32,10 +32,12 @@ class Wall:
 
     def from_contact(self, zero_s: float) -> "Wall":
         """At CFC 60 and 12.5 kHz, in time from contact, which is at ``zero_s`` of its time; braking is positive."""
-        force = cfc_filter(self.force_n, cfc=60, dt_s=float(self.time_s[1] - self.time_s[0]))
+        even = np.linspace(self.time_s[0], self.time_s[-1], self.time_s.size)
+        as_written: FloatArray = np.interp(even, self.time_s, self.force_n)
+        force = cfc_filter(as_written, cfc=60, dt_s=float(even[1] - even[0]))
         begin, end = max(BEGIN_S, self.time_s[0] - zero_s), min(END_S, self.time_s[-1] - zero_s)
         grid = DT_S * np.arange(np.ceil(begin / DT_S), np.floor(end / DT_S) + 1)
-        force = np.interp(grid, self.time_s - zero_s, force)
+        force = np.interp(grid, even - zero_s, force)
         return Wall(grid, force * (np.sign(force.sum()) or 1.0))
 
     def require_force(self, where: str) -> None:

@@ -10,13 +10,19 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import WALLS, load_campaign
 from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.errors import DataError
-from crashfuse.importing import import_source
+from crashfuse.importing import import_source, settle
+from crashfuse.readers.lsdyna import read_lsdyna
+from crashfuse.readers.radioss import read_binary, read_radioss
 from crashfuse.reporting.result_tables import wall_table
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.signals.wall import BEGIN_S, Wall
 from crashfuse.testing.readers import written
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import SPEED_MPS, half_sine_g
+from tests.readers.lsdyna_files import Run, lsda
 from tests.readers.nhtsa_files import nhtsa_files
+from tests.readers.radioss_files import RadiossRun
+from tests.readers.test_lsdyna import WEIGHTS
 
 MASS_KG = 1700.0
 TIME_S = BEGIN_S + DT_S * np.arange(1900)
@@ -67,8 +73,26 @@ def test_it_is_kept_with_its_test_and_told_by_the_check(campaign: Campaign, tmp_
     assert len(again.plot("wall").data) == 2
     impulse = replace(tests[0], wall=Wall(TIME_S, np.cumsum(force)))
     write_campaign(replace(campaign, tests=(impulse, *campaign.tests[1:])), tmp_path / "d")
-    with pytest.raises(DataError, match=f"{WALLS}, {test.id}.*as an impulse is"):
+    with pytest.raises(DataError, match=f"{WALLS['tests']}, {test.id}.*as an impulse is"):
         load_campaign(tmp_path / "d")
+
+
+def test_forces_and_impulses_of_rigid_walls_are_read_in_either_solver(tmp_path: Path) -> None:
+    """``rwforc`` of LS-DYNA as it is, the impulses of Radioss differentiated: both witness the mass and the pulse."""
+    run = Run()
+    folders = run.folders()
+    for state, t in enumerate(run.time_s):
+        force = np.array([MASS_KG * half_sine_g(np.array([t]))[0] * 9.80665e-3], "f4")  # kN
+        names = {"time": np.array([1e3 * t], "f4"), "x_force": force, "y_force": 0 * force, "z_force": 0 * force}
+        folders[f"/rwforc/forces/d{state + 1:06d}"] = names
+    (dyna,) = read_lsdyna(written(tmp_path / "d", {"binout0000": lsda(folders)}))
+    (radioss,) = read_radioss(written(tmp_path / "r", {"hc1T01": RadiossRun().binary()}))
+    for record in (dyna, radioss):
+        settled = settle(record, WEIGHTS, role="cae")
+        assert settled.wall is not None
+        witness = settled.wall.beside(np.interp(GRID_S, settled.pulse.time_s, settled.pulse.accel_mps2))
+        assert witness.share(MASS_KG) == pytest.approx(1.0, abs=0.02)
+        assert witness.findings(MASS_KG, SPEED_MPS) == []
 
 
 def test_load_cells_of_nhtsa_are_read_at_import(tmp_path: Path) -> None:
@@ -78,4 +102,13 @@ def test_load_cells_of_nhtsa_are_read_at_import(tmp_path: Path) -> None:
     assert settled.wall.beside(np.interp(GRID_S, settled.pulse.time_s, settled.pulse.accel_mps2)).share(
         MASS_KG
     ) == pytest.approx(1.0, abs=0.03)
-    assert (tmp_path / "c" / WALLS).is_file()
+    assert (tmp_path / "c" / WALLS["tests"]).is_file()
+
+
+@needs_shared
+def test_impulses_of_the_solver_are_the_change_of_its_momentum() -> None:
+    """In a run of OpenRadioss with a rigid wall."""
+    path = SHARED / "real" / "formats" / "radioss" / "BOX1BLT01"
+    history = read_binary(path.read_bytes(), path.name)
+    change, impulse = (values - values[0] for values in (history.model["X-MOMENTUM"], history.walls["X"]))
+    np.testing.assert_allclose(-impulse, change, atol=2e-3 * np.abs(change).max())
