@@ -139,9 +139,9 @@ class Campaign:
 
         Parameters
         ----------
-        figure : {"tests", "conditions", "cae", "bias"}
+        figure : {"tests", "conditions", "cae", "bias", "wall"}
             Pulses of the tests; speeds and weights of tests and CAE runs; pulses of the CAE runs; what the CAE model
-            got wrong in each test, over displacement.
+            got wrong in each test, over displacement; the barrier's force beside mass times deceleration.
         tests : sequence of str
             Ids of the tests that are shown; empty for all.
         held_out : str, optional

@@ -16,9 +16,9 @@ from crashfuse.units import KPH, LB, MASS, MPH, SPEED
 from crashfuse.wording import UnitSystem, speed, weight
 
 ABOUT = "about_"
-"""What columns begin with that say where a row comes from (laboratory, solver): kept and shown, no factors."""
+"""How columns begin that say where a row comes from (laboratory, solver); they are no factors."""
 About = tuple[tuple[str, str], ...]
-"""Such columns of one row that are not empty, by name."""
+"""Those of a row that are filled, with their names."""
 SAME_CONDITION = 2e-3
 """Relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more."""
 STEP_MPS, STEP_KG = 0.1 * MPH, 1.0

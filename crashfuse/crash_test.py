@@ -10,6 +10,7 @@ import numpy as np
 from crashfuse.condition import About, Condition
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.sensor_faults import SensorFault
+from crashfuse.signals.wall import Wall
 from crashfuse.units import MPH
 
 SPEED_STEP_MPS = 2 * MPH
@@ -24,7 +25,7 @@ class CrashTest:
 
     ``pulse`` is on the study grid, padded with zeros beyond ``recorded_s``, the end of the record; ``faults`` are what
     its sensor did wrong. ``cae_tuned`` says whether the CAE model was tuned to it, None if nobody says; ``about``
-    where it comes from: laboratory, date.
+    where it comes from: laboratory, date; ``wall`` the force of the barrier, if it was recorded.
     """
 
     id: str
@@ -34,6 +35,7 @@ class CrashTest:
     faults: tuple[SensorFault, ...] = ()
     cae_tuned: bool | None = None
     about: About = ()
+    wall: Wall | None = None
 
     def __repr__(self) -> str:
         return f"<CrashTest {self.id!r} at {self.condition}>"

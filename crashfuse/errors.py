@@ -11,6 +11,8 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
+NO_FILE, CHECK_PATH, KEEP_ONE, CORRECT_CELL = "no such file", "check the path", "keep one of them", "correct the cell"
+
 _LONGEST = 300  # characters of one part of a message; a cell of an unknown file may have millions
 
 

@@ -7,6 +7,7 @@ MPH = 0.44704  # m/s (exact)
 KPH = 1 / 3.6  # m/s
 LB = 0.45359237  # kg (exact)
 MS = 1e-3  # s
+KN = 1e3  # N
 
 SPEED: Mapping[str, float] = {"mph": MPH, "kph": KPH, "mps": 1.0}
 MASS: Mapping[str, float] = {"lb": LB, "kg": 1.0}

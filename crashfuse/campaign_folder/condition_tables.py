@@ -16,7 +16,7 @@ import pandas as pd
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.condition import ABOUT, FILE_UNITS, About, Condition
 from crashfuse.crash_test import TUNED
-from crashfuse.errors import DataError, Problem, printable, shortened
+from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
 from crashfuse.signals.pulse import FloatArray
@@ -111,7 +111,7 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
         numbers = numbers_in(frame[column], column, where, rows_of, problems, _LARGEST[name] / factor)
         smallest = 0.0 if role == "cae" and name == "speed" else _SMALLEST[name] / factor
         expected, low = f"a number of at least {smallest:.3g}", frame[column][numbers < smallest]
-        problems += [Problem(where, expected, text, "correct the cell", column, row) for row, text in low.items()]
+        problems += [Problem(where, expected, text, CORRECT_CELL, column, row) for row, text in low.items()]
         values[name] = factor * numbers
     quality = _read_quality(frame, where, problems)
     found_columns = [column for column, _ in columns.values()]
@@ -152,7 +152,7 @@ def find_column(
         return matches[0], wanted[matches[0]]
     found, advice = f"the columns {listed(columns)}", "add the column"
     if matches:
-        found, advice = listed(matches), "keep one of them"
+        found, advice = listed(matches), KEEP_ONE
     elif alike := [column for column in columns if column.startswith(quantity)]:
         found, advice = listed(alike), "let the column's name end in its unit"
     problems.append(Problem(where, f"one column {' or '.join(wanted)}", found, advice))
@@ -172,7 +172,7 @@ def numbers_in(
     for start, stop in zip(starts, stops, strict=False):
         row, last = int(rows_of[start]), int(rows_of[stop - 1])
         expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[bad[start]]) else "a number"
-        found, advice = repr(printable(str(wrong.iloc[start]).strip(), 60)), "correct the cell"
+        found, advice = repr(printable(str(wrong.iloc[start]).strip(), 60)), CORRECT_CELL
         if empty[start]:
             found = f"rows {row}–{last}, empty" if last > row else "an empty cell"
             advice = "fill it in"
@@ -221,7 +221,7 @@ def safe_id(name: str) -> str:
 
 def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
     if not path.exists():
-        problems.append(Problem(path.name, "this file", "no such file", "add it"))
+        problems.append(Problem(path.name, "this file", NO_FILE, "add it"))
         return None
     try:
         names, rows, numbers = read_rows(path, path.name, by_hand=by_hand, most_rows=_MOST_ROWS[role])
@@ -232,7 +232,7 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
         problems.append(Problem(path.name, "a header and at least one row", "an empty table", "add the rows"))
         return None
     if twice := [name for name, count in Counter(names).items() if name and count > 1]:
-        problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", "keep one of them"))
+        problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", KEEP_ONE))
         return None
     kept = [at for at, name in enumerate(names) if name]
     cells = pd.DataFrame([[row[at] for at in kept] for row in rows], columns=[names[at] for at in kept], index=numbers)
@@ -262,7 +262,7 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
         odd = {text for text in {column, *cells[column]} if len(text) > _LONGEST_FACTOR or printable(text) != text}
         bad = [(row, text) for row, text in [(1, column), *cells[column].items()] if text in odd] if odd else []
         name = printable(column, 60)
-        problems += [Problem(where, expected, repr(printable(t, 60)), "correct the cell", name, row) for row, t in bad]
+        problems += [Problem(where, expected, repr(printable(t, 60)), CORRECT_CELL, name, row) for row, t in bad]
 
 
 def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[RunQuality, ...]:
@@ -274,7 +274,7 @@ def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> t
         least, shares = -1 if name == "energy_change" else 0, _as_numbers(frame[name])
         expected, is_given = f"a share from {least} to 1 (5 % is 0.05), or an empty cell", frame[name].str.strip() != ""
         for row, text in frame[name][is_given & ~((shares >= least) & (shares <= 1))].items():
-            problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", name, row))
+            problems.append(Problem(where, expected, repr(printable(text, 60)), CORRECT_CELL, name, row))
         values[name] = [float(v) if given else None for v, given in zip(shares, is_given, strict=True)]
     return tuple(RunQuality(**dict(zip(columns, row, strict=True))) for row in zip(*values.values(), strict=True))
 
@@ -286,7 +286,7 @@ def _read_tuned(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tup
     cells = frame["cae_tuned"].str.strip().str.lower()
     for row, text in frame["cae_tuned"][~cells.isin(meanings)].items():
         found = repr(printable(text, 60))
-        problems.append(Problem(where, "yes, no or an empty cell", found, "correct the cell", "cae_tuned", row))
+        problems.append(Problem(where, "yes, no or an empty cell", found, CORRECT_CELL, "cae_tuned", row))
     return tuple(map(meanings.get, cells))
 
 

@@ -18,28 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from crashfuse.cae_library import RunQuality
-from crashfuse.campaign_folder.condition_tables import (
-    TABLES,
-    ConditionTable,
-    Role,
-    folded,
-    listed,
-    read_conditions,
-    read_lenient,
-)
+from crashfuse.campaign_folder import condition_tables, writer
+from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role
 from crashfuse.campaign_folder.copies import check_tests_differ
 from crashfuse.campaign_folder.history import changing, is_vacant, settle, taking_turns
-from crashfuse.campaign_folder.load import FILES
+from crashfuse.campaign_folder.load import FILES, WALLS
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
-from crashfuse.campaign_folder.writer import (
-    append_to_table,
-    check_ids,
-    further_cells,
-    further_columns,
-    pulse_csv,
-    table_row,
-)
 from crashfuse.condition import ABOUT, About, Condition
 from crashfuse.crash_test import TUNED
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable, shortened
@@ -47,6 +32,7 @@ from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_text, original
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import Pulse
+from crashfuse.signals.wall import Wall
 
 WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
 """Singular and plural of each role."""
@@ -69,11 +55,12 @@ class Addition:
     provenance: Mapping[str, str | float | Sequence[str]] = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
     about: About = ()
+    wall: Wall | None = None
 
     @property
     def further(self) -> dict[str, object]:
         """The cells of its row beyond id and condition."""
-        return further_cells(self.quality, self.about)
+        return writer.further_cells(self.quality, self.about)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +93,12 @@ def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) 
     """
     for role, of_role in additions.items():
         ids = [addition.id for addition in of_role]
-        check_ids(ids, role)
-        names = Counter(map(folded, ids))
-        if twice := [run_id for run_id in ids if names[folded(run_id)] > 1]:
-            raise DataError(Problem(role, "each id once", listed(twice[:2]), "give one of them another id"))
+        writer.check_ids(ids, role)
+        names = Counter(map(condition_tables.folded, ids))
+        if twice := [run_id for run_id in ids if names[condition_tables.folded(run_id)] > 1]:
+            raise DataError(
+                Problem(role, "each id once", condition_tables.listed(twice[:2]), "give one of them another id")
+            )
     if not is_vacant(folder) and not any((folder / name).is_file() for name in _MARKS):
         found, advice = "other files", "name a campaign, or a folder that does not exist yet"
         raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
@@ -172,7 +161,7 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
                 _write_unused(settings, _without(unused, ids), new(settings))
             new(table).write_bytes(_with_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
             for path in _pulse_tables(folder, "tests"):
-                append_to_table(path, new(path), [], without=ids)
+                writer.append_to_table(path, new(path), [], without=ids)
             for path in (folder / "tests" / f"{test_id}.{ending}" for test_id in ids for ending in _ENDINGS):
                 if path.is_file():
                     new(path)  # without a content
@@ -233,7 +222,7 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
         new[role] = [addition for addition in of_role if addition.id not in there]
         added.append(Added(role, tuple(addition.id for addition in new[role]), there))
         text, header = _table_to_extend(folder / f"{role}.csv", table, new[role])
-        rows = [table_row(header, addition.id, addition.condition, addition.further) for addition in new[role]]
+        rows = [writer.table_row(header, addition.id, addition.condition, addition.further) for addition in new[role]]
         tables[f"{role}.csv"] = text + csv_text(rows)
         for addition in new[role]:
             values = {"id": addition.id, "as": role, **addition.provenance}
@@ -248,6 +237,9 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
     with changing(folder, ". ".join(map(str, added)), check) as new_file:
         for role, of_role in new.items():
             _write_pulses(folder, role, of_role, new_file)
+            walls, path_of_walls = {one.id: one.wall for one in of_role}, folder / WALLS[role]
+            if any(walls.values()) or path_of_walls.is_file():
+                writer.write_walls(path_of_walls, new_file(path_of_walls), walls)
         for name, text in {_SETTINGS: settings, **tables}.items():
             new_file(folder / name).write_bytes(text.encode())
     return tuple(added)
@@ -255,11 +247,11 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
 
 def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_file: Callable[[Path], Path]) -> None:
     for table in _pulse_tables(folder, role)[:1]:
-        append_to_table(table, new_file(table), [(addition.id, addition.pulse) for addition in additions])
+        writer.append_to_table(table, new_file(table), [(addition.id, addition.pulse) for addition in additions])
         return
     for addition in additions:
         path = folder / role / f"{addition.id}.csv"
-        pulse = pulse_csv(addition.pulse).encode()
+        pulse = writer.pulse_csv(addition.pulse).encode()
         if path.exists() and path.read_bytes() != pulse:
             found, advice = "another pulse there, without a row in the table", "rename or remove the file"
             raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
@@ -268,7 +260,7 @@ def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_f
 
 def _table(folder: Path, role: Role) -> ConditionTable | None:
     path = folder / f"{role}.csv"
-    return read_conditions(path, role) if path.is_file() else None
+    return condition_tables.read_conditions(path, role) if path.is_file() else None
 
 
 def _already_there(
@@ -276,8 +268,8 @@ def _already_there(
 ) -> tuple[str, ...]:
     """The ids of additions that the campaign has already; a DataError if one has another condition or pulse there."""
     conditions = {} if table is None else dict(zip(table.ids, table.conditions, strict=True))
-    names = set(map(folded, conditions))
-    again = {addition.id: addition for addition in additions if folded(addition.id) in names}
+    names = set(map(condition_tables.folded, conditions))
+    again = {addition.id: addition for addition in additions if condition_tables.folded(addition.id) in names}
     if not again:
         return ()
     wanted = [run_id for run_id in again if run_id in conditions]
@@ -307,7 +299,7 @@ def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequen
 
     Further columns that it lacks are added to its header; its rows are then short, which counts as empty cells.
     """
-    further = further_columns([addition.further for addition in additions])
+    further = writer.further_columns([addition.further for addition in additions])
     if table is None:
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
         header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors, *further]
@@ -359,7 +351,7 @@ def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
     """The ids of all tests in the folder, whatever is wrong with their data, and why some are left out of use."""
     problems: list[Problem] = []
     settings = sound_settings(folder)
-    table = read_lenient(folder / "tests.csv", "tests", problems)
+    table = condition_tables.read_lenient(folder / "tests.csv", "tests", problems)
     if table is None:
         raise DataError(shortened(problems))
     return table.ids, settings.unused

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -23,27 +24,22 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import DataError, Problem, collecting, printable, shortened
-from crashfuse.files.archive import (
-    DEFAULT_LIMITS,
-    Budget,
-    Limits,
-    Member,
-    in_memory,
-    left_by_the_system,
-    name_trouble,
-    refuse,
-    too_many,
-    too_much,
-    zip_members,
-)
+from crashfuse.errors import CHECK_PATH, DataError, Problem, collecting, printable, shortened
+from crashfuse.files import archive
+from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
+from crashfuse.files.parquet import ParquetTable
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault
+from crashfuse.signals.wall import Wall
+from crashfuse.units import KN, MS
 
 _FEWEST_RUNS = 10
 PULSES = (".csv", ".parquet")
 """Endings of tables of pulses."""
-FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv")
+WALLS: Mapping[str, str] = {"tests": "tests_wall.parquet", "cae": "cae_wall.parquet"}
+"""Forces of the barrier by role, tidy."""
+WALL_COLUMNS = ("id", "time_ms", "force_kn")
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", *WALLS.values())
 """The files of a campaign folder beside its pulses."""
 AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
 """The files of a campaign folder that do not lie in a folder in it."""
@@ -71,7 +67,7 @@ def read_folder(folder: str | Path) -> Campaign:
     folder = Path(folder)
     if not folder.is_dir():
         found = "a file" if folder.exists() else "no such folder"
-        raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, "check the path"))
+        raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, CHECK_PATH))
     settle(folder)
     problems: list[Problem] = []
     warnings: list[str] = []
@@ -106,6 +102,7 @@ def read_folder(folder: str | Path) -> Campaign:
         tables["cae"] = tables["cae"].without(left_out)
         pulses["cae"] = np.delete(pulses["cae"], left_out, axis=0)
     _check_counts(tables, len(left_out), problems, warnings)
+    walls, walls_of_runs = (_read_walls(folder / name, problems) for name in WALLS.values())
     if problems:
         raise DataError(shortened(problems))
     is_comparable = gap is None or not gap.hides_tests
@@ -127,9 +124,21 @@ def read_folder(folder: str | Path) -> Campaign:
     table = tables["tests"]
     tests = zip(table.ids, table.conditions, pulses["tests"], table.tuned, table.about, strict=True)
     crash_tests = tuple(
-        CrashTest(i, condition, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about)
+        CrashTest(
+            i, condition, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about, walls.get(i)
+        )
         for i, condition, accel, tuned, about in tests
     )
+    accused = [(f"tests.csv, {test.id}", test.wall, test.pulse.accel_mps2, test.condition) for test in crash_tests]
+    of_runs = zip(cae.ids, cae.accel_mps2, cae.conditions, strict=True)
+    accused += [
+        (f"cae.csv, {run}", walls_of_runs[run], accel, at) for run, accel, at in of_runs if run in walls_of_runs
+    ]
+    for kind in WALLS:
+        rows = ((who, wall.beside(accel), at) for who, wall, accel, at in accused if wall and who.startswith(kind))
+        warnings += _shortened(
+            [f"{who}: {text}." for who, one, at in rows for text in one.findings(at.mass_kg, at.speed_mps)]
+        )
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
     return Campaign(
@@ -137,6 +146,21 @@ def read_folder(folder: str | Path) -> Campaign:
         settings.occupant, import_cfcs.pop() if len(import_cfcs) == 1 else None,
         tables["tests"].units, unused, settings.unused,
     )  # fmt: skip
+
+
+def _read_walls(path: Path, problems: list[Problem]) -> dict[str, Wall]:
+    walls = dict[str, Wall]()
+    if path.is_file():
+        with collecting(problems), ParquetTable.opened(path, path.name) as table:
+            if not {*WALL_COLUMNS} <= {*table.names}:
+                expected, found = f"the columns {', '.join(WALL_COLUMNS)}", listed(table.names)
+                raise DataError(Problem(path.name, expected, found, "import the tests again"))
+            rows = pd.concat([frame for frame, _ in table.blocks(WALL_COLUMNS)])
+            for test_id, of_test in rows.groupby("id", observed=True, sort=False):
+                time_ms, force_kn = (of_test[name].to_numpy(np.float64) for name in WALL_COLUMNS[1:])
+                walls[str(test_id)] = Wall(time_ms * MS, force_kn * KN)
+                walls[str(test_id)].require_force(f"{path.name}, {printable(str(test_id), 60)}")
+    return walls
 
 
 def unread_files(folder: Path) -> str:
@@ -149,7 +173,9 @@ def unread_files(folder: Path) -> str:
             unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
         elif path.name not in AT_THE_TOP:
             unread.append(path.name + "/" * path.is_dir())
-    unread = [name for name in unread if not left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)]
+    unread = [
+        name for name in unread if not archive.left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)
+    ]
     return f"Not read, as no file of a campaign has such a name: {listed(unread)}." if unread else ""
 
 
@@ -230,7 +256,7 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
         if problems:
             found: list[Problem] = []
             with collecting(found):
-                refuse(problems, name)
+                archive.refuse(problems, name)
             with collecting(found):
                 read_folder(folder)
             raise DataError(found)
@@ -243,7 +269,7 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
 def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[Member], str]:
     check_uploads(uploads, limits)
     if uploads and not any(name.lower().endswith(".zip") for name, _ in uploads):
-        return [in_memory(*upload) for upload in uploads if not left_by_the_system(upload[0])], "upload"
+        return [archive.in_memory(*upload) for upload in uploads if not archive.left_by_the_system(upload[0])], "upload"
     if len(uploads) != 1:
         expected, found = "one zip of a campaign folder, or its files", "a zip among files" if uploads else "nothing"
         raise DataError(Problem("upload", expected, found, "zip all of it together"))
@@ -254,23 +280,25 @@ def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[
 def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
     """Raise a DataError if uploads are too many or too large, or one has an unsafe name."""
     if len(uploads) > limits.members:
-        raise too_many("upload", len(uploads), limits)
+        raise archive.too_many("upload", len(uploads), limits)
     if sum(len(content) for _, content in uploads) > limits.total_bytes:
-        raise too_much("upload", limits)
-    refuse([Problem(name, *trouble) for name, _ in uploads if (trouble := name_trouble(name))], "upload")
+        raise archive.too_much("upload", limits)
+    archive.refuse(
+        [Problem(name, *trouble) for name, _ in uploads if (trouble := archive.name_trouble(name))], "upload"
+    )
 
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
     """List the files of a zip in memory as :func:`zip_members` does."""
     if (found := content.count(_ENTRY)) > limits.members:  # checked before a directory of millions is read
-        raise too_many(name, found, limits)
-    return zip_members(io.BytesIO(content), name, limits)
+        raise archive.too_many(name, found, limits)
+    return archive.zip_members(io.BytesIO(content), name, limits)
 
 
 def _root(members: Sequence[Member], name: str) -> PurePosixPath:
     homes = [member.path.parent for member in members if member.path.name in TABLES]
     if not homes:
-        refuse([trouble for member in members if (trouble := _strange(member))], name)
+        archive.refuse([trouble for member in members if (trouble := _strange(member))], name)
         where = printable(members[0].where) if len(members) == 1 else name
         raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
     return min(homes, key=lambda home: len(home.parts))

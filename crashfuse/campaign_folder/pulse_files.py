@@ -15,7 +15,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import RowNumbers, find_column, listed, numbers_in
 from crashfuse.campaign_folder.plausibility import gap_s
-from crashfuse.errors import DataError, Problem, collecting, printable, shortened
+from crashfuse.errors import CHECK_PATH, KEEP_ONE, NO_FILE, DataError, Problem, collecting, printable, shortened
 from crashfuse.files.csv_text import CsvTable, unreadable
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.signals.filters import cfc_filter
@@ -150,7 +150,7 @@ class PulseFiles:
             files = [there[name] for ending in _ENDINGS if (name := _composed(f"{run_id}{ending}")) in there]
             record, where = None, f"{folder.name}/{files[0] if files else ''}"
             if len(files) > 1:
-                found, advice = " and ".join(files), "keep one of them"
+                found, advice = " and ".join(files), KEEP_ONE
                 self.problems.append(Problem(f"{folder.name}/", f"one pulse for {run_id}", found, advice))
             elif files:
                 with collecting(self.problems):
@@ -333,7 +333,7 @@ def _check_length(parts: Sequence[RecordedPulse], where: str) -> None:
 def read_pulse(path: Path) -> Pulse:
     """Read one pulse from a CSV or Parquet file as sampled; raise a DataError with every problem of the file."""
     if not path.exists():
-        raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
+        raise DataError(Problem(str(path), "a pulse file", NO_FILE, CHECK_PATH))
     problems: list[Problem] = []
     with collecting(problems):
         record = _whole_record(path, str(path), problems)

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
-from crashfuse.campaign_folder.load import read_folder
+from crashfuse.campaign_folder.load import WALL_COLUMNS, WALLS, read_folder
 from crashfuse.campaign_folder.settings import QualitySettings, occupant_lines
 from crashfuse.condition import About, Condition
 from crashfuse.errors import DataError, Problem, require_a
@@ -27,7 +27,8 @@ from crashfuse.files.csv_text import csv_bytes, csv_text, original, write_rows
 from crashfuse.files.parquet import check_size
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
-from crashfuse.units import ACCELERATION, MASS, MS, SPEED, TIME, G
+from crashfuse.signals.wall import Wall
+from crashfuse.units import ACCELERATION, KN, MASS, MS, SPEED, TIME, G
 
 _RUNS_A_BATCH = 2000
 # what a folder's sentences call its files, as patterns, and what the arguments of a call are called
@@ -61,6 +62,8 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
         for test in campaign.tests:
             (home / "tests" / f"{test.id}.csv").write_text(pulse_csv(test.pulse), encoding="utf-8", newline="")
         _write_runs(campaign, home / "cae_pulses.parquet")
+        if walls := {test.id: test.wall for test in campaign.tests if test.wall is not None}:
+            write_walls(home / WALLS["tests"], home / WALLS["tests"], walls)
         settings = [f"name = {toml_text(campaign.name)}"]
         settings += [f"notice = {toml_text(campaign.notice)}"] if campaign.notice else []
         cfc = campaign.channel_filter_class
@@ -130,6 +133,16 @@ def check_ids(ids: Sequence[str], where: str) -> None:
     problems = [Problem(where, *trouble, "id") for run_id in ids if (trouble := id_trouble(run_id)) is not None]
     if problems:
         raise DataError(problems[:20])
+
+
+def write_walls(path: Path, to: Path, walls: Mapping[str, Wall | None]) -> None:
+    """Write the forces of barriers to another path; None takes out those that are there already."""
+    frames = [pd.read_parquet(path).pipe(lambda rows: rows[~rows["id"].isin([*walls])])] if path.is_file() else []
+    for test_id, wall in walls.items():
+        if wall is not None:
+            columns = (test_id, wall.time_s / MS, wall.force_n / KN)
+            frames.append(pd.DataFrame(dict(zip(WALL_COLUMNS, columns, strict=True))))
+    pd.concat(frames, ignore_index=True).to_parquet(to, index=False)
 
 
 def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import KEEP_ONE, DataError, Problem, printable
 
 # where a cell begins, or where one begins in a spreadsheet that separates by semicolons or tabs
 _CELL = r"""(?P<begin>(?:^|[;\t\r\n])[^\S\t\r\n]*"*)"""
@@ -128,7 +128,7 @@ class CsvTable:
         _refuse_nul(line, self._where)
         names = _header_names(cells := _cells(line), self._where)
         if names.count("id") > 1:
-            raise DataError(Problem(self._where, "one column id", f"{names.count('id')} of them", "keep one of them"))
+            raise DataError(Problem(self._where, "one column id", f"{names.count('id')} of them", KEEP_ONE))
         return len(cells), names
 
     def _parsed(self, text: str, row: int) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import KEEP_ONE, DataError, Problem, printable
 from crashfuse.files.csv_text import require_file
 
 _BATCH_ROWS = 1_000_000
@@ -76,7 +76,7 @@ class ParquetTable:
 
     def _is_text(self, name: str) -> bool:
         if self.names.count(name) > 1:
-            raise DataError(Problem(self._where, f"one column {name}", "more of them", "keep one of them"))
+            raise DataError(Problem(self._where, f"one column {name}", "more of them", KEEP_ONE))
         kind = self._schema.field(name).type
         values = kind.value_type if pa.types.is_dictionary(kind) else kind
         if pa.types.is_string(values) or pa.types.is_large_string(values) or pa.types.is_null(values):

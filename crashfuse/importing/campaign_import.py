@@ -258,7 +258,7 @@ def add_settled(out: Path, settled: Sequence[Settled], cae_tuned: bool | None = 
     additions: dict[Role, list[Addition]] = {}
     for one in settled:
         tuned = [("cae_tuned", TUNED[cae_tuned])] if cae_tuned is not None and one.role == "tests" else []
-        addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality, (*tuned, *one.about))
+        addition = Addition(one.id, one.condition, one.pulse, _entry(one), one.quality, (*tuned, *one.about), one.wall)
         additions.setdefault(one.role, []).append(addition)
     return add_to_campaign(out, additions)
 

@@ -15,25 +15,14 @@ from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVIN
 from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import About, Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting
+from crashfuse.importing import detection
 from crashfuse.importing.channels import agreeing_channels, average, measurement_problems, missing_choices
-from crashfuse.importing.detection import (
-    Case,
-    Choices,
-    UnknownUnit,
-    change_problem,
-    crash_advice,
-    filter_class,
-    filtered_before,
-    report_offset,
-    stated_zero,
-    step_of,
-    time_zero,
-    unit_and_sign,
-)
+from crashfuse.importing.detection import Case, Choices, UnknownUnit
 from crashfuse.readers.record import AxleWeights, PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, speed, weight
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, Pulse, kinematics
+from crashfuse.signals.wall import Wall
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, time_text
 
@@ -152,9 +141,9 @@ def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
 def _refuse_short(case: Case, time_s: FloatArray) -> None:
     """Whatever its unit and speed, by the earliest contact that may be."""
     zero_s = case.choices.time_zero_s
-    earliest = 0.0 if stated_zero(case.record, time_s) else float(time_s[0])
+    earliest = 0.0 if detection.stated_zero(case.record, time_s) else float(time_s[0])
     end_s = float(time_s[-1]) - (earliest if zero_s is None else zero_s)
-    if 0 < end_s < SHORTEST_S - step_of(time_s):
+    if 0 < end_s < SHORTEST_S - detection.step_of(time_s):
         raise _too_short(case, end_s, advice_if_short(float(time_s[-1] - time_s[0]), _LONGER[case.role]))
 
 
@@ -210,6 +199,7 @@ class Settled:
     quality: RunQuality = field(default_factory=RunQuality)  # of a CAE run
     role: Role = "tests"
     about: About = ()
+    wall: Wall | None = None
 
     def __repr__(self) -> str:
         return f"<Settled {self.id!r}: {self.condition}>"
@@ -256,22 +246,22 @@ def settled_at(
     case = Case(record, choices, role, condition.speed_mps, steps)
     channels = agreeing_channels(case)
     time_s, values = average(case, channels)
-    if slow := rate_trouble(step_of(time_s), float(time_s[-1] - time_s[0])):
+    if slow := rate_trouble(detection.step_of(time_s), float(time_s[-1] - time_s[0])):
         raise DataError(Problem(record.source, *slow))
     _refuse_short(case, time_s)
-    unit, sign = unit_and_sign(case, channels, time_s, values)
+    unit, sign = detection.unit_and_sign(case, channels, time_s, values)
     accel = values * ACCELERATION_UNITS[unit] * (1 if sign == "negative" else -1)
-    zero_s = time_zero(case, time_s, accel)
-    report_offset(time_s, accel, zero_s, steps)
-    unlike = change_problem(case, time_s, accel, unit)
+    zero_s = detection.time_zero(case, time_s, accel)
+    detection.report_offset(time_s, accel, zero_s, steps)
+    unlike = detection.change_problem(case, time_s, accel, unit)
     if raw:
-        before = filtered_before(channels, time_s, accel)
+        before = detection.filtered_before(channels, time_s, accel)
         again = f"Careful: {before}; the campaign filters it again."
         steps.append(again if before else "Raw: the campaign filters it with its own channel_filter_class.")
-    cfc = None if raw else filter_class(case, channels, time_s, accel)
+    cfc = None if raw else detection.filter_class(case, channels, time_s, accel)
     if cfc is not None:
         try:
-            accel = cfc_filter(accel, cfc=cfc, dt_s=step_of(time_s))
+            accel = cfc_filter(accel, cfc=cfc, dt_s=detection.step_of(time_s))
         except DataError as error:
             raise DataError([replace(problem, where=record.source) for problem in error.problems]) from None
         steps.append(f"Filtered with CFC {cfc:g}, the whole record, before it was cut.")
@@ -281,14 +271,20 @@ def settled_at(
     quality = record.quality if role == "cae" else RunQuality()
     found = unit, sign, zero_s, cfc, tuple(steps)
     about = record.about_with(channels if role == "tests" else ())
-    return Settled(record.id, record.source, condition, pulse, names, *found, quality, role, about)
+    wall: Wall | None = None
+    if record.wall is not None:
+        try:
+            wall = record.wall.from_contact(zero_s)
+        except DataError as error:
+            steps.append(f"Careful: the force of the barrier is left out: {error.problems[0].found}.")
+    return Settled(record.id, record.source, condition, pulse, names, *found, quality, role, about, wall)
 
 
 def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) -> Pulse:
     """To 200 ms from contact, at its own rate (at most 12.5 kHz if filtered); if raw, all of it."""
     if raw:
         return Pulse(time_s, accel)
-    step = max(step_of(time_s), DT_S) if filtered else step_of(time_s)
+    step = max(detection.step_of(time_s), DT_S) if filtered else detection.step_of(time_s)
     last = min(time_s[-1], _LONGEST_S)
     grid = step * np.arange(max(int(np.floor(last / step + 1e-6)) + 1, 2))
     return Pulse(grid, np.interp(grid, time_s, accel))
@@ -306,6 +302,6 @@ def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
     taken = (speed_mps - motion.velocity_mps.min()) / max(speed_mps, 1e-9)
     if case.is_moving and not low <= taken <= high:
         template = "a change of velocity near the impact speed of {} from contact on"
-        found, advice = f"{100 * taken:.0f} % of it", crash_advice(record, "time zero, unit and channels")
+        found, advice = f"{100 * taken:.0f} % of it", detection.crash_advice(record, "time zero, unit and channels")
         raise DataError(Problem(record.source, Sentence(template, speed(speed_mps)), found, advice))
     case.steps.extend(sentences)

@@ -17,7 +17,16 @@ import pandas as pd
 
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError, one_of, printable, require_a, several
+from crashfuse.errors import (
+    CrashfuseError,
+    DataError,
+    Problem,
+    UsageError,
+    one_of,
+    printable,
+    require_a,
+    several,
+)
 from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.importing.channels import missing_choices, resample_evenly

@@ -13,20 +13,9 @@ from typing import get_args
 
 from crashfuse.campaign_folder.condition_tables import listed, safe_id
 from crashfuse.campaign_folder.load import check_uploads, members_of_zip
-from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable, require_a
-from crashfuse.files.archive import (
-    DEFAULT_LIMITS,
-    ENDINGS,
-    Budget,
-    Limits,
-    Member,
-    in_memory,
-    is_tar,
-    refuse,
-    tar_members,
-    too_much,
-    zip_members,
-)
+from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collecting, one_of, printable, require_a
+from crashfuse.files import archive
+from crashfuse.files.archive import DEFAULT_LIMITS, ENDINGS, Budget, Limits, Member
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral, read_tables
 from crashfuse.readers.format import Travel
 from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of
@@ -46,8 +35,8 @@ def is_archive(name: str) -> bool:
 
 def members_of(name: str, content: bytes, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
     """The files of an archive in memory."""
-    if is_tar(name):
-        return tar_members(io.BytesIO(content), name, limits)
+    if archive.is_tar(name):
+        return archive.tar_members(io.BytesIO(content), name, limits)
     return members_of_zip(name, content, limits)
 
 
@@ -59,11 +48,11 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
     try:
         for name, content in uploads:
             budget = Budget(limits, len(content))
-            if archive := _ARCHIVE.fullmatch(PurePosixPath(name).name):
-                folder = home / (archive[1].strip(". ") or "archive")
+            if packed := _ARCHIVE.fullmatch(PurePosixPath(name).name):
+                folder = home / (packed[1].strip(". ") or "archive")
                 members = members_of(name, content, limits)
             else:
-                folder, members = home, [in_memory(name, content)]
+                folder, members = home, [archive.in_memory(name, content)]
             for member in members:
                 try:
                     member.write_to(folder / member.path, budget)
@@ -101,7 +90,7 @@ class Reading:
 def format_of(source: Path) -> str:
     """The format of a file, folder or zip, by the file names in it; a DataError for none, or several besides tables."""
     if not source.exists():
-        raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
+        raise DataError(Problem(str(source), "a file or folder to import", "nothing there", CHECK_PATH))
     found = formats_of(_names(source)) or formats_of(name for inner in _archives(source) for name in _names(inner))
     if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
         return "radioss"
@@ -118,7 +107,7 @@ def read_records(reading: Reading) -> tuple[Record, ...]:
     """Read all records of a source, or raise a DataError with every problem of every record."""
     problems: list[Problem] = []
     records = tuple(iter_records(reading, problems))
-    refuse(problems, reading.source.name)
+    archive.refuse(problems, reading.source.name)
     return records
 
 
@@ -144,8 +133,8 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     if reading.travel is not None and not FORMATS[fmt].axes:
         raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
     if archives := [source] if _has_to_be_unpacked(source, fmt) else _archives(source):
-        if sum(archive.stat().st_size for archive in archives) > DEFAULT_LIMITS.total_bytes:
-            raise too_much(source.name, DEFAULT_LIMITS)
+        if sum(packed.stat().st_size for packed in archives) > DEFAULT_LIMITS.total_bytes:
+            raise archive.too_much(source.name, DEFAULT_LIMITS)
         with TemporaryDirectory() as scratch:  # the tables in it tell of which format they are
             unpacked = lay_out_source([(path.name, path.read_bytes()) for path in archives], Path(scratch))
             yield from iter_records(replace(reading, source=unpacked), problems)
@@ -156,7 +145,7 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     together = reading.together and fmt == TABLES
     tables = read_tables([*paths, *extra], reading.columns, problems, together=together, travel=travel)
     if fmt == TABLES and not paths:
-        raise DataError(Problem(str(source), f"tables ({FORMATS[TABLES].files})", "none", "check the path"))
+        raise DataError(Problem(str(source), f"tables ({FORMATS[TABLES].files})", "none", CHECK_PATH))
     if fmt == TABLES and not tables.records and not problems:
         found = "; ".join(tables.neither) or "conditions alone"
         expected = "a column of time and one of acceleration"
@@ -196,7 +185,7 @@ def _names(source: Path) -> Iterable[PurePath]:
         return islice(files_below(source), _MOST_FILES)
     if is_archive(source.name):
         with source.open("rb") as stream:
-            listed = tar_members if is_tar(source.name) else zip_members
+            listed = archive.tar_members if archive.is_tar(source.name) else archive.zip_members
             return [member.path for member in listed(stream, source.name, DEFAULT_LIMITS)]
     return [source]
 
@@ -205,7 +194,7 @@ def _has_to_be_unpacked(source: Path, fmt: str) -> bool:
     if not source.is_file() or not is_archive(source.name):
         return False
     has_several = FORMATS[fmt].one_a_file and sum(map(FORMATS[fmt].has, _names(source))) > 1
-    return is_tar(source.name) or fmt == TABLES or has_several
+    return archive.is_tar(source.name) or fmt == TABLES or has_several
 
 
 def _archives(folder: Path) -> list[Path]:

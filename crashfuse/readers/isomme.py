@@ -6,11 +6,9 @@
     T1/Channel/T1.chn     the list of channels: ``Name of channel 001         :10VEHC000000ACXD / Vehicle X``
     T1/Channel/T1.001     a channel: its descriptors in the same form, then one sample per line
 
-Time is implicit (``Time of first sample`` and ``Sampling interval``, s), or a separate channel that a channel names as
-its reference. ``NOVALUE`` means unknown. For channel codes see :mod:`crashfuse.readers.vocabulary`.
-
-Sources: ISO/TS 13499 with its related electronic documents A (descriptors) and B (channel codes), 1.6.2, as quoted by
-the public packages pyisomme and sdata, which also show that laboratories write UTF-8, Windows-1252 and Latin-1.
+Time is implicit (``Time of first sample`` and ``Sampling interval``, s), or a channel that others name as their
+reference. ``NOVALUE`` means unknown. Sources are those of :mod:`crashfuse.readers.vocabulary`; laboratories write
+UTF-8, Windows-1252 and Latin-1.
 """
 
 from collections import Counter
@@ -23,23 +21,10 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.readers import vocabulary
 from crashfuse.readers.members import as_text, is_numbered, opened_members
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
-from crashfuse.readers.vocabulary import (
-    UNITS,
-    UNPLACED,
-    ChannelCode,
-    Doubt,
-    doubt_of,
-    is_simulated,
-    number_and_unit,
-    other_setup,
-    propose_by_code,
-    speed,
-    statement_of_simulation,
-    unit_named,
-    weight,
-)
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
+from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence
 
@@ -146,7 +131,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     header = _descriptors(lines[:end], where)
     status = _first_of(header, "Data status") or ""
     values: FloatArray = np.empty(0)
-    with suppress(DataError) if doubt_of(status) == Doubt.FAILED else nullcontext():
+    with suppress(DataError) if vocabulary.doubt_of(status) == Doubt.FAILED else nullcontext():
         samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
         if count not in (None, samples.size):
             expected = f"{count:g} samples, as its header says"
@@ -178,7 +163,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
 def _timed(channel: Channel, clock: Channel | None) -> Channel:
     if clock is None or clock.values.shape != channel.values.shape or clock.values.size < 2:
         return channel
-    time_s = clock.values * UNITS["time"][unit_named(clock.unit, "time") or "s"]
+    time_s = clock.values * UNITS["time"][vocabulary.unit_named(clock.unit, "time") or "s"]
     steps = np.diff(time_s)
     mean = float(steps.mean())
     if not (mean > 0 and np.abs(steps - mean).max() <= _UNEVEN * mean):
@@ -232,7 +217,7 @@ def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
     unit = (_first_of(header, name) or "").split()[1:]
     if value is None or not unit:
         return value
-    if (named := unit_named(unit[0], "time")) is None:
+    if (named := vocabulary.unit_named(unit[0], "time")) is None:
         raise DataError(Problem(where, "a time in s or ms", printable(unit[0]), "correct the header", name))
     return value * UNITS["time"][named]
 
@@ -256,7 +241,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
     vehicle = min({code.test_object for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.test_object == vehicle])
     texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
-    origin = next(filter(is_simulated, texts), "") or statement_of_simulation(value for _, value in test.descriptors)
+    origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(
+        value for _, value in test.descriptors
+    )
     recorded: dict[str, RecordedChannel] = {}
     untimed: dict[str, Problem] = {}
     for name, (code, channel) in named.items():
@@ -270,7 +257,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
             printable(channel.name or name),
             time_s,
             channel.values,
-            unit_named(channel.unit, "acceleration"),
+            vocabulary.unit_named(channel.unit, "acceleration"),
             code.cutoff_hz,
             origin=channel.source or origin,
             status=channel.status,
@@ -279,7 +266,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
         )
     if not recorded:
         raise DataError(list(untimed.values()))
-    chosen, why = proposal(recorded, lambda names: propose_by_code({name: named[name][0] for name in names}))
+    chosen, why = proposal(recorded, lambda names: vocabulary.propose_by_code({name: named[name][0] for name in names}))
     condition, notes = _condition(test, vehicle)
     if objects != {"1"}:
         others = " and ".join(sorted(objects - {vehicle}))
@@ -292,11 +279,26 @@ def record_of(test: IsommeTest, source: str) -> Record:
         notes = (*notes, "The file has no time of the first sample, so that time zero has to be found.")
         zero = ""
     side = test.descriptor(f"Impact side test object {vehicle}") or ""
-    other = other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
+    other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
     steps, channels = (*notes, *why), tuple(recorded.values())
     about = {name: test.descriptor(descriptor) or "" for name, descriptor in _ABOUT.items()}
-    said = steps, zero
-    return Record(test.name, source, condition, channels, chosen, *said, unread=untimed, other_setup=other, about=about)
+    barrier = ((f"0{one.code[1:]}", one) for one in test.channels if one.code[:1].upper() == "B")  # its test object
+    codes = [(vocabulary.ChannelCode.parsed(text), one) for text, one in barrier]
+    cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]
+    rawest = {code.sensor: one for code, one in sorted(cells, key=lambda pair: pair[0].order, reverse=True)}
+    wall = summed_wall([_force(one) for one in rawest.values()], told := list(steps))
+    record = Record(
+        test.name, source, condition, channels, chosen, tuple(told), zero, unread=untimed, other_setup=other
+    )
+    return replace(record, about=about, wall=wall)
+
+
+def _force(cell: Channel) -> tuple[FloatArray, FloatArray] | None:
+    factor = {"n": 1.0, "kn": 1e3}.get(cell.unit.strip().lower())
+    is_sound = factor and cell.interval_s and vocabulary.doubt_of(cell.status) < Doubt.FAILED
+    if not is_sound or cell.values.size < 2 or not np.isfinite(cell.values).all():
+        return None
+    return (cell.start_s or 0.0) + (cell.interval_s or 0.0) * np.arange(cell.values.size), (factor or 1.0) * cell.values
 
 
 def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
@@ -324,18 +326,24 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
     notes = [f"ISO-MME test, {printable(test.descriptor('Title') or test.name)}."]
     if kind := test.descriptor("Type of the test"):
         notes.append(f"Type of the test: {printable(kind)}.")
-    told = Sentence("Speed {} from the .mme file.", speed(speed_mps or 0.0, form=".4g"))
+    told = Sentence("Speed {} from the .mme file.", vocabulary.speed(speed_mps or 0.0, form=".4g"))
     notes.append(told if speed_mps else f"The .mme file has no speed of {its}.")
     if front and rear:
-        notes.append(Sentence("Front weight {} and rear weight {} from the .mme file.", weight(front), weight(rear)))
+        notes.append(
+            Sentence(
+                "Front weight {} and rear weight {} from the .mme file.",
+                vocabulary.weight(front),
+                vocabulary.weight(rear),
+            )
+        )
     elif mass:
-        notes.append(Sentence("Mass {} from the .mme file, without axle weights.", weight(mass)))
+        notes.append(Sentence("Mass {} from the .mme file, without axle weights.", vocabulary.weight(mass)))
     return PartialCondition(speed_mps, mass, front, rear), tuple(notes)
 
 
 def _quantity(test: IsommeTest, names: Sequence[str], quantity: str, default: str) -> float | None:
     """In SI; the unit is the format's unless the descriptor states one."""
     text = next((value for name in names if (value := test.descriptor(name))), "")
-    number, unit = number_and_unit(text) or (0.0, "")
-    named = unit_named(unit, quantity) if unit else default
+    number, unit = vocabulary.number_and_unit(text) or (0.0, "")
+    named = vocabulary.unit_named(unit, quantity) if unit else default
     return number * UNITS[quantity][named] if named and 0 < number < np.inf else None

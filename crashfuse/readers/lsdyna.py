@@ -18,22 +18,12 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member
-from crashfuse.readers.format import Travel
+from crashfuse.readers import solver_run
+from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, glstat_text, matsum_text, quality_of, read_nodout
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.record import Record
-from crashfuse.readers.solver_run import (
-    departure,
-    initial_speed,
-    note_of_kept,
-    proposed_nodes,
-    read_listing,
-    run_record,
-    sha256_of,
-    units_of,
-    vehicle_mass_kg,
-)
 
 _NAME = re.compile(
     r"(?:(?P<job>.+)\.)?(?P<kind>binout|nodouthf|nodout|glstat|matsum|d3hsp|messag|mes(?=\d))(?P<number>\d*)"
@@ -74,6 +64,7 @@ def _named(path: PurePath) -> _FileName | None:
 class _RunFiles:
     binout: defaultdict[str, dict[tuple[int, int], Member]] = field(default_factory=lambda: defaultdict(dict))
     text: dict[str, Member] = field(default_factory=dict)
+    decks: Mapping[PurePosixPath, Member] = field(default_factory=dict)  # by path, of all runs
 
     def families(self) -> list[list[Member]]:
         families = []
@@ -111,7 +102,8 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     """The files of each run by its id; of a file that was chosen, its own run alone, and the energies beside it."""
     zipped = path.suffix.lower() == ".zip"
     chosen = _named(path) if path.is_file() and not zipped else None
-    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(_RunFiles)
+    decks = {member.path: member for member in members if _named(member.path) is None}
+    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(lambda: _RunFiles(decks=decks))
     for member in members:
         folder, name = member.path.parts[:-1], _named(member.path)
         if name is None:
@@ -151,64 +143,52 @@ def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYN
         return _named(file) is not None or (file != path and _INPUT.search(file.name) is not None)
 
     with opened_members(path, wanted, _KIND, limits) as (members, budget):
-        runs, decks = (
-            _runs_of(members, path),
-            {member.path: member for member in members if _named(member.path) is None},
-        )
+        runs = _runs_of(members, path)
         if not runs:
             raise DataError(Problem(path.name, _KIND, "none", "choose the folder of a run"))
         most = min(_MOST_NODES, max(_MOST_IN_ALL // len(runs), _FEWEST_NODES))
 
         def record(run_id: str) -> Record:
             source = path.name if len(runs) == 1 else run_id
-            zipped = path.suffix.lower() == ".zip"
-            return _record(run_id, source, runs[run_id], decks, budget, most, travel, zipped=zipped)
+            return _record(run_id, source, runs[run_id], budget, most, travel, zipped=path.suffix.lower() == ".zip")
 
         return read_all(runs, record, path.name)
 
 
 def _record(
-    run_id: str,
-    source: str,
-    files: _RunFiles,
-    decks: Mapping[PurePosixPath, Member],
-    budget: Budget,
-    most: int,
-    travel: Travel | None,
-    *,
-    zipped: bool,
+    run_id: str, source: str, files: _RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool
 ) -> Record:
     run, glstat, matsum = _histories(files, budget, most, travel, zipped=zipped)
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
-    proposed, why = proposed_nodes(nodes)
-    units = units_of(proposed, source)
-    speed_mps, no_speed, travels = departure(proposed, units, (run.start, run.fastest), travel, source)
+    proposed, why = solver_run.proposed_nodes(nodes)
+    units = solver_run.units_of(proposed, source)
+    speed_mps, no_speed, travels = solver_run.departure(proposed, units, (run.start, run.fastest), travel, source)
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units[2], travels, why]
-    steps += note_of_kept(len(run.nodes), run.total)
-    initial, energy = initial_speed(proposed), glstat[min(glstat)].get("kinetic_energy") if glstat else None
+    steps += solver_run.note_of_kept(len(run.nodes), run.total)
+    initial, energy = solver_run.initial_speed(proposed), glstat[min(glstat)].get("kinetic_energy") if glstat else None
     mass = None
     if speed_mps is not None and energy is not None and energy > 0 and initial > 0:
-        mass = vehicle_mass_kg(2 * energy / initial**2)
+        mass = solver_run.vehicle_mass_kg(2 * energy / initial**2)
     speed_or_why, mass_and_source = (speed_mps, no_speed), (mass, "from the kinetic energy at that speed (glstat)")
-    quality, about = quality_of(glstat, matsum), _about(files, decks, run, budget, steps)
-    return run_record(run_id, source, run.nodes, proposed, units, speed_or_why, mass_and_source, quality, steps, about)
+    quality, about = quality_of(glstat, matsum), _about(files, run, budget, steps)
+    force = f"{AXES[solver_run.axis_of_travel(run.start, travel)]}_force"
+    forces = [(time, state[force]) for time, state in sorted(run.walls.items()) if force in state]
+    wall = (np.array([time for time, _ in forces]), np.array([value for _, value in forces]))
+    known = speed_or_why, mass_and_source, quality, steps, about, wall
+    return solver_run.run_record(run_id, source, run.nodes, proposed, units, *known)
 
 
-def _about(
-    files: _RunFiles, decks: Mapping[PurePosixPath, Member], run: Histories, budget: Budget, steps: list[str]
-) -> dict[str, str]:
-    """What the run's files say of it, and its listing if it has one, which also names the deck."""
-    about = {"solver": "LS-DYNA", **run.about}
-    for member in (files.text[kind] for kind in _LISTINGS if kind in files.text):
-        listing = read_listing(member.chunks(budget))
-        if not listing.is_of(run.title, about.get("date", "")):
-            steps.append(f"Careful: {member.where} is the listing of another run; it is left out.")
-            continue
-        about |= listing.about
-        if (deck := decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
-            about["deck_sha256"] = sha256_of(deck.chunks(budget))
-        break
-    return about
+def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -> dict[str, str]:
+    about = {"solver": "LS-DYNA", "title": run.title, **run.about}
+    for member in [files.text[kind] for kind in _LISTINGS if kind in files.text][:1]:
+        listing = solver_run.read_listing(member.chunks(budget))
+        if any(about.get(name) and listing.get(name, about[name]) != about[name] for name in ("title", "date")):
+            steps.append(solver_run.listed_elsewhere(member.where))
+            break
+        about |= listing
+        if (deck := files.decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
+            about["deck_sha256"] = solver_run.sha256_of(deck.chunks(budget))
+    return {name: text for name, text in about.items() if name != "title"}
 
 
 def _histories(

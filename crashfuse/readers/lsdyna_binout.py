@@ -1,9 +1,8 @@
 """LS-DYNA's ``binout``: histories of nodes, rigid bodies and energies, of several processors, continuations, restarts.
 
-The binary container is LSDA, treated as untrusted. A file is a header of eight bytes followed by records: length,
-command, and the command's data. Folders and variables are listed in symbol tables, each of which ends with the offset
-of the next; the solver adds a table from time to time, so that a killed run can be read up to the last table. Layout as
-published with the solver's own library (LSTC I/O Library, file format, 1.1).
+The binary container is LSDA, treated as untrusted: a header of eight bytes, then records (length, command, data).
+Folders and variables are listed in symbol tables, each of which ends with the offset of the next; a killed run can be
+read up to the last. Layout as published with the solver's own library (LSTC I/O Library, file format, 1.1).
 """
 
 import struct
@@ -16,17 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, printable
+from crashfuse.readers import lsdyna_histories
 from crashfuse.readers.format import AXES, Travel
-from crashfuse.readers.lsdyna_histories import (
-    GLSTAT,
-    MATSUM,
-    MOST_NODES,
-    MOST_VALUES,
-    Histories,
-    States,
-    nodes_to_keep,
-    too_many_values,
-)
+from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, MOST_VALUES, Histories, States
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import History, axis_of_travel
 from crashfuse.readers.vocabulary import iso_date
@@ -55,6 +46,7 @@ _VARIABLES = {
     for name, forms in _DATABASES.items()
 }
 _METADATA = frozenset({"ids", "legend", "legend_ids", "title", "version", "revision", "date"})
+_FORCES = frozenset({"time", *(f"{axis}_force" for axis in AXES)})
 _TITLE_BYTES = 80
 _PREFIX = {"rbdout": "body "}
 _SAMPLED = 20  # states
@@ -232,12 +224,14 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     """A run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing."""
     glstat: States = {}
     matsum: States = {}
+    walls: States = {}
     parts: list[_Part] = []
     for shards in families:
         files = [_LsdaFile(stream, where, _wanted) for stream, where in shards]
         for file in files:
             glstat |= _states_of(file, "glstat")
             matsum |= _states_of(file, "matsum")
+            walls |= _states_of(file, "rwforc")
         family = list(_parts(files, [where for _, where in shards]))
         _check_apart(parts, family)
         parts += family
@@ -245,7 +239,7 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
     if not parts:
         return Histories(title, (), 0), glstat, matsum
     if sum(len(part.states) * min(part.of.ids.size, most) for part in parts) > MOST_VALUES:
-        raise too_many_values(parts[0].where)
+        raise lsdyna_histories.too_many_values(parts[0].where)
     start, fastest = _motion(parts)
     axis = AXES[axis_of_travel(start, travel)]
     pieces: dict[tuple[str, str], list[History]] = {}
@@ -254,13 +248,15 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
             pieces.setdefault((part.database, piece.name), []).append(piece)
     frequent = {name for database, name in pieces if database == "nodouthf"}
     merged = [_joined(of) for (database, name), of in pieces.items() if database != "nodout" or name not in frequent]
-    kept = nodes_to_keep([node.name for node in merged], {node.name: node.title for node in merged}, most)
+    kept = lsdyna_histories.nodes_to_keep(
+        [node.name for node in merged], {node.name: node.title for node in merged}, most
+    )
     nodes = tuple(node for node in merged if node.name in kept)
     total = max(len(merged), *(part.of.ids.size for part in parts))
     count = sum(map(len, families))
     holding = len({part.where for part in parts})
     notes = (f"Nodes from {holding} of {count} files of binout, joined.",) if count > 1 else ()
-    return Histories(title, nodes, total, start, fastest, notes, parts[0].of.about), glstat, matsum
+    return Histories(title, nodes, total, start, fastest, notes, parts[0].of.about, walls), glstat, matsum
 
 
 def _states_of(file: _LsdaFile, database: str) -> States:
@@ -281,6 +277,8 @@ def _wanted(folder: _Folder) -> frozenset[str] | None:
             return _VARIABLES[database]
         case ("glstat", _):
             return GLSTAT
+        case ("rwforc", "forces", _):
+            return _FORCES
         case ("matsum", _):
             return MATSUM
     return None
@@ -339,7 +337,7 @@ def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
 
 def _histories(part: _Part, axis: str, most: int) -> list[History]:
     labels = [f"{_PREFIX.get(part.database, '')}{int(number)}" for number in part.of.ids[:MOST_NODES]]
-    chosen = nodes_to_keep(labels, part.of.titles, most)
+    chosen = lsdyna_histories.nodes_to_keep(labels, part.of.titles, most)
     places = [place for place, label in enumerate(labels) if label in chosen]
     values = np.full((2, len(places), len(part.states)), np.nan)
     with np.errstate(invalid="ignore"):  # damaged data may hold any number

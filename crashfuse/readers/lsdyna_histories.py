@@ -61,6 +61,7 @@ class Histories:
     fastest: FloatArray = field(default_factory=lambda: np.zeros(3))
     notes: tuple[str, ...] = ()  # what was joined or left out
     about: Mapping[str, str] = field(default_factory=dict)  # version and date
+    walls: States = field(default_factory=dict)  # forces of all rigid walls together
 
 
 def nodes_to_keep(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, collecting
+from crashfuse.errors import CHECK_PATH, DataError, Problem, collecting
 from crashfuse.files.archive import Budget, Limits, Member, refuse, too_many, zip_members
 
 Item = TypeVar("Item")
@@ -33,7 +33,7 @@ def opened_members(
         raise DataError(Problem(path.name, kind, "a file of another kind", "choose its folder, or another format"))
     folder = path.parent if path.is_file() else path
     if not folder.is_dir():
-        raise DataError(Problem(str(path), kind, "no such folder or file", "check the path"))
+        raise DataError(Problem(str(path), kind, "no such folder or file", CHECK_PATH))
     members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():

@@ -12,6 +12,7 @@ wheelbase it gives the axle weights.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
@@ -22,8 +23,8 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import is_numbered, opened_members
-from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
-from crashfuse.readers.vocabulary import doubt_of, iso_date, speed, weight
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
+from crashfuse.readers.vocabulary import Doubt, doubt_of, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS
 from crashfuse.wording import Sentence
@@ -69,6 +70,11 @@ class Sensor:
         """Whether it is an X accelerometer on the vehicle, not on a dummy or the barrier."""
         on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
         return self.sensor == "AC" and self.axis.startswith("X") and on_it
+
+    @property
+    def is_of_the_barrier(self) -> bool:
+        """Whether it measures a force along X on the barrier."""
+        return self.vehicle == "0" and self.sensor == "LC" and self.axis.startswith("X") and self.unit == "NWT"
 
     @property
     def quality(self) -> str:
@@ -201,7 +207,16 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
         about = {name: _field(test, index) for name, index in _ABOUT.items()}
-        return (nhtsa_record(specification.path.stem, path.name, sensors, condition, steps, other, about),)
+        cells = [one for one in listed if one.is_of_the_barrier and one.number in files]
+        wall = summed_wall([_force(one, files[one.number], budget) for one in cells], told := list(steps))
+        record = nhtsa_record(specification.path.stem, path.name, sensors, condition, told, other, about)
+        return (replace(record, wall=wall),)
+
+
+def _force(entry: Sensor, member: Member, budget: Budget) -> tuple[FloatArray, FloatArray] | None:
+    with suppress(DataError):
+        return None if doubt_of(entry.quality) == Doubt.FAILED else _samples(_text(member, budget), member.where)
+    return None
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:

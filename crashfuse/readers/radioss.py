@@ -3,12 +3,11 @@
 A time history is a sequence of records, big-endian, framed by their length: a header that lists what is written, then
 for each state its time, the global histories, those of parts and subsets, and those of each group of ``/TH``. Layout
 and codes are those of the solver's own writer (``hist1.F``, ``hist2.F``, ``hm_read_thgrou.F``) and converter. Forces
-(of walls, sections, interfaces, rigid bodies) are written as impulses since the start of the run; they are not read.
+are written as impulses since the start of the run: those of rigid walls are read, others not.
 
-The CSV misleads: its labels of global histories are those of one version of the solver, whatever was written. Where
-their number is another, all later labels stand over the wrong columns, so labels are counted from the right. Variables
-of a node are called ``var 33``, unless the run wrote its titles (``/TH/TITLE``). Labels may hold stray control
-characters, and the last row may be cut.
+The CSV misleads: its labels of global histories are those of one version of the solver, whatever was written, so labels
+are counted from the right. Variables of a node are called ``var 33``, unless the run wrote its titles. Labels may hold
+control characters, and the last row may be cut.
 """
 
 import csv
@@ -25,29 +24,20 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
+from crashfuse.readers import radioss_history
 from crashfuse.readers.format import Travel
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND, opened_members, read_all
-from crashfuse.readers.radioss_history import (
-    ACCELEROMETER,
-    GLOBAL,
-    MOST_VALUES,
-    TimeHistory,
-    Watched,
-    join_files,
-    join_parts,
-    record_of,
-    with_names,
-)
+from crashfuse.readers.radioss_history import ACCELEROMETER, GLOBAL, MOST_VALUES, TimeHistory, Watched
 from crashfuse.readers.record import Record
-from crashfuse.readers.solver_run import read_listing, sha256_of
+from crashfuse.readers.solver_run import listed_elsewhere, read_listing, sha256_of
 from crashfuse.readers.vocabulary import iso_date
 from crashfuse.signals.pulse import FloatArray
 
 _KIND = "a time history of Radioss (T01), or the CSV of it"
-_NODES, _ACCELEROMETERS = 0, 108
+_NODES, _WALLS, _ACCELEROMETERS = 0, 102, 108
 _VARIABLES: Mapping[int, Mapping[int, str]] = {
     _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
     _ACCELEROMETERS: {1: "AX", 2: "AY", 3: "AZ", 4: "WX", 5: "WY", 6: "WZ"},
@@ -124,10 +114,24 @@ class _BinaryFile:
         time = self._block(0)[:, 0].astype(np.float64)
         codes = {name: code for code, name in enumerate(GLOBAL, start=1) if code in self._codes}
         model = {name: self._block(1)[:, self._codes.index(code)].astype(np.float64) for name, code in codes.items()}
-        unread = dict.fromkeys(f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES)
+        unread = dict.fromkeys(
+            f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES and one.kind != _WALLS
+        )
         factors = self._factors if all(0 < factor < 1e6 for factor in self._factors) else ()
         notes = (_CUT,) if self._left_over else ()
-        return TimeHistory(self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about)
+        return TimeHistory(
+            self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about, self._walls()
+        )
+
+    def _walls(self) -> dict[str, FloatArray]:
+        """Impulses of all rigid walls, normal (codes 1 to 3) and tangential (4 to 6), by axis."""
+        groups, found = [group for group in self._groups if group.elements and group.codes], dict[str, FloatArray]()
+        for at, group in enumerate(groups, start=len(self._blocks) - len(groups)):
+            for column, code in enumerate(group.codes if group.kind == _WALLS else ()):
+                axis = "XYZ"[(code - 1) % 3] if 1 <= code <= 6 else ""
+                values = self._block(at)[:, column :: len(group.codes)].sum(axis=1, dtype=np.float64)
+                found |= {axis: found.get(axis, 0.0) + values} if axis else {}
+        return found
 
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
         found: dict[str, dict[str, FloatArray]] = {}
@@ -360,12 +364,12 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
         others = {member.path: member for member in members if _BESIDE.fullmatch(member.path.name)}
         runs = _runs([member for member in members if member.path not in others], path)
         if not runs:
-            raise DataError(Problem(path.name, _KIND, "none", "check the path"))
+            raise DataError(Problem(path.name, _KIND, "none", CHECK_PATH))
 
         def record(run_id: str) -> Record:
             first = runs[run_id][0].path
             history = _with_listing(_read(runs[run_id], budget), first, others, budget, alone=len(runs) == 1)
-            return record_of(history, run_id, first.name, travel)
+            return radioss_history.record_of(history, run_id, first.name, travel)
 
         return read_all(runs, record, path.name)
 
@@ -379,9 +383,9 @@ def _with_listing(
     listings = [path for path, match in beside.items() if match and match["listing"]]
     mine = [path for path in listings if path.name.startswith(f"{run}_")]
     if mine:
-        about |= read_listing(others[mine[-1]].chunks(budget)).about
+        about |= read_listing(others[mine[-1]].chunks(budget))
     elif listings and alone:
-        notes.append(f"Careful: {listings[-1].name} is the listing of another run; it is left out.")
+        notes.append(listed_elsewhere(listings[-1].name))
     for path in (path for path in beside if path not in listings and path.name.startswith(f"{run}_")):
         about |= {"deck": path.name, "deck_sha256": sha256_of(others[path].chunks(budget))}
     return replace(history, about=about, notes=tuple(notes))
@@ -442,5 +446,5 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
             content = file.content(budget)
             is_csv = _is_converted(file.path, content[:_HEAD])
             read.append(read_converted(content, name) if is_csv else read_binary(content, name))
-        histories.append(join_parts(read, names))
-    return with_names(join_files(histories))
+        histories.append(radioss_history.join_parts(read, names))
+    return radioss_history.with_names(radioss_history.join_files(histories))

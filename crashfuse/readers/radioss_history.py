@@ -10,25 +10,10 @@ import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
+from crashfuse.readers import solver_run
 from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import Record
-from crashfuse.readers.solver_run import (
-    FASTEST_MPS,
-    LONGEST_S,
-    Energies,
-    History,
-    Units,
-    axis_of_travel,
-    departure,
-    initial_speed,
-    integral,
-    is_on_a_dummy,
-    note_of_kept,
-    run_record,
-    titled_nodes,
-    units_of,
-    vehicle_mass_kg,
-)
+from crashfuse.readers.solver_run import FASTEST_MPS, LONGEST_S, Energies, History, Units
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
@@ -87,6 +72,7 @@ class TimeHistory:
     unit_factors: tuple[float, ...] = ()  # to SI, of mass, length and time
     notes: tuple[str, ...] = ()  # what was joined, aligned or left out
     about: Mapping[str, str] = field(default_factory=lambda: {"solver": "Radioss"})
+    walls: Mapping[str, FloatArray] = field(default_factory=dict)  # impulses of all rigid walls along X, Y, Z
 
     @property
     def energies(self) -> Energies:
@@ -139,7 +125,9 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
             key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in part.model
         }
         time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
-        whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes))
+        whole = replace(
+            whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={}
+        )  # each may count anew
     if len(parts) > 1:
         whole = replace(whole, notes=(f"Joined from {', '.join(names)}.", *whole.notes))
     return whole
@@ -206,12 +194,12 @@ def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
     place = velocities[0]
     velocity = alive[place]
     found = {f"V{letter}": velocity}
-    travel = integral(velocity, time)
+    travel = solver_run.integral(velocity, time)
     for before in alive[:place]:
         if np.abs(before - before[0] - travel).max() <= _INTEGRAL * np.ptp(travel):
             found[f"D{letter}"] = before
     for after in alive[place + 1 :]:
-        if np.abs(integral(after, time) - (velocity - velocity[0])).max() <= _ALIASED * np.ptp(velocity):
+        if np.abs(solver_run.integral(after, time) - (velocity - velocity[0])).max() <= _ALIASED * np.ptp(velocity):
             found[f"A{letter}"] = after
     return found
 
@@ -221,7 +209,7 @@ def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> b
     if np.ptp(vehicle) > 0 and abs(np.corrcoef(acceleration, vehicle)[0, 1]) > _ALIKE:
         return False
     speed = vehicle[0]
-    change = integral(acceleration, time)
+    change = solver_run.integral(acceleration, time)
     change = -change if change[-1] * speed > 0 else change
     largest = float(-(change / speed).min())
     near = bool(np.abs(speed + change - vehicle).max() <= _NEAR * abs(speed))
@@ -231,7 +219,7 @@ def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> b
 def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None) -> Record:
     """The record of a run; a DataError if nothing in it tells a pulse."""
     start, fastest = _motion(run)
-    axis = axis_of_travel(start, travel)
+    axis = solver_run.axis_of_travel(start, travel)
     initial = run.initial_velocity
     nodes = [node for one in run.watched if (node := _along(one, axis, initial)) is not None]
     if not nodes:
@@ -240,19 +228,23 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     chosen = proposed or nodes
     units = _units(run, chosen, source)
     steps = [f"Radioss run{f', {run.title}' if run.title else ''}.", *run.notes, units[2]]
-    set_out = initial_speed(chosen)  # in the units of the run
+    set_out = solver_run.initial_speed(chosen)  # in the units of the run
     speed_mps, no_speed = None, "accelerometers alone, whose initial velocity the file does not tell"
     if np.isfinite(set_out):
-        speed_mps, no_speed, travels = departure(chosen, units, (start, fastest), travel, source)
+        speed_mps, no_speed, travels = solver_run.departure(chosen, units, (start, fastest), travel, source)
         steps.append(travels)
     steps.append(why)
     if run.unread:
         steps.append(f"Not read: {listed(run.unread)}.")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
-    steps += note_of_kept(len(kept), len(nodes))
+    steps += solver_run.note_of_kept(len(kept), len(nodes))
     mass, quality = _mass(run, set_out, source), run.energies.quality
     speed_or_why = speed_mps, no_speed
-    return run_record(run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps, run.about)
+    impulse = run.walls.get("XYZ"[axis])  # walls are written as impulses, not as forces
+    wall = None if impulse is None or run.time.size < 2 else (run.time, np.gradient(impulse, run.time))
+    return solver_run.run_record(
+        run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps, run.about, wall
+    )
 
 
 def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
@@ -274,7 +266,7 @@ def _along(one: Watched, axis: int, initial: FloatArray | None) -> History | Non
     accel, velocity = one.curves.get(f"A{letter}"), one.curves.get(f"V{letter}")
     if one.is_accelerometer:
         accelerations = [of for name, of in one.curves.items() if name[0] == "A"]
-        accel = max(accelerations, key=lambda of: float(np.abs(integral(of, one.time)).max()), default=None)
+        accel = max(accelerations, key=lambda of: float(np.abs(solver_run.integral(of, one.time)).max()), default=None)
     unknown = np.full(one.time.size, np.nan)
     if velocity is not None:
         if accel is None:
@@ -284,7 +276,7 @@ def _along(one: Watched, axis: int, initial: FloatArray | None) -> History | Non
         return None
     if initial is None:
         return History(one.name, one.title, one.time, accel, unknown)
-    change = integral(accel, one.time)
+    change = solver_run.integral(accel, one.time)
     speeds_up = change[np.abs(change).argmax()] * initial[axis] > 0
     turned = -1.0 if one.is_accelerometer and speeds_up else 1.0
     return History(one.name, one.title, one.time, turned * accel, initial[axis] + turned * change)
@@ -294,9 +286,9 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
     stopping = [node for node in nodes if _may_be_the_pulse(node, initial)]
     if not stopping:
         return [], "No accelerometer's ΔV is that of a vehicle that stops; are its columns crossed?"
-    if titled := titled_nodes(stopping):
+    if titled := solver_run.titled_nodes(stopping):
         return titled
-    node = max([node for node in stopping if not is_on_a_dummy(node)] or stopping, key=_behind)
+    node = max([node for node in stopping if not solver_run.is_on_a_dummy(node)] or stopping, key=_behind)
     name = node.name if node.name.startswith(ACCELEROMETER) else f"node {node.name}"
     left = f"; {len(nodes) - len(stopping)} left out, whose ΔV is no vehicle's" if len(stopping) < len(nodes) else ""
     why = (
@@ -330,7 +322,7 @@ def _units(run: TimeHistory, nodes: Sequence[History], source: str) -> Units:
         lasts = float(nodes[0].time[-1]) * second
         if system is not None and 0 < lasts <= LONGEST_S and fastest <= FASTEST_MPS:
             return *system, f"Unit {system[1]}, as the run states its units."
-    return units_of(nodes, source)
+    return solver_run.units_of(nodes, source)
 
 
 def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, str]:
@@ -344,7 +336,7 @@ def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, 
         # else something moves otherwise
         if abs(set_out - at_start) <= _SAME * at_start and moving < (1 - _SAME) * mass:
             mass, what = moving, f"of what moves at the start (2 × kinetic energy / speed²), of {mass:.5g} in all"
-    mass_kg = vehicle_mass_kg(mass)
+    mass_kg = solver_run.vehicle_mass_kg(mass)
     if mass_kg is None:
         expected, found = "a vehicle of 300 kg to 60 t", f"a model of {mass:.4g}, which is none in t, kg or g"
         raise DataError(Problem(source, expected, found, "choose the run of a whole vehicle"))

@@ -14,6 +14,7 @@ from crashfuse.condition import ABOUT, About
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.readers.vocabulary import Doubt, acceleration_unit, doubt_of, is_computed, is_simulated, weight
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.wall import Wall
 from crashfuse.wording import Sentence, joined
 
 _UNEQUAL = 0.01  # of the mass: allowed for rounding and scale errors
@@ -146,7 +147,7 @@ class RecordedChannel:
     status : str
         What the file says of its quality ("ok", "channel failed", "questionable data"); empty if nothing.
     sensor, prefilter : str
-        The sensor (maker, model, serial number), and the filter before recording, in the file's words.
+        Maker, model and number of the sensor, and its filter, in the file's words.
     """
 
     name: str
@@ -213,6 +214,18 @@ def proposal(
     return chosen, tuple(steps)
 
 
+def summed_wall(cells: Sequence[tuple[FloatArray, FloatArray] | None], steps: list[str]) -> Wall | None:
+    """The force of a barrier from its load cells, time and force in N of each, which is told; None lacks it."""
+    sound = [cell for cell in cells if cell is not None]
+    alike = all(time_s.shape == sound[0][0].shape and np.allclose(time_s, sound[0][0]) for time_s, _ in sound)
+    if sound and alike and len(sound) == len(cells):
+        steps.append(f"Force of the barrier: {len(sound)} load cells summed.")
+        return Wall(sound[0][0], np.sum([force_n for _, force_n in sound], axis=0))
+    if sound:
+        steps.append(f"Careful: not all {len(cells)} load cells can be summed; the barrier's force is left out.")
+    return None
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Record:
     """One crash as recorded in a foreign file.
@@ -240,7 +253,9 @@ class Record:
     other_setup : str
         What the file calls the test, if that is no full-frontal barrier crash ("VEHICLE INTO VEHICLE").
     about : mapping of str to str
-        Where it comes from, in the file's words: laboratory, test_number, date; solver, version, deck, termination.
+        Where it comes from, in the file's words: laboratory, date; solver, deck, termination.
+    wall : Wall, optional
+        The force of the barrier, in the file's own time.
     """
 
     id: str
@@ -255,6 +270,7 @@ class Record:
     quality: RunQuality = field(default_factory=RunQuality)
     other_setup: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
+    wall: Wall | None = None
 
     def __repr__(self) -> str:
         return f"<Record {self.id!r} of {printable(self.source)}: channels {self.listed}>"
@@ -282,7 +298,7 @@ class Record:
         return tuple(dict.fromkeys(channel for channel in found.values() if channel is not None))
 
     def about_with(self, channels: Sequence[RecordedChannel]) -> About:
-        """Columns on where it comes from, with the sensors and filters of these channels."""
+        """Columns on where it comes from, with these channels' sensors."""
         words = {"sensor": [one.sensor for one in channels]}
         words["prefilter"] = [one.prefilter or (f"{one.cutoff_hz:g} Hz" if one.cutoff_hz else "") for one in channels]
         texts = {name: "; ".join(dict.fromkeys(filter(None, of))) for name, of in words.items()}

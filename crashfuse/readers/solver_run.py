@@ -18,6 +18,7 @@ from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.wall import Wall
 from crashfuse.units import MS
 from crashfuse.wording import Sentence, number
 
@@ -37,9 +38,12 @@ _OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
 
 STAMP = re.compile(r"([^\n]*)\n *ls-dyna +\(?(?:version +)?(\S.*?)\)? +date +(\d\d/\d\d/\d{4})")
 """The title and the line below it in every text file of LS-DYNA."""
-_DATE = re.compile(r"\bdate *:? *(\d\d/\d\d/\d{4})", re.IGNORECASE)
+_STATED = {
+    "title": STAMP,
+    "date": re.compile(r"\bdate *:? *(\d\d/\d\d/\d{4})", re.IGNORECASE),
+    "deck": re.compile(r"(?:Input file *:|\bi *=)(?: *i *=)? *(?:\S*[/\\])?([^/\\\s|]+)"),
+}
 _VERSION = re.compile(r"(?:Version|Revision|Build tag) *: *([^|*\s](?:[^|*\n]*[^|*\s])?)")
-_LISTED = {"deck": re.compile(r"(?:Input file *:|\bi *=)(?: *i *=)? *(?:\S*[/\\])?([^/\\\s|]+)")}
 _ENDED = re.compile(rb"(n ?o ?r ?m ?a ?l|e ?r ?r ?o ?r) +t ?e ?r ?m ?i ?n ?a ?t ?i ?o ?n|user break", re.IGNORECASE)
 _OVERLAP = 100  # bytes; the words may lie across two chunks
 
@@ -48,37 +52,29 @@ _SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run th
 FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
 _SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass at the start")  # by QUALITIES
 
+_MASS_KG = {"mm/ms²": 1.0, "mm/s²": 1e3, "m/s²": 1.0}  # of the unit of mass that goes with each
+
 # of a run: its unit of time in s, the unit of acceleration (None: not known), and a sentence
 Units = tuple[float, str | None, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Listing:
-    """What the listing of a run says of it, and the title and date that it is stamped with; empty if it does not."""
-
-    about: Mapping[str, str]
-    title: str = ""
-
-    def is_of(self, title: str, date: str) -> bool:
-        """Whether it may be that of the run with this title and date."""
-        pairs = (self.title, title), (self.about.get("date", ""), date)
-        return all(one == other or not (one and other) for one, other in pairs)
-
-
-def read_listing(chunks: Iterable[bytes]) -> Listing:
-    """Read the listing of a run of LS-DYNA (``d3hsp``, ``messag``, ``mes0000``) or Radioss (``run_0001.out``)."""
-    head, before, ended = b"", b"", "killed"
+def read_listing(chunks: Iterable[bytes]) -> dict[str, str]:
+    """What the listing of a run of LS-DYNA or Radioss says: title, date, version, deck, and how the run ended."""
+    head, before, ended = "", b"", "killed"
     for chunk in chunks:
-        head = head or chunk
+        head = head or chunk.decode("latin-1")
         for match in _ENDED.finditer(before[-_OVERLAP:] + chunk):
             ended = match[1].replace(b" ", b"").decode().lower() if match[1] else "killed"
         before = chunk
-    text = head.decode("latin-1")
-    stamp, date = STAMP.search(text), _DATE.search(text)
-    about = {name: " ".join(found) for name, words in _LISTED.items() if (found := words.findall(text)[:1])}
-    about |= {"version": " ".join(dict.fromkeys(_VERSION.findall(text)[:2])), "termination": ended}
-    about["date"] = iso_date(date[1], "%m/%d/%Y") if date else ""
-    return Listing({name: value for name, value in about.items() if value}, stamp[1].strip() if stamp else "")
+    versions, found = _VERSION.findall(head)[:2], {name: words.search(head) for name, words in _STATED.items()}
+    stated = {name: match[1].strip() for name, match in found.items() if match}
+    stated["date"], stated["version"] = iso_date(stated.get("date", ""), "%m/%d/%Y"), " ".join(dict.fromkeys(versions))
+    return {**{name: text for name, text in stated.items() if text}, "termination": ended}
+
+
+def listed_elsewhere(name: str) -> str:
+    """That a listing beside a run is another's."""
+    return f"Careful: {name} is the listing of another run; it is left out."
 
 
 def sha256_of(chunks: Iterable[bytes]) -> str:
@@ -258,6 +254,7 @@ def run_record(
     quality: RunQuality,
     steps: Sequence[str],
     about: Mapping[str, str],
+    wall: tuple[FloatArray, FloatArray] | None = None,
 ) -> Record:
     """The record of a run: its nodes as channels, and what its quantities add to the steps."""
     per_second, unit, _ = units
@@ -282,8 +279,12 @@ def run_record(
         channels.append(RecordedChannel(node.name, label, per_second * node.time, accel, unit))
     names = tuple(node.name for node in proposed)
     condition = PartialCondition(speed_mps, mass_kg)
+    force = None
+    if wall is not None and unit is not None and wall[0].size > 1:
+        told.append("Force of the barrier: that of the rigid walls along the travel, summed.")
+        force = Wall(per_second * wall[0], _MASS_KG[unit] * ACCELERATION_UNITS[unit] * wall[1])
     found = (condition, tuple(channels), names, tuple(told))
-    return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about)
+    return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about, wall=force)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

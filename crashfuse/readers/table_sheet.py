@@ -1,9 +1,7 @@
 """A table with header and units, how these are located in a grid of cells, and the tables in workbooks.
 
-The data start where the numbers start. The row above them is the header, or a row of units with the header above it.
-
-A workbook (Excel 2007 and later) is an untrusted zip of XML. Its size and its elements, each of which takes many times
-its bytes, are counted before it is parsed; its rows and cells while it is, by their positions, empty ones too.
+The data start where the numbers start. The row above them is the header, or a row of units with the header above it. A
+workbook (Excel 2007 and later) is an untrusted zip of XML: sizes and elements are counted before it is parsed.
 """
 
 import re

@@ -1,12 +1,11 @@
 """The tables of a text file or workbook: CSV, TSV, LabVIEW or Excel, with any delimiter, decimal sign and header.
 
-The file only has to hold a table: the delimiter and the decimal sign are those for which the most cells are numbers.
-Tables that stand side by side in one are split, so that each acceleration keeps its own time.
+The delimiter and the decimal sign are those for which the most cells are numbers. Tables that stand side by side in one
+are split, so that each acceleration keeps its own time.
 
 A LabVIEW measurement file (.lvm) is a header, then segments, each with a header, names of channels, and samples. The
-rows of a segment's header give the unit (``Y_Unit_Label``), step (``Delta_X``) and begin (``X0`` after ``Date`` and
-``Time``) of each channel in its column. Times may also stand left of the samples: of all channels (``X_Columns One``)
-or of each (``Multi``). Source: NI, Specification for the LabVIEW Measurement File (.lvm).
+rows of a segment's header give the unit, step and begin of each channel in its column. Times may also stand left of the
+samples: of all channels or of each. Source: NI, Specification for the LabVIEW Measurement File (.lvm).
 """
 
 import csv
@@ -24,23 +23,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, NO_FILE, DataError, Problem, printable
 from crashfuse.files.archive import Limits
+from crashfuse.readers import table_sheet
 from crashfuse.readers.members import as_text
 from crashfuse.readers.table_headers import bare_name, names_a_test
 from crashfuse.readers.table_mapping import propose
-from crashfuse.readers.table_sheet import (
-    SAMPLE,
-    SHEET_LIMITS,
-    Header,
-    Sheet,
-    header_of,
-    is_number,
-    numbers_rows,
-    read_workbook,
-    sheet_of,
-    unique,
-)
+from crashfuse.readers.table_sheet import SAMPLE, SHEET_LIMITS, Header, Sheet
 from crashfuse.readers.vocabulary import statement_of_simulation
 from crashfuse.signals.pulse import FloatArray
 
@@ -156,10 +145,10 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
             columns.append((_TIME, "s", pd.Series(texts, dtype=str)))
         columns.append(channel)
     names, units, series = zip(*columns, strict=True)
-    header = Header(segments[0].first_row - 1, unique(names), units, ("",) * len(names))
+    header = Header(segments[0].first_row - 1, table_sheet.unique(names), units, ("",) * len(names))
     joined = [f"{n} segments that continue each other are joined."] if n > 1 else []
     cells = pd.concat(series, axis="columns", ignore_index=True)
-    return sheet_of(name, header, cells, decimal, "A LabVIEW measurement.", *joined)
+    return table_sheet.sheet_of(name, header, cells, decimal, "A LabVIEW measurement.", *joined)
 
 
 def _segments(lines: Sequence[str], delimiter: str, decimal: str) -> list[_Segment]:
@@ -220,12 +209,12 @@ def _check_continues(time_s: FloatArray, segments: Sequence[_Segment], name: str
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
     """The tables of a file: one per sheet, or one per time column in it."""
     if not path.is_file():
-        raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
+        raise DataError(Problem(str(path), "a table", NO_FILE, CHECK_PATH))
     if path.stat().st_size > limits.member_bytes:
         expected = f"at most {limits.member_bytes >> 20} MiB a table"
         raise DataError(Problem(path.name, expected, "more", "export a shorter record"))
     if path.suffix.lower() in (".xlsx", ".xlsm"):
-        return tuple(part for sheet in read_workbook(path, limits) for part in _split_by_clock(sheet))
+        return tuple(part for sheet in table_sheet.read_workbook(path, limits) for part in _split_by_clock(sheet))
     if path.suffix.lower() == ".xls":
         raise DataError(Problem(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx"))
     return _split_by_clock(_text_sheet(path, limits))
@@ -253,14 +242,14 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
         _check_commas(grid, path.name)
     names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
     form = f"Columns separated by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
-    header = header_of(grid, decimal, path.name)
+    header = table_sheet.header_of(grid, decimal, path.name)
     rest = lines[header.begin :]
     while rest and not rest[-1].strip(f" {delimiter}"):
         rest.pop()
     if len(rest) * len(header.columns) > _MOST_CELLS:
         raise DataError(Problem(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns"))
     cells = _cells(rest, delimiter, len(header.columns), path.name, header.begin + 1)
-    sheet = sheet_of(path.name, header, cells, decimal, form)
+    sheet = table_sheet.sheet_of(path.name, header, cells, decimal, form)
     return replace(sheet, origin=statement_of_simulation(lines[: header.begin]))
 
 
@@ -292,7 +281,11 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
 
 
 def _check_commas(grid: Sequence[Sequence[str]], name: str) -> None:
-    rows = [(at, row) for at, row in enumerate(grid) if len(row) > 1 and all(is_number(c, ".") for c in row if c)]
+    rows = [
+        (at, row)
+        for at, row in enumerate(grid)
+        if len(row) > 1 and all(table_sheet.is_number(c, ".") for c in row if c)
+    ]
     first = rows[0][0] if rows else 0
     names = max((sum(map(bool, row)) for row in grid[max(first - 2, 0) : first]), default=0)
     longer = [(at + 1, row) for at, row in rows if not names or len(row) > names]
@@ -333,7 +326,7 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
         width = Counter(len(row) for row in rows if len(row) > 1).most_common(1)
         if not width:
             continue
-        numbers = [sum(is_number(cell, decimal) for cell in row) for row in rows if len(row) == width[0][0]]
+        numbers = [sum(table_sheet.is_number(cell, decimal) for cell in row) for row in rows if len(row) == width[0][0]]
         score = sum(count**2 for count in numbers) / width[0][0]
         if delimiter == " " and best is not None and best[0] == "\t" and width[0][0] == best_width:
             continue  # they are the same columns, and names may hold blanks
@@ -347,12 +340,12 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
 
 def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: str) -> list[list[str]]:
     """Names of columns may hold blanks: a line of text is split as gives one name a column, or names none."""
-    data = [2 * sum(is_number(cell, decimal) for cell in row) >= len(row) for row in grid]
+    data = [2 * sum(table_sheet.is_number(cell, decimal) for cell in row) >= len(row) for row in grid]
     widths = Counter(len(row) for row, numeric in zip(grid, data, strict=True) if numeric and len(row) > 1)
     width = widths.most_common(1)[0][0] if widths else 0
     unnamed = [f"column {number}" for number in range(1, width + 1)]
     first = [row[0] for row, numeric in zip(grid, data, strict=True) if numeric]
-    has_row_names = numbers_rows(pd.Series(first, dtype=str))
+    has_row_names = table_sheet.numbers_rows(pd.Series(first, dtype=str))
 
     def names(line: str) -> list[str]:
         text = line.strip().lstrip("#%!*").strip()

@@ -1,13 +1,11 @@
 """Reader of tests in TDMS: NHTSA's newer downloads, and those of any other laboratory.
 
-NHTSA stores the content of its ASCII specification (:mod:`crashfuse.readers.nhtsa`) as properties of each channel:
-``Inst_SenAtt`` FLLR, ``Inst_Axis`` XG, ``Veh_VehSpd``, ``Veh_VehTWt`` … in km/h and kg; sampling is in ``wf_increment``
-and ``wf_start_offset``, and 0 is first contact. Axle weights are not included.
+NHTSA stores its ASCII specification (:mod:`crashfuse.readers.nhtsa`) as properties of each channel: ``Inst_SenAtt``
+FLLR, ``Veh_VehSpd`` …; 0 is first contact, and axle weights are not included.
 
 Of other laboratories, the vehicle's accelerations are found by names and units, as columns of a table are. The IIHS
-names channels by codes of ISO-MME (``11VEHC0000__ACX_``), or in words with the unit (``IIWPG Acceleration (g)``, with a
-channel ``IIWPG Time (sec)``); the property ``Impact_velocity`` of the file is the speed, a text in km/h. Channels whose
-recording began at different times (``wf_start_time``) are aligned.
+names channels by codes of ISO-MME, or in words with the unit (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time
+(sec)``). Channels whose recording began at different times (``wf_start_time``) are aligned.
 """
 
 import re
@@ -21,38 +19,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member
+from crashfuse.readers import nhtsa, table_headers, vocabulary
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members, read_all
-from crashfuse.readers.nhtsa import (
-    Sensor,
-    condition_steps,
-    nhtsa_record,
-    number_in,
-    of_first_vehicle,
-    other_configuration,
-)
+from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
-from crashfuse.readers.table_headers import (
-    OF_A_DUMMY,
-    OTHER_DIRECTION,
-    ColumnUse,
-    cutoff_of,
-    likelihood,
-    use_of,
-    why_no_acceleration,
-)
+from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse
 from crashfuse.readers.tdms_container import Properties, TdmsChannel, TdmsFile, parse_tdms
-from crashfuse.readers.vocabulary import (
-    UNITS,
-    ChannelCode,
-    is_simulated,
-    number_and_unit,
-    other_setup,
-    propose_by_code,
-    unit_named,
-)
+from crashfuse.readers.vocabulary import UNITS, ChannelCode
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 from crashfuse.wording import time_text
@@ -86,7 +62,7 @@ def _text_of(properties: Properties, name: str) -> str:
 
 
 def _number_of(properties: Properties, name: str) -> float:
-    return number_in(properties.get(name, 0.0))
+    return nhtsa.number_in(properties.get(name, 0.0))
 
 
 def _waveform(
@@ -96,18 +72,20 @@ def _waveform(
     increment, start = _number_of(properties, "wf_increment"), properties.get("wf_start_offset", 0.0)
     values = file.values(channel)
     if increment > 0 and isinstance(start, float) and values.size >= 2:
-        unit_s = UNITS["time"][unit_named(_text_of(properties, "wf_xunit_string"), "time") or "s"]
+        unit_s = UNITS["time"][vocabulary.unit_named(_text_of(properties, "wf_xunit_string"), "time") or "s"]
         clock = unit_s * (start + increment * np.arange(values.size))
     if clock is None or clock.size != values.size:
         expected, advice = "samples and the time between them (wf_increment)", "export it with a channel of time"
         raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice))
-    unit = unit_named(_text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"), "acceleration")
+    unit = vocabulary.unit_named(
+        _text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"), "acceleration"
+    )
     cutoff_hz = _number_of(properties, "inst_prefil") or None
     # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
     origin, status = (
         _text_of(properties, f"data {name}") or _text_of(properties, f"data_{name}") for name in ("source", "status")
     )
-    origin = origin or (channel.group if is_simulated(channel.group) else "")
+    origin = origin or (channel.group if vocabulary.is_simulated(channel.group) else "")
     sensor = next(filter(None, (_text_of(properties, key) for key in _SENSOR)), "")
     return RecordedChannel(name, printable(label), clock, values, unit, cutoff_hz, "the file", origin, status, sensor)
 
@@ -123,7 +101,7 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     every = []
     for channel in file.channels:
         properties = file.properties_of(channel)
-        use = use_of(" ".join(channel.name.split()), _text_of(properties, "unit_string"))
+        use = table_headers.use_of(" ".join(channel.name.split()), _text_of(properties, "unit_string"))
         every.append(_Candidate(channel, properties, use))
     found, what = [one for one in every if one.use.role == "acceleration"], "acceleration"
     if not found:
@@ -131,12 +109,12 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         found = [
             one
             for one in unknown
-            if not (_text_of(one.properties, "unit_string") or why_no_acceleration(one.channel.name, ""))
+            if not (_text_of(one.properties, "unit_string") or table_headers.why_no_acceleration(one.channel.name, ""))
         ]
     if not found:
         expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
-    found = sorted(found, key=lambda one: likelihood(one.channel.name))
+    found = sorted(found, key=lambda one: table_headers.likelihood(one.channel.name))
     channels, unread, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
@@ -149,7 +127,7 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         steps.append(f"Left out for lack of samples or of their time: {', '.join(map(printable, unread))}.")
     chosen, why = _proposed(channels, len(found), what)
     about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
-    recorded, other, steps = tuple(channels.values()), other_setup(about), [*steps, *why]
+    recorded, other, steps = tuple(channels.values()), vocabulary.other_setup(about), [*steps, *why]
     pedigree = {
         name: text
         for name, words in _ABOUT.items()
@@ -179,8 +157,8 @@ def _read_channels(
             continue
         if clock is None and isinstance(start, float) and start > 0:  # 0 is not set
             began_s[name] = start
-        unit = read.unit or unit_named(one.use.unit or "", "acceleration")
-        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or cutoff_of(channel.name))
+        unit = read.unit or vocabulary.unit_named(one.use.unit or "", "acceleration")
+        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or table_headers.cutoff_of(channel.name))
         if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
             raise DataError(Problem(where, expected, "more", "choose the file of one test"))
@@ -229,7 +207,7 @@ def _proposed(
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
         codes = {name: code for name in names if (code := ChannelCode.parsed(channels[name].label)) is not None}
-        chosen, why = propose_by_code(codes)
+        chosen, why = vocabulary.propose_by_code(codes)
         if chosen:
             return chosen, why
         if len(names) == 1 and len(channels) == found and what == "acceleration":
@@ -244,10 +222,10 @@ def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, lis
     for name, value in properties.items():
         if (key := _SPEED.match(name)) is None:
             continue
-        number, unit = (value, "") if isinstance(value, float) else number_and_unit(value) or (0.0, "")
+        number, unit = (value, "") if isinstance(value, float) else vocabulary.number_and_unit(value) or (0.0, "")
         unit = unit or name[key.end() :].strip(" _-")
-        named = unit_named(unit, "speed") if unit else "km/h"
-        if number_in(number) and named:
+        named = vocabulary.unit_named(unit, "speed") if unit else "km/h"
+        if nhtsa.number_in(number) and named:
             steps.append(f"Speed {number:g} {named} from the file's property {printable(name)}.")
             return PartialCondition(number * UNITS["speed"][named]), steps
     return PartialCondition(), steps
@@ -261,7 +239,7 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
         if of_the_format(path):
             members = [member for member in members if member.path.as_posix() == path.name]
         if not members:
-            raise DataError(Problem(path.name, kind, "none", "check the path"))
+            raise DataError(Problem(path.name, kind, "none", CHECK_PATH))
         return read_all(members, lambda member: _record(member, budget), path.name)
 
 
@@ -276,7 +254,7 @@ def _record(member: Member, budget: Budget) -> Record:
 
 def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]], stem: str, where: str) -> Record:
     sensors = {_sensor(place, pair[1]): pair for place, pair in enumerate(pairs, start=1)}
-    candidates = of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
+    candidates = nhtsa.of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
     if not candidates:
         found, advice = f"none in {len(pairs)} channels", "download all channels of the test"
         raise DataError(Problem(where, "X accelerations of the vehicle", found, advice))
@@ -290,12 +268,15 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     speed = _number_of(test, "veh_vehspd") or _number_of(test, "test_clsspd")
     mass = _number_of(test, "veh_vehtwt")
     car = " ".join(filter(None, (_text_of(test, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
-    steps = [f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}.", *condition_steps(speed, mass, where)]
+    steps = [
+        f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}.",
+        *nhtsa.condition_steps(speed, mass, where),
+    ]
     condition = PartialCondition(speed * KPH or None, mass or None)
-    other = other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
+    other = nhtsa.other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
     about = {name: _text_of(test, key) for name, key in _OF_NHTSA.items()}
-    return nhtsa_record(stem, where, readers, condition, steps, other, about)
+    return nhtsa.nhtsa_record(stem, where, readers, condition, steps, other, about)
 
 
 def _sensor(place: int, properties: Properties) -> Sensor:

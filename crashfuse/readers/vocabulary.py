@@ -13,10 +13,8 @@ A channel code::
 
 Characters that say nothing are 0 or ?; the IIHS fills them with _, as in ``11VEHC0000__ACX_``.
 
-Sources: ISO/TS 13499, related electronic document B (channel codes), 1.6.2, as quoted by the public packages pyisomme
-and sdata; the codes of NHTSA's and the IIHS's downloads. ISO/TS 13499 has ``Data source`` (transducer, camera,
-calculation, simulation, parameter) and ``Data status`` (ok, channel failed, meaningless data, no data, questionable
-data, scaling factor changed, system noise), which laboratories spell in their own ways.
+Sources: ISO/TS 13499, related electronic documents A and B, 1.6.2, as quoted by the public packages pyisomme and
+sdata; the codes of NHTSA's and the IIHS's downloads. ``Data source`` and ``Data status`` are spelt in many ways.
 """
 
 import re

@@ -122,6 +122,7 @@ def campaign_figure(
         "conditions": lambda: condition_space(campaign.cae, shown, held_out=held_out, display=display),
         "cae": lambda: pulses.library_band(campaign.cae, shown, further=further, **of_all),
         "bias": bias,
+        "wall": lambda: pulses.wall_forces([test for test in shown if test.wall is not None], **of_all),
     }
     draw = one_of("figure of a campaign", figure, figures)
     if cfc is not None and figure != "tests":

@@ -22,7 +22,7 @@ from crashfuse.study.next_test import NextTest
 from crashfuse.study.one_more_test import Cost, gains, plus_minus, summary
 from crashfuse.study.study import Study
 from crashfuse.study.sweep import Sweep
-from crashfuse.units import MPH, MS, G
+from crashfuse.units import KN, MPH, MS, G
 from crashfuse.wording import MPH_LB, UnitSystem, number, signed
 
 _MetricRows = Iterable[tuple[object, str, Sequence[Metric]]]
@@ -197,6 +197,22 @@ def about_table(campaign: Campaign) -> pd.DataFrame:
     rows = [(test.id, [test.about]) for test in campaign.tests if test.about]
     rows += [(f"{len(campaign.cae):,} CAE runs", list(campaign.cae.about))] if any(campaign.cae.about) else []
     return pd.DataFrame({"Of": of, **_about_cells(about)} for of, about in rows).fillna("–")
+
+
+def wall_table(campaign: Campaign) -> pd.DataFrame:
+    """The barrier's force beside mass and pulse of each test that has it; empty if none has."""
+    beside = [(test, test.wall.beside(test.pulse.accel_mps2)) for test in campaign.tests if test.wall is not None]
+    return pd.DataFrame(
+        {
+            "Test": test.id,
+            "Impulse of the barrier (kN s)": number(witness.impulse_ns / KN, ".2f"),
+            "Mass × ΔV (kN s)": number(test.condition.mass_kg * witness.change_mps / KN, ".2f"),
+            "Ratio": number(witness.share(test.condition.mass_kg), ".3f"),
+            "First loaded (ms)": number(witness.begins_s / MS, ".1f"),
+            "Deceleration later (ms)": number(witness.lag_s / MS, ".1f"),
+        }
+        for test, witness in beside
+    )
 
 
 def _about_cells(about: Sequence[About]) -> dict[str, str]:

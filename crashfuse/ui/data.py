@@ -12,7 +12,7 @@ from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.campaign_folder.load import unread_files
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.formats import all_formats
-from crashfuse.reporting.result_tables import about_table, quality_table
+from crashfuse.reporting.result_tables import about_table, quality_table, wall_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import import_step
 from crashfuse.ui.kit import address, campaigns, editing, results
@@ -139,6 +139,14 @@ def show_conditions(view: View) -> None:
     if not (about := about_table(campaign)).empty:
         st.markdown("**Where tests and CAE runs come from**")
         show_table(about, "about")
+    if not (walls := wall_table(campaign)).empty:
+        st.markdown("**The force of the barrier beside mass and pulse**")
+        show_cached_figure(
+            lambda: campaign.plot("wall", display=view.display),
+            "Force of the barrier over time, dotted mass times deceleration; the table below has the impulses",
+            ("wall", campaign.fingerprint, view.display), name="wall",
+        )  # fmt: skip
+        show_table(walls, "walls")
 
 
 def show_library(view: View) -> None:

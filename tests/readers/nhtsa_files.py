@@ -1,6 +1,7 @@
 """A small NHTSA test in memory: a specification and a channel a sensor."""
 
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import G
 from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
 
 SENSORS = {
@@ -17,28 +18,7 @@ SENSORS = {
 
 def specification(speed: str = "56.0", behind: str = "1200", setup: str = "VTB", number: int = 5) -> str:
     """An EV5 file in the form of the database's own."""
-    test = [
-        "V5",
-        "2099 NOVA TEST",
-        "",
-        "",
-        "",
-        "",
-        "",
-        "NCA",
-        setup,
-        "",
-        "",
-        "22",
-        "",
-        "",
-        speed,
-        "0",
-        "0",
-        "0",
-        "8",
-        "",
-    ]
+    test = ["V5", "2099 NOVA TEST", *[""] * 5, "NCA", setup, *[""] * 2, "22", *[""] * 2, speed, *["0"] * 3, "8", ""]
     car = ["1", "00", "00", "2099", *[""] * 6, "1700", "1500", "2700", "4800", "1800", behind, *[""] * 25, speed, "0"]
     lines = [f"# Source: Test Number: {number}", "----- EV5 -----", "----- TEST -----", "|".join(test)]
     lines += ["----- VEHICLE -----", "|".join(car), "----- BARRIER -----", "R|LCB|0|0|", "----- INSTRUMENTATION -----"]
@@ -58,7 +38,7 @@ def nhtsa_files(number: int = 5, **of_specification: str) -> dict[str, bytes]:
     """Files of a whole test, by name: raw pulses, left a little harder than right."""
     time_s = clock()
     raw = half_sine_g(time_s) + scatter_g(time_s, 2.0 * (number - 5)) + ringing_g(time_s)
-    scales = {93: 1.02, 94: 0.98, 95: 3.0, 99: 1.02, 100: 0.1}
+    scales = {93: 1.02, 94: 0.98, 95: 3.0, 99: 1.02, 100: 0.1, 101: 1700 * G}
     texts = {f"v{number:05d}.{curve:03d}": samples(time_s, scales.get(curve, 0.5) * raw) for curve in SENSORS}
     texts[f"v{number:05d}.EV5"] = specification(number=number, **of_specification)
     return {name: text.encode("latin-1") for name, text in texts.items()}

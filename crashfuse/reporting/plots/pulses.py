@@ -27,7 +27,7 @@ from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import INNER_CORRIDOR, OUTER_CORRIDOR
-from crashfuse.units import MS
+from crashfuse.units import KN, MS
 from crashfuse.wording import number
 
 _GRID_MS = GRID_S / MS
@@ -147,6 +147,21 @@ def measured_pulses(
     draw_curves(figure, _accelerations(None, further, display))
     figure.update_yaxes(title=display.accel_title)
     shade_window(figure, display.window_ms)
+    return figure
+
+
+def wall_forces(
+    tests: Sequence[CrashTest], *, speeds_mps: Mapping[str, float] | None = None, display: Display = DEFAULT
+) -> go.Figure:
+    """Draw the barrier's force on tests that have it, and dotted their mass times deceleration."""
+    figure = new_figure(height_under_names(2 * len(tests)))
+    for test, style in by_speed(tests, None, display, speeds_mps):
+        if (wall := test.wall) is not None:
+            add_line(figure, wall.time_s / MS, wall.force_n / KN, **style)
+            force = -test.condition.mass_kg * test.pulse.accel_mps2 / KN
+            dotted = {**style, "line": {**style["line"], "dash": "dot"}, "name": f"{test.id}, mass × deceleration"}
+            add_line(figure, test.pulse.time_s / MS, force, **dotted)
+    figure.update_yaxes(title="Force (kN)")
     return figure
 
 

@@ -23,7 +23,7 @@ from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
-from crashfuse.reporting.result_tables import about_table, quality_table
+from crashfuse.reporting.result_tables import about_table, quality_table, wall_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import campaign_facts
 from crashfuse.wording import Sentence, speed, weight
@@ -77,6 +77,8 @@ def render(
         config=config,
         tests=tests_table(campaign, display),
         pedigree=about_table(campaign),
+        walls=(walls := wall_table(campaign)),
+        walls_figure=None if walls.empty else campaign.plot("wall", display=display),
         library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
         quality=[quality.summary, *quality.named],
         quality_table=quality_table(quality),
