@@ -50,7 +50,7 @@ def events_table(found: CaeEvents) -> pd.DataFrame:
             "The CAE model is": _size(event),
             "95 % (kN)": _interval(event),
             "Probability": probability_text(event.probability, 1.0),
-            "In": _where(found, event),
+            "Tests": _which(event),
             "Rating, this alone mended": f"{event.rating_alone:.3f}",
             "Rating, all but this mended": f"{event.rating_but:.3f}",
             "Share of what is lost (%)": number(100 * event.share, ".0f"),
@@ -63,7 +63,7 @@ def events_sentences(found: CaeEvents) -> list[str]:
     """What to mend first, and what that is worth."""
     sentences = [
         f"From {event.from_m / _MM:.0f} to {event.to_m / _MM:.0f} mm the CAE model is {_size(event)} "
-        f"({_interval(event)}) in {_where(found, event)}: {100 * event.share:.0f} % of what is lost."
+        f"({_interval(event)}) in {_which(event)} {_those(found, event)}: {100 * event.share:.0f} % of what is lost."
         for event in found.events[:_NAMED]
         if event.share >= _WORTH_NAMING
     ] or ["No range of crush stands out in which mending the CAE model's force would raise its rating."]
@@ -89,10 +89,13 @@ def _interval(event: CaeEvent) -> str:
     return _between(ends[0] / _KN, ends[1] / _KN, ".0f")
 
 
-def _where(found: CaeEvents, event: CaeEvent) -> str:
+def _those(found: CaeEvents, event: CaeEvent) -> str:
+    tests = "test" if len(event.reached) == 1 else "tests"
+    return tests if len(event.reached) == len(found.tests) else f"{tests} that crush as far"
+
+
+def _which(event: CaeEvent) -> str:
     shown, reached = len(event.tests), len(event.reached)
-    if event.conditions in _SUPERLATIVES:
-        return f"the {shown} {_SUPERLATIVES[event.conditions]} of {reached} tests"
-    if shown < reached:
-        return f"{shown} of {reached} tests"
-    return f"all {reached} tests" + (" that crush as far" if reached < len(found.tests) else "")
+    if shown == reached:
+        return f"all {reached}"
+    return f"the {shown} {_SUPERLATIVES.get(event.conditions, '')}".strip() + f" of {reached}"
