@@ -125,6 +125,13 @@ class Campaign:
         """What the solver says of the CAE runs, judged by the campaign's limits: tables, and sentences."""
         return views.judge_quality(self.cae, self.quality_limits)
 
+    def cae_events(self, window_ms: float = 60.0) -> "pd.DataFrame":
+        """What to mend in the CAE model: ranges of crush where its force is off, the most expensive first.
+
+        The columns are those of ``cae_events.csv`` (*Read the report*).
+        """
+        return views.campaign_events(self, window_ms)
+
     def plot(
         self,
         figure: str = "tests",
@@ -139,9 +146,10 @@ class Campaign:
 
         Parameters
         ----------
-        figure : {"tests", "conditions", "cae", "bias", "wall"}
+        figure : {"tests", "conditions", "cae", "bias", "cae events", "wall"}
             Pulses of the tests; speeds and weights of tests and CAE runs; pulses of the CAE runs; what the CAE model
-            got wrong in each test, over displacement; the barrier's force beside mass times deceleration.
+            got wrong in each test, over displacement; the same as a force, with what to mend; the force of the barrier
+            beside mass times deceleration.
         tests : sequence of str
             Ids of the tests that are shown; empty for all.
         held_out : str, optional

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.approaches.displacement_domain.events import cae_events
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.cae.model import CaeModel
@@ -123,6 +124,7 @@ def campaign_figure(
         "cae": lambda: pulses.library_band(campaign.cae, shown, further=further, **of_all),
         "bias": bias,
         "wall": lambda: pulses.wall_forces([test for test in shown if test.wall is not None], **of_all),
+        "cae events": lambda: displacement.missing_force(cae_events(campaign, display.window_ms), display, held_out),
     }
     draw = one_of("figure of a campaign", figure, figures)
     if cfc is not None and figure != "tests":

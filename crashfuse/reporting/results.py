@@ -13,6 +13,7 @@ from crashfuse.certification.seal import REVIEW, SEAL
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_text import csv_bytes
+from crashfuse.reporting.cae_events import events_frame, study_events
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import (
     certification_table,
@@ -111,6 +112,7 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "speed_groups.csv": lambda study, *_: study.speed_groups and csv_bytes(study.speed_groups.scores),
         "pulses.csv": lambda study, *_: csv_bytes(study.pulses),
         "metrics.csv": lambda study, *_: csv_bytes(study.metrics),
+        "cae_events.csv": lambda study, *_: csv_bytes(events_frame(found)) if (found := study_events(study)) else None,
         "report.html": lambda *result: study_report(*result).encode(),
         "study.json": lambda study, *_: _json(study_record(study)),
     },

@@ -59,11 +59,11 @@ def study_folder(
 
 
 @pytest.mark.slow
-def test_a_study_writes_five_files_and_what_made_their_numbers(study_folder: Path) -> None:
+def test_a_study_writes_six_files_and_what_made_their_numbers(study_folder: Path) -> None:
     """No temporary file stays; versions, settings and fingerprint are recorded, and the report needs no network."""
     names = {path.name for path in study_folder.iterdir()}
     assert names == set(RESULT_FILES["study"]) - {"speed_groups.csv"}
-    assert names == {"scores.csv", "pulses.csv", "metrics.csv", "study.json", "report.html"}
+    assert names == {"scores.csv", "pulses.csv", "metrics.csv", "cae_events.csv", "study.json", "report.html"}
     record = json.loads((study_folder / "study.json").read_text())
     assert (record["crashfuse"], record["finished"], record["seed"]) == (__version__, True, 0)
     assert record["config"]["preset"] == "fast"

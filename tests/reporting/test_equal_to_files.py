@@ -51,6 +51,7 @@ def test_those_of_a_study(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_
     assert_is_file(study.scores, out / "scores.csv")
     assert_is_file(study.pulses, out / "pulses.csv")
     assert_is_file(study.metrics, out / "metrics.csv")
+    assert_is_file(read.cae_events(), out / "cae_events.csv")
     assert_is_file(study.speed_groups.scores, out / "speed_groups.csv")
     recorded = json.loads((out / "study.json").read_text(encoding="utf-8"))["repeatability"]
     assert len(study.repeat_scores) == 4 * 3

@@ -67,7 +67,7 @@ def test_every_figure_of_a_study_is_one_call(study: Study, name: str) -> None:
     assert len(figure_table(study.plot(figure=name, approaches=["fused"]))) > 0
 
 
-@pytest.mark.parametrize("name", ["tests", "conditions", "cae", "bias"])
+@pytest.mark.parametrize("name", ["tests", "conditions", "cae", "bias", "cae events"])
 def test_every_figure_of_a_campaign_is_one_call(campaign: Campaign, name: str) -> None:
     """One test of it may be marked."""
     assert len(figure_table(campaign.plot(name, held_out="T2", units="kph-kg"))) > 0

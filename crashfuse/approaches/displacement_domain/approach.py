@@ -302,8 +302,24 @@ class DisplacementDomain(BandedApproach):
         self._require("bias_")
         if isinstance(self.bias_, Table4Bias):
             return ()
+        return self.bias_.parts(self._crushing(condition, displacement_m))
+
+    def common_bias(self, tests: Sequence[CrashTest], displacement_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean and covariance of the bias at the tests' conditions, one after the other, without specific parts."""
+        bias = cast(HierarchicalBias, self.bias_)  # Table 4 has no parts
+        return bias.common([self._crushing(test.condition, displacement_m) for test in tests])
+
+    def _crushing(self, condition: Condition, displacement_m: FloatArray) -> BiasPoints:
         accel_at = partial(self.model_.loading_curve(condition).accel_at, end_share=self.bias_.end_share)
-        return self.bias_.parts(condition, displacement_m, CaeForce.at(displacement_m, accel_at))
+        cae = CaeForce.at(displacement_m, accel_at)
+        return BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae)
+
+    def mended(self, condition: Condition, added: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        """CAE pulses at a condition with functions of displacement, shape (n, n_displacements), added: (n, 1250)."""
+        view = CaeView.of(self.model_, condition)
+        functions = added(view.grid_m[::FINER])
+        draws = BiasDraws(functions, np.zeros((len(functions), _SHARES.size)))
+        return self._simulate(view, draws, Rebound().fit([]), np.random.default_rng(0), 1.0)
 
     @property
     def state(self) -> dict[str, object]:

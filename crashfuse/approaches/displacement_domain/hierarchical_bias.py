@@ -198,9 +198,15 @@ class HierarchicalBias:
         functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
-    def parts(self, condition: Condition, displacement_m: FloatArray, cae: CaeForce) -> tuple[BiasPart, ...]:
+    def common(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
+        """Mean and covariance of new tests' bias before their stop, one after the other, without specific parts."""
+        x = np.concatenate([self._rows(test) for test in tests])
+        mean, covariance = self.process_.posterior(x)
+        return mean, covariance - self.process_.prior_of({"own"}, x)
+
+    def parts(self, test: BiasPoints) -> tuple[BiasPart, ...]:
         """The bias of a new test before its stop by parts, then their total."""
-        x = self._rows(BiasPoints(condition, displacement_m, np.ones_like(displacement_m), cae))
+        x = self._rows(test)
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         mean, covariance = self.process_.posterior(x)

@@ -13,6 +13,7 @@ import plotly.graph_objects as go
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
 from crashfuse.approaches.displacement_domain.dynamics import replay
+from crashfuse.approaches.displacement_domain.events import CaeEvents
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_names, new_figure, room_for_names
 from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, curve_line, curve_lines, draw_curves
@@ -23,7 +24,7 @@ from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import MS
 
-_MM, _KJ = 1e-3, 1e3
+_MM, _KJ, _KN = 1e-3, 1e3, 1e3
 _BIAS = "Bias, test − CAE ({})"
 _STEP_M = 0.004  # of bands: a quarter of the resolution of a CFC 60 pulse
 _MARK_S = 0.004  # between marks of the integrated motion
@@ -203,6 +204,22 @@ def bias_by_speed(
         bias = of_test[test.id]
         add_line(figure, bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
     figure.update_yaxes(title=_BIAS.format(display.unit))
+    return fit_axis(figure)
+
+
+def missing_force(found: CaeEvents, display: Display = DEFAULT, highlight: str | None = None) -> go.Figure:
+    """Draw the force that the CAE model lacks in each test, coloured by speed, and its events with their ranks."""
+    figure, colour = displacement_figure(height_under_names(len(found.tests))), COLOURS["displacement_domain"]
+    for rank, event in enumerate(found.events, start=1):
+        ends_mm, force_kn = np.array([event.from_m, event.to_m]) / _MM, np.full(2, event.force_n / _KN)
+        key: dict[str, Any] = {"name": "Events by rank", "legendgroup": "events", "whose": f"Event {rank}"}
+        add_band(figure, ends_mm, 0 * force_kn, force_kn, colour=colour, showlegend=rank == 1, **key)
+        mark = {"text": f"<b>{rank}</b>", "showarrow": False, "yshift": 10 * np.sign(event.force_n)}
+        figure.add_annotation(x=ends_mm.mean(), y=force_kn[0], **mark)
+    forces = dict(zip(found.tests, found.force_n / _KN, strict=True))
+    for test, style in by_speed(found.tests, highlight, display):
+        add_line(figure, found.displacement_m / _MM, forces[test], **style)
+    figure.update_yaxes(title="Force, test − CAE (kN)")
     return fit_axis(figure)
 
 

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from crashfuse.approaches.registry import LABELS
 from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
+from crashfuse.reporting.cae_events import events_sentences, events_table, study_events
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.past_results import (
     comparison_means,
@@ -18,6 +19,7 @@ from crashfuse.reporting.past_results import (
     studies_table,
 )
 from crashfuse.reporting.plots.compared import rating_differences
+from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, best, mean_values, rating_table
@@ -89,7 +91,7 @@ def _left_out(config: StudyConfig, alone: bool) -> str:
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
     tables = [(caption, rating_table(study, rows)) for rows, caption in _CAPTIONS]
-    held_out = [fold.held_out for fold in study.folds]
+    held_out, events = [fold.held_out for fold in study.folds], study_events(study)
     return {
         "speed_groups": study.speed_groups and _result(study.speed_groups, display),
         "speed_step": speed(SPEED_STEP_MPS, form=".2g"),
@@ -103,6 +105,12 @@ def _whole(study: Study, display: Display) -> dict[str, object]:
             "curves": study.plot(figure="calibration", display=display),
         },
         "bias": study.campaign.plot("bias", display=display),
+        "events": events
+        and {
+            "sentences": events_sentences(events),
+            "table": events_table(events),
+            "figure": missing_force(events, display),
+        },
     }
 
 

@@ -47,6 +47,11 @@ def with_factor(values: str, effect: FloatArray) -> HierarchicalBias:
     return HierarchicalBias().fit(tests)
 
 
+def moving(at: Condition) -> BiasPoints:
+    """Where a crash at 10 m/s shows the bias before its stop."""
+    return BiasPoints(at, S, np.ones_like(S), force(10.0))
+
+
 def mean_and_width(model: HierarchicalBias, speed_mps: float) -> tuple[FloatArray, FloatArray]:
     """Mean bias and the standard deviation of the draws at a speed."""
     rng = np.random.default_rng(0)
@@ -102,7 +107,7 @@ def test_a_bias_of_noise_alone_is_said_to_be_one() -> None:
 def test_the_parts_add_up_to_what_is_expected() -> None:
     """Their means do, and the total's band is that of the draws."""
     model = fit({v: v / 10 * shared(S) + 0.1 * cae(v) for v in (6.0, 8.0, 12.0, 14.0)})
-    *parts, total = model.parts(condition(10.0), S, force(10.0))
+    *parts, total = model.parts(moving(condition(10.0)))
     assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "humps", "own"]
     rng = np.random.default_rng(0)
     draws = model.sample(condition(10.0), S, force(10.0), NO_HUMP, 8000, rng).over_displacement_mps2
@@ -114,10 +119,10 @@ def test_the_parts_add_up_to_what_is_expected() -> None:
 
 def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
     """Zero, give or take the same at every displacement, the larger the more like tests differ."""
-    alike = fit({v: shared(S) for v in (9.9, 10.0, 10.1, 10.2)}).parts(condition(10.0), S, force(10.0))[-2]
+    alike = fit({v: shared(S) for v in (9.9, 10.0, 10.1, 10.2)}).parts(moving(condition(10.0)))[-2]
     wiggle = 15 * np.sin(S / 0.05)
     unlike = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
-    own = unlike.parts(condition(10.0), S, force(10.0))[-2]
+    own = unlike.parts(moving(condition(10.0)))[-2]
     np.testing.assert_allclose(own.mean_mps2, 0.0, atol=1e-9)
     np.testing.assert_allclose(own.upper_mps2, own.upper_mps2[0], rtol=1e-9)
     assert own.upper_mps2[0] > 3 * alike.upper_mps2[0]
@@ -158,7 +163,7 @@ def test_a_factor_that_tells_tests_apart_is_used() -> None:
         np.testing.assert_allclose(mean, expected, atol=6.0)
     assert model.unknown_factors(at) == ()
     assert model.unknown_factors(condition(10.0)) == ("powertrain",)
-    assert "by powertrain" in [part.name for part in model.parts(at, S, force(10.0))]
+    assert "by powertrain" in [part.name for part in model.parts(moving(at))]
     assert any("powertrain" in note for note in model.notes)
 
 
