@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
+from tables import write
 
 from crashfuse.approaches.calibration import STRIDE
 from crashfuse.approaches.mixture import Scores
@@ -53,10 +54,10 @@ def main() -> None:
         for way in ways:
             study = run_study(campaign, StudyConfig(leave_out=way))
             repeats = _repeats(folder, campaign, study) if way == "test" else {}
-            expected = _expected(study)
+            expected, errors = _expected(study)
             about = {"campaign": campaign.name.partition(" (")[0], "left out": way}
             for name, rows in {
-                "accuracy": [_means(study, repeats) | _account(expected)],
+                "accuracy": [_means(study, repeats) | _account(expected, errors)],
                 "accuracy_approaches": _approaches(study, repeats),
                 "accuracy_tests": _tests(study),
                 "accuracy_expected": expected,
@@ -66,16 +67,7 @@ def main() -> None:
         table = pd.DataFrame(rows).fillna("")
         print(f"\n{name}\n{table.to_string(index=False)}")
         if chosen.data is not None:
-            _write(table, chosen.data / f"{name}.csv")
-
-
-def _write(table: pd.DataFrame, file: Path) -> None:
-    """Write a table; rows of other campaigns that the file had stay."""
-    if file.exists():
-        before = pd.read_csv(file, dtype=str, keep_default_na=False)
-        table = pd.concat([table, before[~before["campaign"].isin(table["campaign"])]])
-    file.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(file, index=False, lineterminator="\n")
+            write(table, chosen.data / f"{name}.csv")
 
 
 def _means(study: Study, repeats: dict[str, dict[float, float]]) -> dict[str, object]:
@@ -165,9 +157,10 @@ def _differ(one: Pulse, other: Pulse) -> bool:
     return not np.array_equal(one.accel_mps2, other.accel_mps2)
 
 
-def _expected(study: Study) -> list[dict[str, object]]:
-    """The recommendation for each test before it was run, the expected rating and the actual one."""
+def _expected(study: Study) -> tuple[list[dict[str, object]], np.ndarray]:
+    """The recommendation for each test before it was run, the expected and the actual rating; how far it was off."""
     rows: list[dict[str, object]] = []
+    errors = []
     for fold in study.folds:
         condition = study.campaign.test(fold.held_out).condition
         rest = study.config.training_campaign(study.campaign, fold.held_out)
@@ -175,16 +168,16 @@ def _expected(study: Study) -> list[dict[str, object]]:
         rated = fold.ratings[advice.approach][_WINDOW_MS].overall
         if (expected := advice.expected) is None:
             continue
+        errors.append(expected.median - rated)
         lower, _, upper = expected.range.partition(" to ")
         row = {"test": fold.held_out, "recommended": LABELS[advice.approach], "expected": f"{expected.median:.3f}"}
         row |= {"likely from": lower, "likely to": upper, "rated": f"{rated:.3f}"}
         rows.append({**row, "came out": expected.surprise(rated)})
-    return rows
+    return rows, np.array(errors)
 
 
-def _account(expected: list[dict[str, object]]) -> dict[str, object]:
+def _account(expected: list[dict[str, object]], errors: np.ndarray) -> dict[str, object]:
     """How far the expected ratings were off, and how many tests came out inside the ranges."""
-    errors = np.array([float(str(row["expected"])) - float(str(row["rated"])) for row in expected])
     words = [str(row["came out"]) for row in expected]
     return {
         "expected off by": signed(float(errors.mean()), 3),

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 from joblib import Parallel, delayed
+from tables import write
 from threadpoolctl import threadpool_limits
 from vehicles import World
 
@@ -64,7 +65,7 @@ def _predicted(campaign: Campaign, learned_from: str, held_out: tuple[str, ...])
     return rows
 
 
-def _print(campaign: Campaign, workers: int) -> None:
+def _print(campaign: Campaign, workers: int, data: Path | None) -> None:
     Fit.of(campaign, "lf_tcn", _CONFIG)  # the networks depend on the CAE runs alone: trained once
     choices = list(_choices(campaign))
     tables = Parallel(workers)(delayed(_predicted)(campaign, *choice) for choice in choices)
@@ -74,6 +75,7 @@ def _print(campaign: Campaign, workers: int) -> None:
     print(f"\n### {campaign.name}\n\nRating, worst change, a(t) inside the band:\n")
     print("| tests | " + " | ".join(LABELS[name] for name in _APPROACHES) + " | better part |")
     print("|---|" + "---:|" * (len(_APPROACHES) + 1))
+    written = []
     for tests in dict.fromkeys(learned_from for learned_from, _ in choices):
         cells = [f"{mean.loc[(tests, 'cae'), 'rating']:.3f}"]
         for name in _APPROACHES[1:]:
@@ -81,6 +83,11 @@ def _print(campaign: Campaign, workers: int) -> None:
             cells.append(f"{rating:.3f}, {signed(worst[tests, name], 3)}, {inside:.2f}")
         better = mean.loc[tests].loc[_PARTS, "rating"].max()
         print(f"| {tests} | " + " | ".join(cells) + f" | {better:.3f} |", flush=True)
+        fused = cells[-1].split(", ")
+        row = {"campaign": campaign.name.partition(" (")[0], "learned from": tests, "fused": fused[0]}
+        written.append({**row, "better part": f"{better:.3f}", "worst change": fused[1], "inside": fused[2]})
+    if data is not None:
+        write(pd.DataFrame(written), data / "few_tests.csv")
 
 
 def main() -> None:
@@ -90,12 +97,15 @@ def main() -> None:
     arguments.add_argument("--vehicles", type=int, default=0, help="random vehicles, besides the campaigns")
     arguments.add_argument("--first", type=int, default=1000, help="seed of the first; below 1000 some took part")
     arguments.add_argument("--workers", type=int, default=2)
+    arguments.add_argument(
+        "--data", type=Path, help="folder of few_tests.csv; its rows of these campaigns are replaced"
+    )
     chosen = arguments.parse_args()
     folders = chosen.campaigns or ([] if chosen.vehicles else [Path("sample_data")])
     for folder in folders:
-        _print(load_campaign(folder), chosen.workers)
+        _print(load_campaign(folder), chosen.workers, chosen.data)
     for seed in range(chosen.first, chosen.first + chosen.vehicles):
-        _print(World.any(seed).campaign(_TESTS), chosen.workers)
+        _print(World.any(seed).campaign(_TESTS), chosen.workers, chosen.data)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from crashfuse.cli import parser
 
 _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 _HELP = re.compile(r"^<!-- help (\S+) -->$", re.MULTILINE)
-_CALLS = re.compile(r"^- `(\w+)`: .*$", re.MULTILINE)  # on the page of the library
+_CALLS = re.compile(r"^- `(\w+)`: .*(?:\n  .*)*$", re.MULTILINE)  # on the page of the library
 _BLOCK = re.compile(r"^```math\n(.*?)\n```$", re.MULTILINE | re.DOTALL)  # as public forges show equations
 _INLINE = re.compile(r"\$`(.+?)`\$")
 

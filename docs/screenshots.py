@@ -1,7 +1,6 @@
 """Take the README's screenshots of the dashboard on the sample campaign: ``python docs/screenshots.py``.
 
-Every page in the light theme, and Compare in the dark one too. With an empty cache everything is computed first; for
-the page History, which compares two studies, a second one with another seed.
+Every page in the light theme, and Compare in the dark one too. With an empty cache everything is computed first.
 """
 
 import shutil
@@ -26,16 +25,13 @@ _FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
     *("--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage", "--hide-scrollbars"),
 )
-_NO_PICTURE = "second study"
 _SHOTS = {  # page, height that shows it, theme, button that starts the computation, text that marks its end
     "data": ("data", 1000, "light", None, "CAE model"),
-    "train": ("train", 870, "light", "Start", "are ready"),
+    "train": ("train", 870, "light", "Train without", "Rated, "),
     "compare": ("compare", 1200, "light", "Predict test", "Recommended was"),
     "study": ("study", 1240, "light", "Leave out each", "Use the"),
     "predict": ("predict", 1280, "light", "Predict", "Use the"),
     "certify": ("certify", 1100, "light", "Certify", "Validated domain"),
-    _NO_PICTURE: ("study?seed=1", 1240, "light", "Leave out each", "Use the"),
-    "history": ("history", 1420, "light", None, "Each test"),
     "compare-dark": ("compare", 1200, "dark", None, "Recommended was"),
 }
 _LONGEST_S = 1200.0
@@ -73,8 +69,6 @@ def _visit(address: str, scratch: str) -> None:
             browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
             browser.get(f"{address}/{page}{'&' if '?' in page else '?'}{_VIEW}")
             _compute(browser, button, words)
-            if name == _NO_PICTURE:
-                continue
             time.sleep(4)  # until the figures have faded in
             browser.save_screenshot(str(DOCS / f"{name}.png"))
             print(f"docs/{name}.png", flush=True)

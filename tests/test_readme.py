@@ -29,7 +29,7 @@ def test_the_two_commands_install_and_run_what_exists() -> None:
 @pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
 def test_the_cpu_build_of_torch_is_the_one_that_the_constraints_ask_for(page: str) -> None:
     """Another version would be replaced by PyPI's, with CUDA, in the next line."""
-    [version] = re.findall(r"CPU build of version (\S+) first", (ROOT / page).read_text(encoding="utf-8"))
+    [version] = re.findall(r"CPU\s+build\s+of\s+version\s+(\S+)\s+first", (ROOT / page).read_text(encoding="utf-8"))
     assert f"torch=={version}\n" in (ROOT / "constraints.txt").read_text(encoding="utf-8")
 
 

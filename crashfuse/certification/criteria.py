@@ -123,7 +123,8 @@ _LEAST_LIMITS = {"mm": (5.0, "m"), "ms": (0.5, "s")}
 """Limits below these, by their unit, are in the unit a thousand times as large: no vehicle crushes less."""
 CriteriaGiven: TypeAlias = str | Path | pd.DataFrame | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria
 """``criteria.toml``, its tables as rows of a frame or as mappings, or criteria as they are judged."""
-_TO_START, _GOOD = ("max_crush", "peak", "delta_v", "olc"), 0.8  # the grade "good" of ISO/TS 18571
+_TO_START = {"crush": "max_crush", "peak": "peak", "velocity change": "delta_v", "OLC": "olc"}
+_GOOD = 0.8  # the grade of ISO/TS 18571
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
 
@@ -176,12 +177,12 @@ def limits_of_tests(campaign: Campaign, units: UnitSystem) -> list[dict[str, Any
         for t in campaign.tests
     ]
     rows: list[dict[str, Any]] = []
-    for metric in _TO_START:
+    for name, metric in _TO_START.items():
         factor = units.factor(METRIC_UNITS[metric])
         most = max((float(v[metric]) * factor for v in shown if np.isfinite(v[metric])), default=0.0)
         if most > 0:
             step = 10.0 ** (math.floor(math.log10(most)) - 1)
-            rows.append({"metric": metric, "at_most": math.ceil(most / step) * step / factor})
+            rows.append({"name": name, "metric": metric, "at_most": math.ceil(most / step) * step / factor})
     return [*rows, {"metric": RATING, "window_ms": WINDOW_MS, "at_least": _GOOD}]
 
 

@@ -96,6 +96,11 @@ class Earlier:
         return f"<Earlier certification of {len(self.matrix.ids)} conditions from {len(self.tests)} tests>"
 
     @property
+    def id(self) -> str:
+        """Twelve hexadecimal digits, as of other past results."""
+        return self.digest[:12]
+
+    @property
     def rows(self) -> dict[str, tuple[EarlierVerdict, ...]]:
         """The verdicts of each condition, by its id."""
         return dict(zip(self.matrix.ids, self.verdicts, strict=True))

@@ -33,20 +33,20 @@ SUBJECTS = {
     "since.wrong": "Verdicts that tests run since contradict",
     "record.none": "No record",
     "criterion.unsupported": "Criteria whose record does not support the confidence",
+    "record.wrong": "Wrong verdicts on left-out tests",
     "test.extrapolated": "Tests outside the range of the CAE runs",
     "cae.runs_fail": "CAE runs in doubt",
     "tests.left_out_of_use": "Tests left out of use",
     "test.not_used": "Tests that are not used",
-    "campaign.warning": "Warnings about the campaign",
-    "condition.outside": "Conditions outside the validated domain",
     "tests.cae_tuned": "Tests that the CAE model was tuned to",
     "condition.no_factor": "Conditions without a factor that the tests have",
     "condition.new_together": "Factors that no test has together",
+    "campaign.warning": "Warnings about the campaign",
+    "condition.outside": "Conditions outside the validated domain",
     "condition.too_short": "Open, because recordings end too early to predict",
     "criterion.occupant": "Criteria by another occupant model than the usual one",
     "since.moved": "Verdicts on tests run since that depend on how these were moved to their conditions",
     "since.too_narrow": "Intervals that tests run since contradict",
-    "record.wrong": "Wrong verdicts on left-out tests",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
     "record.no_gain": "Probabilities no better than those of the raw CAE",
@@ -54,6 +54,8 @@ SUBJECTS = {
     "criterion.few": "Criteria whose own record does not support the confidence alone",
 }
 """What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
+DECISIVE = tuple(SUBJECTS.values())[:11]
+"""The subjects that stand beside the answer itself: down to factors that no test has together."""
 ANSWERS: Mapping[Answer, tuple[str, str]] = {
     "run": ("Run already", "{}"),
     "need not be run": ("Need not be run (probability that all criteria are met at once)", "all met at once: {}"),
@@ -84,7 +86,7 @@ PLACES: Mapping[Place, tuple[str, ...]] = {
         *("test.not_used", "criterion.unsupported"),
     ),
     "record": (
-        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.brier", "record.no_gain"),
+        *(*_RECORD, "record.intervals", "record.too_narrow", "record.whole", "record.no_gain"),
         *("record.none", "tests.cae_tuned"),
     ),
     "domain": ("domain.checked", "domain.reach"),

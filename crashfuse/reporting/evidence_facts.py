@@ -61,14 +61,10 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
     if counts := record.whole_pulses:
         ways = {"alone" if way == "test" else f"with the {way}": own for way, own in counts.items()}
         yield fact("record.whole", whole_sentence(ways), **counts)
-    if record.brier is not None:
-        ours, cae = record.brier
-        shown = [f"{score:.4f}" if score >= 5e-5 else "below 0.0001" for score in (ours, cae)]
+    if record.brier is not None and record.brier[0] >= record.brier[1]:
+        ours, cae = (f"{score:.4f}" if score >= 5e-5 else "below 0.0001" for score in record.brier)
         told = "Brier score of the probabilities of metrics, ratings aside (0 is perfect)"
-        yield fact(
-            "record.brier" if ours < cae else "record.no_gain",
-            f"{told}: {shown[0]}; {shown[1]} for the raw CAE with its own error as band.", ours=ours, cae=cae,
-        )  # fmt: skip
+        yield fact("record.no_gain", f"{told}: {ours}; {cae} for the raw CAE with its own error as band.")
     for trial in record.counted:
         if trial.wrong:
             yield _wrong("record.wrong", trial, how_left_out(trial.left_out), criteria.confidence)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import read_csv_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -18,13 +19,13 @@ from crashfuse.wording import difference
 _LEFT_OUT = {"test": "alone", "speed group": "with all at its speed", "both": "both ways"}
 
 
-def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> pd.DataFrame:
-    """One row per result: what was asked, with which settings, and how it rated over the longest window."""
+def history_table(results: Iterable[PastResult | Earlier], display: Display = DEFAULT) -> pd.DataFrame:
+    """One row per result: what was asked, with which settings, and what came of it, over the longest window."""
     table = pd.DataFrame([_row(result, display) for result in results])
     return table if table.empty or table["Note"].any() else table.drop(columns="Note")
 
 
-def described(result: PastResult, display: Display = DEFAULT) -> str:
+def described(result: PastResult | Earlier, display: Display = DEFAULT) -> str:
     """A result in a few words, to choose it by: date, what, settings, campaign, note."""
     row = _row(result, display)
     names = ("Date (UTC)", "What", "Settings", "Campaign", "Note")
@@ -35,14 +36,6 @@ def left_out_in_words(way: str) -> str:
     """A way of leaving tests out, as :class:`StudyComparison` has it: that of both, or of the first and the second."""
     words = [_LEFT_OUT[part] for part in way.split(", ")]
     return f"Each test left out {words[0] if len(words) == 1 else '{} in the first, {} in the second'.format(*words)}"
-
-
-def comparison_table(compared: StudyComparison, approach: str, window_ms: float, left_out: str) -> pd.DataFrame:
-    """Ratings of each test by one approach, as a table for readers: first, second, their difference; then the mean."""
-    table = compared.over(window_ms, left_out)
-    ratings = table[table["approach"] == approach][["held_out", "first", "second"]]
-    rows = [*ratings.values.tolist(), ["Mean", *ratings[["first", "second"]].mean()]]
-    return pd.DataFrame({"Test": test, **_pair(first, second)} for test, first, second in rows)
 
 
 def comparison_means(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
@@ -61,29 +54,6 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
     return table[["Approach", "First", "Second", "Difference"]] if set(table["Tests"]) == {"1"} else table
 
 
-def comparison_tests(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
-    """Every test by every approach, as a table for readers: its rating in the second study, and the difference."""
-    rows = (
-        (test, LABELS.get(name, name), "{Second} ({Difference})".format(**_pair(first, second)))
-        for _, test, name, _, first, second, _ in compared.over(window_ms, left_out).itertuples(index=False)
-    )
-    return _wide(pd.DataFrame(rows, columns=["Test", "column", "cell"]), "Test")
-
-
-def comparison_by_window(compared: StudyComparison, left_out: str) -> pd.DataFrame:
-    """Mean ratings by approach and window, as a table for readers: first, second, and their difference."""
-    rows = (
-        (
-            LABELS.get(row["approach"], row["approach"]),
-            f"0–{window:g} ms",
-            "  ".join(_pair(row["first"], row["second"]).values()),
-        )
-        for window in compared.windows_ms
-        for row in compared.means(window, left_out).to_dict("records")
-    )
-    return _wide(pd.DataFrame(rows, columns=["Approach", "column", "cell"]), "Approach")
-
-
 def studies_table(first: PastResult, second: PastResult, display: Display = DEFAULT) -> pd.DataFrame:
     """What two studies are, one row for each property."""
     rows = history_table([first, second], display).T
@@ -95,34 +65,39 @@ def _pair(first: float, second: float) -> dict[str, str]:
     return {"First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": difference(second, first, 3)}
 
 
-def _wide(cells: pd.DataFrame, index: str) -> pd.DataFrame:
-    wide = cells.pivot_table(index=index, columns="column", values="cell", aggfunc="first", sort=False)
-    return wide.fillna("–").rename_axis(columns=None).reset_index()
-
-
-def _row(result: PastResult, display: Display) -> dict[str, str]:
-    mean, worst, config = "–", "–", result.config
+def _row(result: PastResult | Earlier, display: Display) -> dict[str, str]:
+    row = dict.fromkeys(
+        ("Date (UTC)", "Campaign", "What", "Note", "Recommended", "Mean rating", "Worst test", "Settings", "Data"), "–"
+    )
+    row |= {"Date (UTC)": result.date[:16].replace("T", " ")}
+    if isinstance(result, Earlier):
+        n, given = len(result.matrix.ids), result.settings
+        return row | {
+            "Campaign": given["campaign"],
+            "What": f"certification of {n} condition{'s' * (n > 1)}",
+            "Note": "",
+            "Recommended": given.get("approach", "–"),
+            "Mean rating": f"{len(result.waived)} of {n} need not be run",
+            "Settings": f"{given.get('preset', '–')}, seed {given.get('seed', '–')}",
+        }
+    config, n = result.config, len(result.config.approaches)
     if result.tests:
         window = max(result.windows_ms)
-        mean = f"{result.mean(result.approach, window):.3f}"
-        worst = "{} {:.3f}".format(*result.worst(result.approach, window))
+        row["Mean rating"] = f"{result.mean(result.approach, window):.3f}"
+        row["Worst test"] = "{} {:.3f}".format(*result.worst(result.approach, window))
     elif result.expected:
-        mean = f"{result.expected.replace(' to ', '–')} (80 %)"
+        row["Mean rating"] = f"{result.expected.replace(' to ', '–')} (80 %)"
     if result.condition is not None:
         what = f"at {display.briefly(result.condition)}"
     else:
         tests = f"test {result.tests[0]}" if len(result.tests) == 1 else f"study of {len(result.tests)} tests, each"
         what = f"{tests} {_LEFT_OUT[config.leave_out]}"
-    n = len(config.approaches)
     approaches = "" if n == len(APPROACHES) else f", {n} approach{'es' * (n > 1)}"
-    return {
-        "Date (UTC)": result.date[:16].replace("T", " "),
+    return row | {
         "Campaign": result.campaign,
         "What": what,
         "Note": result.note,
         "Recommended": LABELS.get(result.approach, result.approach),
-        "Mean rating": mean,
-        "Worst test": worst,
         "Settings": f"{config.preset}, seed {config.seed}{approaches}",
         "Data": result.fingerprint[:8],
     }

@@ -22,18 +22,19 @@ def by_one(approach: str, predictions: Sequence[PredictedPulse]) -> list[Predict
     ]
 
 
-def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT) -> pd.DataFrame:
-    """Main metrics by one approach, for readers: each column but the first is followed by its differences from it."""
+def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAULT, base: int = 0) -> pd.DataFrame:
+    """Main metrics by one approach, for readers: first the ``base``, then each other with its differences from it."""
     labels = predictions[0].campaign.metric_headings
     columns = [{m.name: display.metric(m) for m in prediction.estimate.metrics} for prediction in predictions]
-    (first, base), *others = zip(column_names(predictions, display), columns, strict=True)
+    others = list(zip(column_names(predictions, display), columns, strict=True))
+    first, subtracted = others.pop(base)
     table = {
         "Pulse metric": [display.heading(labels[name]) for name in MAIN_METRICS],
-        first: [base[name].text for name in MAIN_METRICS],
+        first: [subtracted[name].text for name in MAIN_METRICS],
     }
     for who, metrics in others:
         table[who] = [metrics[name].text for name in MAIN_METRICS]
-        table[f"{who} − {first}"] = [_difference(metrics[name], base[name]) for name in MAIN_METRICS]
+        table[f"{who} − {first}"] = [_difference(metrics[name], subtracted[name]) for name in MAIN_METRICS]
     return pd.DataFrame(table)
 
 

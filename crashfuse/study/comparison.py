@@ -1,9 +1,8 @@
 """Two studies beside each other: which one rates higher, in which tests, and by how much."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -17,23 +16,6 @@ from crashfuse.wording import difference
 _CLEARLY = 2.0  # standard errors
 _SAME = 1e-6  # records are rounded to six digits
 _KEY = ["held_out", "approach", "window_ms"]
-
-
-def telling_pair(studies: Sequence[PastResult]) -> tuple[PastResult, PastResult] | None:
-    """The two of one campaign with most ratings in common that can differ, the latest of these; the earlier first.
-
-    They can differ in data, preset, seed, device, or in what was left out together. Two that are perhaps of two
-    vehicles do not count.
-    """
-    best, most = None, 0
-    latest_first = sorted(studies, key=lambda study: study.date, reverse=True)
-    keys = [(study, {row[:3] for row in _rows(study.ratings)}) for study in latest_first]
-    for (other, others), (one, rated) in combinations(keys, 2):
-        if min(len(rated), len(others)) <= most or not _can_differ(one, other):  # before what takes long
-            continue
-        if (common := len(rated & others)) > most and not _are_perhaps_two_vehicles(one, other):
-            best, most = (one, other), common
-    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,19 +53,14 @@ class StudyComparison:
         table = pd.concat(parts, ignore_index=True)
         return table.assign(difference=table["second"] - table["first"])
 
-    @property
-    def windows_ms(self) -> list[float]:
-        """The windows that both were rated over, ascending."""
-        return sorted(map(float, self.ratings["window_ms"].unique()))
+    def window(self, asked_ms: float) -> float:
+        """The window asked for, if both were rated over it, else the longest."""
+        return asked_ms if asked_ms in set(self.ratings["window_ms"]) else self.longest_ms
 
     @property
     def longest_ms(self) -> float:
-        """The longest of them."""
-        return self.windows_ms[-1]
-
-    def window(self, asked_ms: float) -> float:
-        """The window asked for, if both were rated over it, else the longest."""
-        return asked_ms if asked_ms in self.windows_ms else self.longest_ms
+        """The longest window that both were rated over."""
+        return float(self.ratings["window_ms"].max())
 
     @property
     def ways(self) -> list[str]:
@@ -173,27 +150,13 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
     )
 
 
-def _can_differ(one: PastResult, other: PastResult) -> bool:
-    if one.campaign != other.campaign:
-        return False
-    asked = [(r.fingerprint, r.config.preset, r.config.seed, r.config.device) for r in (one, other)]
-    return asked[0] != asked[1] or not {*one.by_way} & {*other.by_way}
-
-
-def _are_perhaps_two_vehicles(one: PastResult, other: PastResult) -> bool:
-    alike = _alike(one, other) if one.fingerprint != other.fingerprint else {}
-    return bool(alike) and not any(alike.values())
-
-
 def _what_differs(one: PastResult, other: PastResult) -> str:
     alike = _alike(one, other)
     if not alike:
         return "tests are compared by their ids, whatever was measured in them."
     changed = ", ".join(test for test, is_alike in alike.items() if not is_alike)
-    if not changed:
-        return "not in these tests, in which the raw CAE model is rated the same."
     vehicles = "" if any(alike.values()) else " These are perhaps two vehicles."
-    return f"the raw CAE model is rated differently in {changed}: other tests or CAE runs.{vehicles}"
+    return f"the raw CAE model is rated differently in {changed or 'none of these tests'}.{vehicles}"
 
 
 def _alike(one: PastResult, other: PastResult) -> dict[str, bool]:

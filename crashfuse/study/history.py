@@ -131,25 +131,14 @@ def keep(result: PastResult) -> None:
 
 
 def annotate(result: PastResult, note: str) -> None:
-    """Write a note on a result that is kept, in place of the one that it was shown with.
-
-    A DataError if somebody has written another note since, or taken the result off the list.
-    """
-    folder, text = _home(), printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
-    with sole_writer(folder, _PATIENCE_S):
-        before = _read(folder / f"{result.id}.json")
-        if before is None or before.note not in (result.note, text):
-            there = "no such result any more" if before is None else f"“{before.note}”, which was written since"
-            raise DataError(
-                Problem(result.campaign, f"the note “{result.note}”", there, "look at the list, and write yours again")
-            )
-        _write(replace(before, note=text), folder)
-
-
-def forget(result: PastResult) -> None:
-    """Take a result off the list; the result itself is not touched."""
-    with suppress(OSError):
-        (_home() / f"{result.id}.json").unlink()
+    """Write a note on a result that is kept; a DataError if somebody has written another one since."""
+    text = printable(" ".join(note.split())[:LONGEST_NOTE], LONGEST_NOTE)
+    with sole_writer(_home(), _PATIENCE_S):
+        before = _read(_home() / f"{result.id}.json") or result
+        if before.note not in (result.note, text):
+            found = f"“{before.note}”, which was written since"
+            raise DataError(Problem(result.campaign, f"the note “{result.note}”", found, "write yours again"))
+        _write(replace(before, note=text), _home())
 
 
 def _write(result: PastResult, folder: Path) -> None:
@@ -175,14 +164,13 @@ def parsed(values: Mapping[str, Any]) -> PastResult:
     if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(date):
         raise ValueError("no texts, or no date")
     condition = None if values["condition"] is None else Condition.parse(values["condition"])
-    expected = values["expected"]
-    if not isinstance(expected, str | float | None):
-        raise ValueError("no expectation")
+    expected = values["expected"] or ""
+    if not isinstance(expected, str):
+        raise ValueError("no expectation")  # or of an earlier version
     ratings, groups = _ratings(values["ratings"], approach), _ratings(values["speed_groups"], approach)
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")
     config = StudyConfig.parse(values["config"])
-    expected = expected if isinstance(expected, str) else ""  # earlier versions kept a mean
     note = printable(str(values.get("note", "")), LONGEST_NOTE)
     return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, expected, note)
 

@@ -82,12 +82,8 @@ def recommend_for(
     equal = [name for name, rating in expected.items() if rating.mean > most - _CLEARLY]
     name, best, undecided = equal[0], expected[equal[0]], ""
     if len(equal) > 1:
-        rated = {
-            f"0–{window:g} ms": {other: mean_near(by_name[other], campaign, best.tests, window) for other in equal}
-            for window in WINDOWS_MS
-        }
-        rated["the worst test"] = {other: expected[other].lowest for other in equal}
-        undecided = _undecided(rated, len(best.tests))
+        means = {w: [mean_near(by_name[other], campaign, best.tests, w) for other in equal] for w in WINDOWS_MS}
+        undecided = _undecided(equal, means, [expected[other].lowest for other in equal], len(best.tests))
     sentences: list[str] = [joined([f"Use {CLASSES[name].in_words}{undecided}.", best.sentence])]
     if best.farther:
         sentences.append(
@@ -106,17 +102,17 @@ def recommend_for(
     return Recommendation(name, (*sentences, *campaign.cae.extrapolation(condition)), best, undecided)
 
 
-def _undecided(rated: Mapping[str, Mapping[str, float]], n_tests: int) -> str:
-    """From which approaches so many tests cannot tell the first, and what rates one of these higher."""
-    name, *equal = next(iter(rated.values()))
-    prefers = []
-    for what, ratings in rated.items():
-        best = max(ratings, key=ratings.__getitem__)
-        higher, lower = (f"{ratings[approach]:.2f}" for approach in (best, name))
+def _undecided(
+    equal: Sequence[str], means: Mapping[float, Sequence[float]], lowest: Sequence[float], n_tests: int
+) -> str:
+    """From which approaches so many tests cannot tell the first, and which window or worst test prefers another."""
+    told = [read_out([CLASSES[other].in_words for other in equal[1:]])]
+    for what, ratings in {**{f"0–{w:g} ms": of_all for w, of_all in means.items()}, "the worst test": lowest}.items():
+        higher, lower = f"{max(ratings):.2f}", f"{ratings[0]:.2f}"
         if higher != lower:
-            prefers.append(f"{what} prefers {CLASSES[best].in_words} ({higher} for {lower})")
-    from_others = read_out([CLASSES[other].in_words for other in equal])
-    return f": {n_tests} left-out tests cannot tell it from {'; '.join([from_others, *prefers])}"
+            best = equal[ratings.index(max(ratings))]
+            told.append(f"{what} prefers {CLASSES[best].in_words} ({higher} for {lower})")
+    return f": {n_tests} left-out tests cannot tell it from {'; '.join(told)}"
 
 
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
@@ -173,12 +169,9 @@ def _recommendation(study: Study) -> Recommendation:
     name, *equal = [name for name, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(n)]
     undecided = ""
     if equal:
-        rated = {
-            f"0–{window:g} ms": {other: study.mean_rating(other, window) for other in (name, *equal)}
-            for window in study.config.windows_ms
-        }
-        worst = {other: min(fold.ratings[other][window_ms].overall for fold in study.folds) for other in (name, *equal)}
-        undecided = _undecided({**rated, "the worst test": worst}, n)
+        means = {w: [study.mean_rating(other, w) for other in (name, *equal)] for w in study.config.windows_ms}
+        worst = [min(fold.ratings[other][window_ms].overall for fold in study.folds) for other in (name, *equal)]
+        undecided = _undecided((name, *equal), means, worst, n)
     shown = {other: Quantity((float(values.mean()),), "g", ".2f") for other, values in crps.items()}
     others = [Sentence("{} {}", CLASSES[other].in_words, value) for other, value in shown.items() if other != name]
     sentences: list[str] = [

@@ -23,7 +23,7 @@ from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest, advised
-from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, without_clicks
+from crashfuse.ui.kit.curves import Shown, Subject, without_clicks
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, offer_pulses
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.results import show_table
@@ -90,10 +90,6 @@ class Comparison:
     def repeat(self) -> Repeatability | None:
         """What a repeat of the test would rate, if it is known."""
         return self.study.repeatability.get(self.test.id, {}).get(self.window_ms)
-
-    def choose_curves(self, offered: Sequence[str] | None = None) -> Shown:
-        """Let the user choose the curves of a figure."""
-        return choose_curves(self.subject, self.approach, self.predictions, offered)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""

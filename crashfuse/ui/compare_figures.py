@@ -4,7 +4,6 @@ from collections.abc import Hashable
 from functools import partial
 
 import streamlit as st
-from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting import glossary
@@ -15,6 +14,7 @@ from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.left_out_account import Account, account
 from crashfuse.ui.compare import Comparison
 from crashfuse.ui.kit import results
+from crashfuse.ui.kit.curves import choose_curves
 from crashfuse.ui.kit.editing import edit_notes, notes_of
 from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.results import show_table
@@ -46,19 +46,15 @@ _CURVES = {
 """Figures beside that of the motion: the library's name, the alternative text, and what to see."""
 
 
-def _row() -> DeltaGenerator:
-    return st.container(horizontal=True, vertical_alignment="center", gap="xsmall")
-
-
 def show_pulses(comparison: Comparison) -> None:
     """Show the test and its prediction in the figure that the user picks."""
     test = comparison.test
-    with _row():
+    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
         corridors = shown == _MOTION and st.toggle(
             "Corridors of the rating", key="corridors", persist_state="session", help=_CORRIDORS_HELP
         )
-        curves = comparison.choose_curves()
+        curves = choose_curves(comparison.subject, comparison.approach, comparison.predictions)
     figure, alt, caption = _CURVES.get(shown, ("motion", "Acceleration, velocity and displacement over time: {}", ""))
     notes = notes_of(comparison.view)
     notes_here = tuple(note for note in notes if note.test == test.id)
@@ -77,10 +73,7 @@ def show_why(comparison: Comparison) -> None:
     approach = comparison.approach
     explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
-    with _row():
-        headline = f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**"
-        st.markdown(headline, width="content")
-        curves = comparison.choose_curves(offered=())
+    st.markdown(f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**")
     draw = partial(comparison.study.plot, test.id, display=display)
     bars, words = st.columns(2, gap="medium")
     with bars:
@@ -94,8 +87,8 @@ def show_why(comparison: Comparison) -> None:
             results.show_account(test_account.sentences[1:], missed=test_account.disappoints)
     alt = f"Test {test.id} and its prediction by {LABELS[approach]}: corridors, shifted, warped, and their slopes"
     show_cached_figure(
-        partial(draw, "rating", approaches=[approach], also=curves.also), alt, "rated curves", approach,
-        comparison.key, curves.key, name=f"rating of {LABELS[approach]}", beside=curves.also,
+        partial(draw, "rating", approaches=[approach]), alt, "rated curves", approach, comparison.key,
+        name=f"rating of {LABELS[approach]}",
     )  # fmt: skip
     with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")

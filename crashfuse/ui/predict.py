@@ -261,10 +261,9 @@ def _show_differences(answer: Answer) -> None:
     def minus(name: str) -> str:
         return f"− {name}" if more else f"{second if name == first else first} − {name}"
 
-    at = names.index(choose("Difference", names, key="subtracted", label_of=minus))
-    ordered = [shown[at], *shown[:at], *shown[at + 1 :]]
-    show_table(side_by_side(ordered, display), "beside")
-    for sentence in cautions(ordered, display):
+    base = names.index(choose("Difference", names, key="subtracted", label_of=minus))
+    show_table(side_by_side(shown, display, base), "beside")
+    for sentence in cautions(shown, display):
         st.caption(plain(sentence))
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import streamlit as st
-from click import Abort
+from click import Abort, echo
 from starlette.datastructures import MutableHeaders
 from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection
@@ -114,7 +114,7 @@ def launch(
     if secrets is not None:
         options.append(("secrets.files", secrets.resolve()))
     os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # the folder with the pages and settings
-    print(f"The dashboard is at http://127.0.0.1:{port}. Ctrl-C ends it.", flush=True)
+    echo(f"The dashboard is at http://127.0.0.1:{port}. Ctrl-C ends it.")
     with suppress(Abort):  # Ctrl-C
         main(["run", "app.py", *(f"--{name}={value}" for name, value in options)], standalone_mode=False)
 

@@ -1,4 +1,4 @@
-"""The page Study: ratings of tests left out in turn, what the bands are worth, and how many tests are enough."""
+"""The page Study: ratings of tests left out in turn, the bands, how many tests are enough, and past results."""
 
 import math
 from collections.abc import Hashable
@@ -6,37 +6,97 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.errors import DataError
 from crashfuse.reporting import glossary
 from crashfuse.reporting.earlier_prediction import how_left_out
 from crashfuse.reporting.fit_explanations import coverage_table
-from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5
 from crashfuse.reporting.report import learning_curve_report, study_report
 from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
-from crashfuse.reporting.result_tables import curve_table, gains_table
+from crashfuse.reporting.result_tables import gains_table
 from crashfuse.study.config import StudyConfig, has_speed_groups
 from crashfuse.study.learning_curve import CURVE_CONFIG
 from crashfuse.study.left_out_account import worst_test
 from crashfuse.study.one_more_test import Cost, sentences
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
+from crashfuse.ui import past_results
 from crashfuse.ui.kit import results
-from crashfuse.ui.kit.address import choose_held_out
+from crashfuse.ui.kit.address import choose_held_out, chosen_config
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest, jobs, learn_curve
 from crashfuse.ui.kit.figures import choose, show_cached_figure, show_clickable, show_figure
-from crashfuse.ui.kit.files import choose_report, download_report, download_table
+from crashfuse.ui.kit.files import choose_report, download_report, download_table, export_button
 from crashfuse.ui.kit.navigation import open_page
-from crashfuse.ui.kit.progress import result_or_none
+from crashfuse.ui.kit.progress import patience, result_of, result_or_none, show_training, stop_with_a_single_test
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
 
+_NUMBER, _PAST, _BANDS = "Number of tests", "Past results", "Bands"
+_TABS = ["Ratings", _BANDS, _NUMBER, _PAST]
 _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 
 
+def request_of(view: View) -> StudyRequest:
+    """Each test left out in turn, and then with its speed group, unless a fit takes minutes, or a GPU: the paper's."""
+    config = chosen_config()
+    both = replace(config, leave_out="both") if config.preset == "fast" else config
+    return StudyRequest(view.campaign, view.campaign.test_ids, both)
+
+
+def show(view: View) -> None:
+    """Let the user choose a tab, and show it with the files that it offers."""
+    row = st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center")
+    with row:
+        tab = choose("Tab", _TABS, key="study_tab")
+    if tab == _PAST:
+        compared = past_results.show(view)
+        if compared is not None:
+            past_results.show_compared(compared, view)
+            with row:
+                past_results.offer_files(compared, view)
+        return
+    stop_with_a_single_test(view.campaign)
+    if tab == _NUMBER:
+        _show_learning_curve(view, chosen_config(), row)
+        return
+    request = request_of(view)
+    config, n = request.config, len(view.campaign.tests)
+    again = "; then again without any other test at about its speed" if config.leave_out == "both" else ""
+    study = result_of(
+        request,
+        invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn, "
+        f"predicted from all others, and rated{again}. This has not been run yet for the {n} tests of this campaign. "
+        + patience(config, "It takes a minute or more the first time; meanwhile you can work on the other pages."),
+        button=f"Leave out each of {n} tests",
+    )
+    outcome = _Outcome(view, config, study, request.key)
+    with row:
+        export_button(partial(_show_files, outcome))
+    show_training(config, study.config.approaches)
+    reasons = _show_headline(outcome, grouped=by_group(request)) if outcome.whole else []
+    if tab == _BANDS:
+        _show_bands(outcome)
+    else:
+        _show_ratings(outcome, reasons)
+
+
+def _show_headline(outcome: "_Outcome", *, grouped: bool) -> list[str]:
+    """Show which approach to use, if the tests can tell, and how it rated; returns why."""
+    study = outcome.study
+    first, *others = map(outcome.view.display.words, recommend(study).sentences)
+    use, _, why = first.partition(". ")
+    rated = others.pop(-1 if study.speed_groups is not None and grouped else 0)
+    longest = max(study.config.windows_ms)
+    if outcome.window_ms != longest:  # what is said does not follow the choice in the sidebar
+        rated += f" This is over {results.window_label(longest)}."
+    results.show_recommendation([f"{use}. {rated}"])
+    return [why, *others]
+
+
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class _Outcome:
     """A study of all tests, and how the reader wants to see it."""
 
     view: View
@@ -78,7 +138,7 @@ def by_group(request: StudyRequest) -> bool:
     return both and st.session_state.get("ways") == _GROUP
 
 
-def choose_way(outcome: Outcome) -> tuple[Study, str]:
+def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
     """The study by one way of leaving tests out, and which: what is left out with a test."""
     study = outcome.study
     if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
@@ -86,22 +146,23 @@ def choose_way(outcome: Outcome) -> tuple[Study, str]:
     return study, "speed group" if study.config.leave_out == "speed group" else "test"
 
 
-def show_ratings(outcome: Outcome) -> None:
-    """Show the ratings of one way of leaving tests out."""
-    campaign, (study, leave_out) = outcome.view.campaign, choose_way(outcome)
+def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
+    """Show the ratings of one way of leaving tests out, and the reasons for what is recommended."""
+    campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
     if outcome.whole:
         worst = worst_test(study, outcome.window_ms, approach=recommend(outcome.study).approach)
         results.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
     show_table(results.mean_ratings_table(study), "means")
+    st.caption(" ".join(map(plain, reasons)))
     st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
     for test in campaign.tests:
         for note in campaign.cae.extrapolation(test.condition):
             st.caption(f":material/warning: {plain(test.id)}: {plain(note)}")
 
 
-def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
+def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     tests = [fold.held_out for fold in study.folds]
     st.markdown(f"**Each test, {outcome.window}**")
 
@@ -128,9 +189,9 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         st.caption(glossary.REPEAT)
 
 
-def show_bands(outcome: Outcome) -> None:
+def _show_bands(outcome: _Outcome) -> None:
     """Show the ratings of single draws, and how much of the tests lay inside the bands."""
-    study, leave_out = choose_way(outcome)
+    study, leave_out = _choose_way(outcome)
     if not study.coverage:
         st.info("None of these approaches has a band.", icon=":material/info:")
         return
@@ -139,35 +200,28 @@ def show_bands(outcome: Outcome) -> None:
     def show(figure: str, alt: str, name: str) -> None:
         show_cached_figure(partial(draw, figure=figure), alt, figure, leave_out, outcome.key, name=f"{name} {left_out}")
 
-    st.subheader(f"How sure the ratings are, {outcome.window}")
-    alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
-    show("draws", alt, "ratings of draws")
-    st.caption(
-        f"Marks: rating of the expected pulse. Lines: {glossary.DRAWS} Grey: where a repeat of the test would rate."
-    )
+    left, right = st.columns(2, gap="medium")
+    with left:
+        st.subheader(f"How sure the ratings are, {outcome.window}")
+        alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
+        show("draws", alt, "ratings of draws")
+        st.caption(
+            f"Marks: rating of the expected pulse. Lines: {glossary.DRAWS} Grey: where a repeat of the test would rate."
+        )
+    with right:
+        st.subheader("What bands of each level hold")
+        alt = f"Share of the time up to TTZV at which a(t) lies inside bands of each level, each test {left_out}"
+        show("calibration", alt, "coverage by level")
+        st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     show_table(coverage_table(study.coverage), "coverage")
     st.caption(
         "Share of the left-out tests inside the band, up to the time of zero velocity (TTZV) and after it. With "
         f"{len(study.folds)} tests no more can be promised than these counts."
     )
-    alt = f"Share of the time up to TTZV at which a(t) lies inside bands of each level, each test {left_out}"
-    show("calibration", alt, "coverage by level")
-    st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")
 
 
-def show_paper_tables(outcome: Outcome) -> None:
-    """Show the tables of what was predicted, by one way of leaving tests out."""
-    study, _ = choose_way(outcome)
-    st.subheader("Table 5: approaches against the CAE")
-    show_table(results.paper_table(study, TABLE_5), "table 5")
-    if TABLE_3.keys() & study.config.approaches:
-        st.subheader("Table 3: the network before and after the tests")
-        show_table(results.paper_table(study, TABLE_3), "table 3")
-        st.caption(f"{glossary.LF} MF TCN: multi-fidelity (MF) network, the LF network fine-tuned on tests.")
-
-
-def show_files(outcome: Outcome) -> None:
+def _show_files(outcome: _Outcome) -> None:
     """Offer what the study rests on, and the report once every approach is known."""
     study, view = outcome.study, outcome.view
     of = view.campaign.name
@@ -182,7 +236,7 @@ def show_files(outcome: Outcome) -> None:
             download_report(lambda: study_report(study, view.display, report), of_report)
 
 
-def show_learning_curve(view: View, config: StudyConfig) -> None:
+def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:
     """Show rating, band and decided verdicts over the number of tests."""
     campaign = view.campaign
     st.markdown(
@@ -221,8 +275,12 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
         st.markdown("**What further tests gained**")
         show_table(steps, "gains")
         st.caption(ONE_MORE_MEANING)
-    with st.expander("All means", icon=":material/table:"):
-        show_table(curve_table(curve, view.display), "learning curve")
-    with st.container(horizontal=True):
-        download_table("learning_curve.csv", lambda: whole.table, campaign.name)
-        download_report(lambda: learning_curve_report(curve, cost, view.display), campaign.name, "learning_curve.html")
+
+    def show_files() -> None:
+        with st.container(horizontal=True):
+            download_table("learning_curve.csv", lambda: whole.table, campaign.name)
+            write = partial(learning_curve_report, curve, cost, view.display)
+            download_report(write, campaign.name, "learning_curve.html")
+
+    with row:
+        export_button(show_files)

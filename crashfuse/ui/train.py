@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
@@ -12,10 +11,9 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
-from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError
-from crashfuse.reporting.figures import ONE_PROCESS
+from crashfuse.reporting.figures import ONE_PROCESS, Draw
 from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
@@ -40,8 +38,8 @@ from crashfuse.ui.kit.progress import (
 from crashfuse.ui.kit.results import window_label
 from crashfuse.ui.kit.text import plain
 
-_ON_ALL = "Train on all tests"
-_NETWORKS = {
+_ON_ALL, _NETWORKS = "Train on all tests", "Networks"
+_STAGES = {
     "lf_tcn": (
         "Before: trained on CAE runs only",
         "The networks should reproduce the CAE model; the remaining difference from the test is what no CAE run can "
@@ -49,15 +47,48 @@ _NETWORKS = {
     ),
     "time_domain": ("After: fine-tuned on tests", "What the other tests add to the networks."),
 }
-_TUNING = {
-    "left_out_rmse": (
+_TRAINED = (
+    (
+        "training",
+        "learning_curve",
+        "Training on CAE runs",
+        "Mean square error over epochs",
+        "Mean square error, averaged over the networks ({members}); validation is on the tenth of the runs that is not "
+        "trained on.",
+    ),
+    (
+        "fine-tuning",
+        "left_out_rmse",
+        "Fine-tuning on tests",
         "Error on tests fitted to, and on tests left out, by strength",
         "The fine-tuning has an exact solution. Chosen is how far each test may differ from what all share: the least "
         "whose error on left-out tests is within one standard error of the lowest.",
     ),
-    "tuning_curve": ("Loss over steps", "Loss on the other tests."),
+    ("fine-tuning", "tuning_curve", "Fine-tuning on tests", "Loss over steps", "Loss on the other tests."),
+)
+"""Figures of how networks were trained: name, what the state has of it, title, alternative text, and what to see."""
+_FIGURES = {
+    "Bias by speed": (
+        "bias",
+        "What the CAE model got wrong in each test, over displacement, coloured by speed",
+        "What has to be added to the CAE model to get each test. The displacement domain is fitted to these, but not "
+        "to {test}, which is held out. The steep ends are at zero velocity.",
+    ),
+    "Parts of the bias": (
+        "bias parts",
+        "Parts of the bias that is expected in test {test}, over displacement, each with its 95 % band",
+        "What the other {n} tests predict of the bias in {test}. Shared: the same in every test. Ratio: the CAE "
+        "model's pulse, its trend and its humps, times a factor. Parts can cancel each other: their sum is better known "
+        "than each. Of the test's own part, its repeatability, only the size can be predicted.",
+    ),
+    "Integration check": (
+        "integration",
+        "Displacement over time, integrated over time and recovered from a(s), and their difference",
+        "Lines: integrated twice over time, up to zero velocity. Circles: recovered from a(s) (Eq. 29 of the paper). "
+        "Where they agree, the conversion is lossless.",
+    ),
 }
-"""By what the state of a network has of its fine-tuning: the alternative text of the figure, and what to see."""
+"""The library's name, the alternative text, and what to see."""
 
 
 def show_form(view: View) -> None:
@@ -154,49 +185,19 @@ def show_files(view: View) -> None:
         download_bytes("models.zip", partial(fitted.models, view.campaign), view.campaign.name)
 
 
-@dataclass(frozen=True, eq=False)
-class _Diagnosis:
-    """A held-out test, and what the approaches have learned without it."""
-
-    view: View
-    request: StudyRequest
-    study: Study  # while networks train, of fewer approaches than the settings ask for
-
-    @property
-    def test(self) -> str:
-        return self.request.held_out[0]
-
-    @property
-    def others(self) -> Campaign:
-        """What they have learned from."""
-        return self.request.config.training_campaign(self.view.campaign, self.test)
-
-    def show(self, figure: str, alt: str, meaning: str, approaches: tuple[str, ...] | None = None) -> None:
-        """Show a figure of the test, and what to see in it."""
-        self.show_drawn(
-            lambda: self.study.plot(self.test, figure, approaches=approaches, display=self.view.display), figure, alt
-        )
-        st.caption(meaning)
-
-    def show_drawn(self, draw: Callable[[], go.Figure], name: str, alt: str) -> None:
-        """Show a figure of this name."""
-        key = self.request.key, self.study.config.approaches, self.view.display
-        show_cached_figure(draw, alt, name, key, name=name)
-
-
 def show_diagnostics(view: View) -> None:
     """Show what was learned without a held-out test: by the networks, of the bias, and whether a(s) gives x(t) back."""
     campaign, state, key = view.campaign, st.session_state, "diagnosed"
+    config, test = chosen_config(), view.held_out.id
     stop_with_a_single_test(campaign)
     with st.container(horizontal=True, vertical_alignment="center"):
-        figure = choose("Diagnostics", list(_DIAGNOSTICS), key="diagnostics")
+        choice = choose("Diagnostics", [_NETWORKS, *_FIGURES], key="diagnostics")
         st.markdown("of what was learned without", width="content")
-        address.put(key, view.held_out.id)
+        address.put(key, test)
         st.selectbox(
             "Held-out test", campaign.test_ids, key=key, width=120, label_visibility="collapsed",
             on_change=lambda: choose_held_out(campaign.test(state[key])),
         )  # fmt: skip
-    config, test = chosen_config(), view.held_out.id
     request = StudyRequest(campaign, (test,), config)
     study = result_of(
         request,
@@ -205,87 +206,54 @@ def show_diagnostics(view: View) -> None:
         button=f"Train without {test}",
     )
     show_training(config, study.config.approaches)
-    _DIAGNOSTICS[figure](_Diagnosis(view, request, study))
+
+    def show(draw: Draw, name: str, alt: str, meaning: str) -> None:
+        key = request.key, study.config.approaches, view.display
+        show_cached_figure(draw, alt, name, key, name=name)
+        st.caption(meaning)
+
+    if choice == _NETWORKS:
+        _show_networks(study, view, show)
+        return
+    figure, alt, meaning = _FIGURES[choice]
+    if figure == "bias parts" and config.preset == "paper":
+        st.info(ONE_PROCESS)
+        return
+    plot = campaign.plot if figure == "bias" else study.plot
+    draw = partial(plot, figure=figure, held_out=test, display=view.display)
+    others = len(config.training_campaign(campaign, test).tests)
+    show(draw, choice.lower(), alt.format(test=test), meaning.format(test=plain(test), n=others))
 
 
-def _show_networks(diagnosis: _Diagnosis) -> None:
+def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str], None]) -> None:
     """Show the networks before and after fine-tuning (Figs. 12 and 13), and how they were trained."""
-    (fold,) = diagnosis.study.folds
-    states = {estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _NETWORKS}
+    (fold,) = study.folds
+    states = {estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _STAGES}
     if not states:
         st.info("No approach with a network is known here yet.", icon=":material/info:")
         return
+    plot = partial(study.plot, fold.held_out, display=view.display)
+
+    @cache  # once for both columns
+    def both() -> dict[str, go.Figure]:
+        raw = [name for name in (BASELINE,) if name in fold.ratings]
+        figures = {name: plot("acceleration", approaches=[*raw, name], band=name) for name in states}
+        share_y_range(figures.values())
+        return figures
 
     def draw(name: str) -> go.Figure:
         return both()[name]
 
-    @cache
-    def both() -> dict[str, go.Figure]:
-        raw = [name for name in (BASELINE,) if name in fold.ratings]
-        figures = {
-            name: diagnosis.study.plot(
-                diagnosis.test, "acceleration", approaches=[*raw, name], band=name, display=diagnosis.view.display
-            )
-            for name in states
-        }
-        share_y_range(figures.values())
-        return figures
-
     for column, name in zip(st.columns(2, gap="medium"), states, strict=False):
         with column:
-            title, meaning = _NETWORKS[name]
-            rating = fold.ratings[name][diagnosis.view.display.window_ms]
+            title, meaning = _STAGES[name]
+            rating = fold.ratings[name][view.display.window_ms]
             st.markdown(f"**{title}** · {LABELS[name]} {rating.overall:.3f} ({rating.grade})")
-            alt = f"Acceleration over time: test {diagnosis.test}, the CAE model and {LABELS[name]}"
-            diagnosis.show_drawn(partial(draw, name), LABELS[name], alt)
-            st.caption(meaning)
+            alt = f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}"
+            show(partial(draw, name), LABELS[name], alt, meaning)
     name = "time_domain" if "time_domain" in states else "lf_tcn"
-    left, right = st.columns(2, gap="medium")
-    with left:
-        st.markdown("**Training on CAE runs**")
-        meaning = (
-            f"Mean square error, averaged over the networks ({states[name]['members']}); validation is on the tenth of "
-            "the runs that is not trained on."
-        )
-        diagnosis.show("training", "Mean square error over epochs", meaning, (name,))
-    for known, (alt, meaning) in _TUNING.items():
-        if known in states[name]:
-            with right:
-                st.markdown("**Fine-tuning on tests**")
-                diagnosis.show("fine-tuning", alt, meaning, (name,))
-
-
-def _show_bias(diagnosis: _Diagnosis) -> None:
-    """Show the bias that each test measured, and the parts of that which is expected in the held-out one."""
-    test, view = plain(diagnosis.test), diagnosis.view
-    diagnosis.show_drawn(
-        partial(view.campaign.plot, "bias", held_out=diagnosis.test, display=view.display), "bias by speed",
-        "What the CAE model got wrong in each test, over displacement, coloured by speed",
-    )  # fmt: skip
-    st.caption(
-        f"What has to be added to the CAE model to get each test. The displacement domain is fitted to these, but not "
-        f"to {test}, which is held out. The steep ends are at zero velocity."
-    )
-    if diagnosis.request.config.preset == "paper":
-        st.info(ONE_PROCESS)
-        return
-    alt = f"Parts of the bias that is expected in test {diagnosis.test}, over displacement, each with its 95 % band"
-    meaning = (
-        f"What the other {len(diagnosis.others.tests)} tests predict of the bias in {test}. Shared: the same in every "
-        "test. Ratio: the CAE model's pulse, its trend and its humps, times a factor. Parts can cancel each other: "
-        "their sum is better known than each. Of the test's own part, its repeatability, only the size can be "
-        "predicted."
-    )
-    diagnosis.show("bias parts", alt, meaning)
-
-
-def _show_integration(diagnosis: _Diagnosis) -> None:
-    diagnosis.show(
-        "integration",
-        "Displacement over time, integrated over time and recovered from a(s), and their difference",
-        "Lines: integrated twice over time, up to zero velocity. Circles: recovered from a(s) (Eq. 29 of the paper). "
-        "Where they agree, the conversion is lossless.",
-    )
-
-
-_DIAGNOSTICS = {"Networks": _show_networks, "Bias": _show_bias, "Integration check": _show_integration}
+    known = [trained for trained in _TRAINED if trained[1] in states[name]]
+    for column, (figure, _, title, alt, meaning) in zip(st.columns(2, gap="medium"), known, strict=False):
+        with column:
+            st.markdown(f"**{title}**")
+            show(partial(plot, figure, approaches=[name]), figure, alt, meaning.format(**states[name]))

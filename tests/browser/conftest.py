@@ -64,6 +64,7 @@ _REDRAWN = (  # while the page changes
 FIGURE, TABLE, SIDEBAR = ".js-plotly-plot", '[data-testid="stTable"]', '[data-testid="stSidebar"]'
 MAIN, LINK = '[data-testid="stMain"]', f'{SIDEBAR} [data-testid="stPageLink-NavLink"]'
 PILL, POPOVER = '[data-testid="stButtonGroup"] button', '[data-testid="stPopoverBody"]'
+DIALOG = '[data-testid="stDialog"]'
 LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"  # the page's ground in both themes
 PAIRED = ("C20", "C21", "C22", "C23")  # CAE runs at the tests' conditions, one of them beyond all others
 QUICK = ("cae", "displacement_domain")  # approaches that learn within seconds

@@ -12,7 +12,7 @@ import pytest
 from selenium.webdriver.common.by import By
 
 from crashfuse.files.archive import zipped
-from tests.browser.conftest import MAIN, SIDEBAR, Server, User, serve
+from tests.browser.conftest import SIDEBAR, Server, User, serve
 from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
 from tests.conftest import content_of
 
@@ -91,16 +91,13 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     user.press("Leave out each of 3 tests")
     user.sees("Mean over the tests")
     user.wait(lambda: not user.all("button", "Cancel"))  # of parts, too, there is a mean
-    user.open(small_server, "history", listed="all")
-    user.wait(lambda: "study of 3 tests" in user.browser.execute_script(_RESULTS), "History never listed it.", 20)
+    user.open(small_server, "study", campaign=name, study_tab="Past results")
+    user.wait(lambda: "study of 3 tests" in user.browser.execute_script(_RESULTS), "Nothing listed it.", 20)
 
     user.becomes_another()
     user.open(small_server, "data")
     user.sees("CAE runs")
     assert "secret-car" not in listed()
-    user.open(small_server, "history", listed="all")
-    user.wait(lambda: user.browser.execute_script(_RESULTS) or user.all(MAIN, "Nothing was computed"))
-    assert "study of 3 tests" not in user.browser.execute_script(_RESULTS)
     user.browser.get(link)
     user.sees("secret-car", "h1")
 
@@ -124,7 +121,7 @@ def test_a_server_with_a_log_in_shows_nothing_before(user: User, campaign_on_dis
         view = {
             "campaign": campaign_on_disk.name,
             "test": "T1",
-            "purpose": "Fit on all tests",
+            "train_tab": "Diagnostics",
             "seed": "3",
             "approaches": "cae",
         }
@@ -136,7 +133,7 @@ def test_a_server_with_a_log_in_shows_nothing_before(user: User, campaign_on_dis
             user.press("Log in")
             user.press("anna@example.com", "a")
             user.sees("anna@example.com", SIDEBAR)
-            user.sees("Fit every approach on all tests")
+            user.sees("of what was learned without")
             asked_for = urlsplit(user.browser.current_url)
             assert (asked_for.path, dict(parse_qsl(asked_for.query))) == ("/train", view)
             user.browser.refresh()

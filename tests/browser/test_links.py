@@ -13,7 +13,7 @@ VIEW = {"campaign": "sample", "test": "T03", "window": "40", "unit": "m/s²", "s
 SHOWN = ["sample", "T03 · 16.7 mph", "0–40 ms", "m/s²", "+"]
 USUAL = ("The test", "mph, lb")  # what is left out and the units, where nobody chose: no part of the address
 
-PAGES = ["Data", "Train", "Compare", "Study", "Predict", "Certify", "History"]
+PAGES = ["Data", "Train", "Compare", "Study", "Predict", "Certify"]
 
 
 def asked(user: User) -> dict[str, str]:
@@ -86,7 +86,7 @@ def test_back_undoes_the_last_choice_and_no_more(server: Server, user: User) -> 
 def test_a_button_that_opens_a_page_is_one_step_for_back(small_server: Server, user: User) -> None:
     """Back from a test that Train has opened returns to Train as it was, not to Train with that test chosen."""
     user.open(small_server, "train", campaign="campaign", test="T2", held_out=("T2", "T3"), approaches="cae")
-    user.starts("Start", '[data-testid="stAlert"]')
+    user.presses_until(lambda: user.all("button", "Compare T3"), "Train without them")
     user.press("Compare T3", f"{MAIN} button")
     user.wait(lambda: urlsplit(user.browser.current_url).path == "/compare" and asked(user)["test"] == "T3")
     user.find(FIGURE)

@@ -31,7 +31,7 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: User) -
     press_tool(engineer, '[title^="Copy this table"]')
     copied = engineer.wait(lambda: engineer.browser.execute_async_script(_CLIPBOARD))
     assert copied.splitlines()[0].split("\t")[:2] == ["Approach", "0–20 ms"]
-    engineer.open_tab("Files and report")
+    engineer.press("Export")
     scores = rows(engineer.downloads_file("scores.csv"))
     assert {(row["held_out"], row["approach"]) for row in scores} == {("T1", "cae"), ("T1", "displacement_domain")}
     assert all(f"{float(row['overall']):.3f} {row['grade']}" in shown for row in scores)
@@ -42,37 +42,37 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: User) -
     assert "Test T1" in report
 
 
-def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: Server, user: User) -> None:
-    """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict.
+def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) -> None:
+    """Criteria from the tests, changed by the keyboard; the reason stands beside the row, on the same screen.
 
     Once judged, criteria fold away; unfolded they stay so.
     """
-    criteria = user.downloads.parent / "criteria.toml"
-    criteria.write_text('confidence = 0.9\n[[criterion]]\nmetric = "peak"\nat_most = 25\n', encoding="utf-8")
     user.sits_at(1440, 1000)
-    link = {"approach": "displacement_domain", "matrix": "Grid", "speeds": "20, 30"}
-    user.open(small_server, "certify", campaign="campaign", **link)
+    planned = ("M1~20~2050~1500~mph-lb", "M2~30~2050~1500~mph-lb")
+    link = {"approach": "displacement_domain", "matrix": "Typed in", "confidence": "0.9"}
+    user.open(small_server, "certify", campaign="campaign", planned=planned, **link)
     user.sees("No criteria yet")
-    user.press("How criteria are declared")
-    user.uploads(criteria)
+    user.press("Limits of these tests")
+    user.fill("At most, row 2", "25")
+    user.wait(lambda: "peak%7E%7E%7E25" in user.browser.current_url.replace("~", "%7E"))
     user.presses_until(lambda: user.texts(MAIN, "Wrong so far"), "Certify", f"{MAIN} button")
     user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
-    user.sees("would miss", FIGURE)
-    user.press("Criteria and conditions", "summary")
+    user.press("Criteria and planned tests", "summary")
     user.fill("Confidence", "0.85")
     user.wait(lambda: "confidence=0.85" in user.browser.current_url)
-    user.fill("Confidence", "0.9")
-    user.wait(lambda: "confidence=0.85" not in user.browser.current_url)
-    user.press("Criteria and conditions", "summary")
-    # a column of two rows
-    user.clicks_cell("M002 · 30.0 mph", lambda _, height: (200, 0.2 * height), "M002 | peak: not met")
-    assert "cell=M002" in user.browser.current_url
-    assert "criteria=peak%7E%7E%7E25" in user.browser.current_url.replace("~", "%7E")
-    user.open_tab("Files and report")
-    assert {row["verdict"] for row in rows(user.downloads_file("certification.csv"))} == {"met", "not met"}
-    user.open_tab("Verdicts")
+    user.press("Criteria and planned tests", "summary")
+    user.press("would miss", ".st-key-planned_tests button")
+    user.sees("Peak deceleration, at most 25")
+    assert "cell=M2" in user.browser.current_url
+    places = [user.find(f'[class*="st-key-{key}"]').rect["y"] for key in ("planned_tests", "criterion")]
+    assert abs(places[0] - places[1]) < 400
+    user.press("By criterion")
+    user.clicks_cell("M2 · 30.0 mph", lambda width, height: (0.05 * width, -0.25 * height), "M1: ")  # two rows
+    user.press("Export")
+    assert {row["id"] for row in rows(user.downloads_file("certification.csv"))} == {"M1", "M2"}
+    user.browser.find_element(By.TAG_NAME, "body").send_keys(Keys.ESCAPE)
     user.press("See the predicted pulse there")
-    user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "30.0")
+    user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "20.0")
 
 
 def presses(user: User, slider: "WebElement", key: str) -> None:
@@ -152,11 +152,11 @@ def test_predict_answers_another_speed_at_once(small_server: Server, user: User)
     user.find('[data-testid="stSidebar"] a[href*="speed_mph=31.4"]')  # to be opened beside this one
     user.browser.back()
     user.find('[aria-label*="31.5 mph, front"]')
-    user.open_tab("Metrics")
     user.fill("Impact speed (mph)", "5")
     table = user.sees("[≤ ", TABLE)
     assert "[open]" in table  # of whose ends neither is known
     assert "open, " not in table
+    user.press("More: ", "summary")
     assert "which leaves open: OLC" in user.sees("OLC's restraint is over")
     user.open_tab("Over speed")
     user.press("Predict over speed")

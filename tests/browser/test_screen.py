@@ -19,8 +19,8 @@ def test_compare_shows_ratings_a_sentence_and_one_tab_at_a_time(engineer: User) 
     engineer.open_tab("Ratings and metrics")
     engineer.sees("Single draws", TABLE)
     engineer.wait(lambda: not engineer.all(FIGURE))
-    engineer.open_tab("Networks")
-    engineer.sees("No approach with a network")
+    engineer.open_tab("Why")
+    engineer.sees("costs most", MAIN)
     engineer.wait(lambda: not engineer.all(TABLE))
 
 
@@ -61,5 +61,5 @@ def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: User) 
     assert "data_tab=Conditions" in engineer.browser.current_url
     engineer.browser.back()
     engineer.find(FIGURE, "rated:")
-    engineer.browser.get(f"{engineer.browser.current_url}&also=T99")
+    engineer.browser.get(f"{engineer.browser.current_url}&data_also=T99")
     engineer.sees("Not among the tests in use and the CAE runs: T99.")

@@ -9,7 +9,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.campaign import Campaign
-from tests.browser.conftest import FIGURE, MAIN, PILL, QUICK, SIDEBAR, SOON, TABLE, Server, User
+from tests.browser.conftest import DIALOG, FIGURE, MAIN, PILL, QUICK, SIDEBAR, SOON, Server, User
 from tests.conftest import write_campaign
 from tests.study.test_outliers import at_one_speed
 
@@ -99,10 +99,10 @@ def test_a_study_report_shows_the_chosen_tests_in_the_units_of_the_page(small_se
     user.press("m/s²", f"{SIDEBAR} button")
     user.open_tab("Bands")
     user.sees("Above the dotted line")
-    user.open_tab("Files and report")
+    user.press("Export")
     user.press("Short", PILL)
-    user.find('input[aria-label^="Tests shown one by one"]').send_keys("T3", Keys.ENTER, Keys.ESCAPE)
-    user.wait(lambda: "report_tests=T3" in user.browser.current_url)
+    user.find('input[aria-label^="Tests shown one by one"]').send_keys("T3", Keys.ENTER)
+    user.wait(lambda: user.all(DIALOG, "T3"))
     report = user.downloads_file("report.html")
     assert re.findall("<h2>Test (T.): ([^<]*), front", report) == [("T3", "41.8 km/h")]
     assert "Method and settings" not in report
@@ -110,43 +110,34 @@ def test_a_study_report_shows_the_chosen_tests_in_the_units_of_the_page(small_se
 
 
 def test_two_studies_are_compared_and_one_is_opened_again(small_server: Server, user: User) -> None:
-    """A row for each seed, means, differences, a table to take along; a button in its row, or keys, open a study.
-
-    The two are ticked when nobody has chosen; without a tick nothing is compared, and Back ticks it again.
-    """
+    """Two ticks: means, differences, a table to take along, by a dialog that Escape closes; a button opens a study."""
     user.sits_at(1440, 1000)
     study(user, small_server)
     study(user, small_server, seed="4")
     user.sees("Fast settings, seed 4", ".st-key-head")
-    user.go("History")
-    user.sees("Two compared")
+    user.open_tab("Past results")
+    for row, found in enumerate(("Open 20", "The two compared")):
+        _tick(user, row)
+        user.sees(found)
     user.sees("mean", f"{MAIN} li")
-    table = user.sees("T4", TABLE)
-    assert "Mean" in table
-    assert "first=" not in user.browser.current_url
+    user.press("Export")
     written = user.downloads_file("comparison.csv")
     assert written.startswith("left_out,held_out,approach,window_ms,first,second,difference")
-    _click_in_first_row(user, 18)
-    user.sees("Tick two results to compare them")
-    assert "first=" in user.browser.current_url
+    user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+    user.wait(lambda: not user.all(DIALOG))
     user.browser.back()
-    user.sees("mean", f"{MAIN} li")
-    _click_in_first_row(user, 66)
-    user.wait(lambda: "/study?" in user.browser.current_url)
-    assert "seed=4" in user.browser.current_url
-    user.go("History")
-    user.find('input[aria-label="Open a result"]').send_keys("each both ways seed 4")
-    user.find('[role="option"]', "seed 4")
-    user.browser.switch_to.active_element.send_keys(Keys.ENTER)
-    user.wait(lambda: "/study?" in user.browser.current_url)
+    user.wait(lambda: not user.all(MAIN, "The two compared"))
+    assert not user.all(DIALOG)
+    user.press("Open 20", f"{MAIN} button")
+    user.sees("Mean over the tests")
     assert "seed=4" in user.browser.current_url
 
 
-def _click_in_first_row(user: User, from_left_px: int) -> None:
-    """Its box is 18 pixels from the left, the button that opens it 66."""
+def _tick(user: User, row: int) -> None:
+    """The box of a row, 18 pixels from the left."""
     grid = user.find('[data-testid="stDataFrame"] canvas')
     user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
-    across, down = round(from_left_px - grid.rect["width"] / 2), round(52 - grid.rect["height"] / 2)
+    across, down = round(18 - grid.rect["width"] / 2), round(52 + 35 * row - grid.rect["height"] / 2)
     ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()
 
 

@@ -1,6 +1,7 @@
 """Units in a real browser: one choice, which condition, figure, table and report follow."""
 
 import pytest
+from selenium.webdriver.common.keys import Keys
 
 from tests.browser.conftest import FIGURE, TABLE, Server, User
 
@@ -22,16 +23,16 @@ def test_all_of_predict_follows_the_units(small_server: Server, user: User) -> N
     user.sees("Velocity (km/h)", FIGURE)
     user.fill("Impact speed (km/h)", "56")
     shows_speed(user, "56.0", "km/h")
-    user.press("Metrics")
+    user.press("More: ", "summary")
     assert " lb" not in user.sees("kg in all")
     assert "(mph)" not in user.sees("ΔV, rebound included (km/h)", TABLE)
-    user.press("Files and report")
+    user.press("Export")
     report = user.downloads_file("report.html")
     assert "prediction at 56.0 km/h, front" in report
     assert "--speed-kph 56 --front-weight-kg" in report
+    user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     user.press("mph, lb")
     shows_speed(user, "34.8", "mph")
-    user.press("Metrics")
     assert "km/h" not in user.sees("ΔV, rebound included (mph)", TABLE)
     user.browser.refresh()
     shows_speed(user, "34.8", "mph")
@@ -41,9 +42,8 @@ def test_all_of_predict_follows_the_units(small_server: Server, user: User) -> N
 
 def test_other_units_change_neither_the_held_out_test_nor_what_is_beside_it(small_server: Server, user: User) -> None:
     """A browser keeps a choice by its label, which has the speed in it: it must not come back as another test."""
-    user.open(
-        small_server, "compare", campaign="campaign", approaches="displacement_domain", test="T3", also=("T2", "T4")
-    )
+    link = {"campaign": "campaign", "approaches": "displacement_domain", "test": "T3"}
+    user.open(small_server, "compare", **link, compare_also=("T2", "T4"))
     user.starts("Predict test T3", FIGURE)
     user.sees("T4 · 35.0 mph", FIGURE)
     for units, beside in (("km/h, kg", "T4 · 56.3 km/h"), ("mph, lb", "T4 · 35.0 mph")):
@@ -57,4 +57,4 @@ def test_other_units_change_neither_the_held_out_test_nor_what_is_beside_it(smal
         user.sees(beside, FIGURE)
         assert "Test T3: " in user.sees("Compare")
         assert "test=T3" in user.browser.current_url
-        assert "also=T2&also=T4" in user.browser.current_url
+        assert "compare_also=T2&compare_also=T4" in user.browser.current_url

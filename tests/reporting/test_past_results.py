@@ -8,9 +8,7 @@ import pytest
 
 from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.past_results import (
-    comparison_by_window,
     comparison_means,
-    comparison_tests,
     described,
     left_out_in_words,
     studies_table,
@@ -31,21 +29,6 @@ def compared() -> StudyComparison:
     """Two studies with and without whole speed groups; the second lacks T4, and has another seed."""
     config = StudyConfig(leave_out="both", seed=7)
     return StudyComparison(study(FIRST, **BOTH), study(SECOND, **{**BOTH, "config": config}))
-
-
-def test_each_test_stands_with_its_difference(compared: StudyComparison) -> None:
-    """Of every approach; what is not known in both is left out."""
-    table = comparison_tests(compared, 60.0, "test").set_index("Test")
-    assert list(table.index) == list(SECOND)
-    assert table["Fused"].tolist() == ["0.850 (+0.050)", "0.660 (−0.040)", "0.910 (+0.010)"]
-    assert table["CAE"].tolist() == ["0.500 (0.000)"] * 3
-
-
-def test_means_stand_for_every_window(compared: StudyComparison) -> None:
-    """First, second, difference; a dash where an approach has none."""
-    table = comparison_by_window(compared, "test").set_index("Approach")
-    assert table.loc["Fused", "0–60 ms"].split() == ["0.800", "0.807", "+0.007"]
-    assert table.loc["CAE", "0–40 ms"] == "–"
 
 
 def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors(compared: StudyComparison) -> None:

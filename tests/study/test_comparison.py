@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 
 from crashfuse.errors import UsageError
-from crashfuse.study import comparison
-from crashfuse.study.comparison import StudyComparison, telling_pair
+from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, Ratings
 
@@ -79,7 +78,7 @@ def test_other_data_and_another_basis_are_said() -> None:
     """Ids alone don't make two tests the same; the raw CAE model, which learns nothing, shows which ones are."""
     first, other = study(FIRST), {"fingerprint": "b", "basis": "ISO/TS 18571:2024, CFC 60"}
     same, basis = StudyComparison(first, study(FIRST, **other)).cautions
-    assert same.startswith("Their data differ: not in these tests")
+    assert same.startswith("Their data differ: the raw CAE model is rated differently in none of these tests")
     assert "CFC 60" in basis
     changed = StudyComparison(raw({"T1": 0.5, "T2": 0.5}), raw({"T1": 0.5, "T2": 0.6}, fingerprint="b")).cautions[0]
     assert "rated differently in T2: " in changed
@@ -106,10 +105,8 @@ def test_of_one_name_two_may_be_two_vehicles() -> None:
     first = raw({"T1": 0.5, "T2": 0.5}, date="2030-01-01T00:00:00+00:00")
     other = raw({"T1": 0.6, "T2": 0.4}, fingerprint="b", date="2030-01-02T00:00:00+00:00")
     assert "perhaps two vehicles" in StudyComparison(first, other).cautions[0]
-    assert telling_pair([first, other]) is None
     again = raw({"T1": 0.5, "T2": 0.7}, fingerprint="c", date="2030-01-03T00:00:00+00:00")
     assert "two vehicles" not in StudyComparison(first, again).cautions[0]
-    assert telling_pair([first, other, again]) == (first, again)
 
 
 def test_two_without_anything_in_common_are_refused() -> None:
@@ -117,45 +114,3 @@ def test_two_without_anything_in_common_are_refused() -> None:
     for other in (study({"T9": 0.5}), study({}, ratings={"T1": {"time_domain": {60.0: 0.5}}})):
         with pytest.raises(UsageError, match="no rating in common"):
             StudyComparison(study(FIRST), other)
-
-
-def test_the_pair_that_tells_most_is_of_one_campaign_and_can_differ() -> None:
-    """Not a study and its own single test, nor two vehicles; of equal pairs the latest, the earlier of both first."""
-    old, new, newest = (
-        study(FIRST, config=StudyConfig(seed=seed), date=f"2030-01-0{seed + 1}T00:00:00+00:00") for seed in range(3)
-    )
-    own_test = study({"T1": 0.8}, date="2030-01-08T00:00:00+00:00")
-    elsewhere = study(FIRST, campaign="eta", fingerprint="b", date="2030-01-09T00:00:00+00:00")
-    assert telling_pair([elsewhere, own_test, newest, new, old]) == (new, newest)
-    assert telling_pair([elsewhere, own_test, old]) is None
-    grouped = study({"T1": 0.7}, config=StudyConfig(leave_out="speed group"), date="2030-01-07T00:00:00+00:00")
-    assert telling_pair([own_test, grouped]) == (grouped, own_test)
-    assert telling_pair([old, study({"T9": 0.5}, config=StudyConfig(seed=1))]) is None
-
-
-def test_of_all_pairs_that_with_most_in_common_tells_most() -> None:
-    """Not the latest, if it has less; the latest of those that have as much."""
-    sizes = {"2030-01-01": 4, "2030-01-02": 3, "2030-01-03": 4, "2030-01-04": 2, "2030-01-05": 3}
-    studies = [
-        study(dict(list(FIRST.items())[:size]), config=StudyConfig(seed=seed), date=f"{day}T00:00:00+00:00")
-        for seed, (day, size) in enumerate(sizes.items())
-    ]
-    assert telling_pair(studies) == (studies[0], studies[2])
-    assert telling_pair(studies[1:]) == (studies[2], studies[4])
-
-
-def test_a_pair_is_found_among_all_records_that_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The page History asks with every click: hundreds of large studies are not compared each with each."""
-    tests = {f"T{number}": 0.5 for number in range(40)}
-    studies = [
-        study(tests, config=StudyConfig(seed=seed), date=f"20{seed:02d}-01-01T00:00:00+00:00") for seed in range(99)
-    ]
-    looked_at = []
-
-    def can_differ(*pair: PastResult) -> bool:
-        looked_at.append(pair)
-        return True
-
-    monkeypatch.setattr(comparison, "_can_differ", can_differ)
-    assert telling_pair(studies) == (studies[-2], studies[-1])
-    assert len(looked_at) == 1

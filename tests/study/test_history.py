@@ -20,7 +20,6 @@ from crashfuse.study.history import (
     PastResult,
     annotate,
     earlier_settings,
-    forget,
     keep,
     past_results,
 )
@@ -84,7 +83,7 @@ def test_a_prediction_is_found_again_with_its_condition(campaign: Campaign, shar
 
 
 def test_a_note_stays_when_the_result_is_found_again(past: PastResult) -> None:
-    """It is one line of bounded length; a result that is taken off the list comes back without."""
+    """It is one line of bounded length."""
     keep(past)
     annotate(past, "  before\n the rail " + "x" * 500)
     keep(past)
@@ -92,15 +91,10 @@ def test_a_note_stays_when_the_result_is_found_again(past: PastResult) -> None:
     assert found.note.startswith("before the rail xxx")
     assert len(found.note) <= LONGEST_NOTE
     assert replace(found, note="") == past
-    forget(found)
-    forget(found)
-    assert not past_results()
-    keep(past)
-    assert past_results() == [past]
 
 
 def test_a_note_that_somebody_else_wrote_since_is_not_lost(past: PastResult) -> None:
-    """Whose list still shows another is told; a record that was computed anew stays, and so does one taken off."""
+    """Whose list still shows another is told; a record that was computed anew stays."""
     keep(past)
     annotate(past, "before the new rail")
     with pytest.raises(DataError, match="found “before the new rail”, which was written since"):
@@ -110,10 +104,6 @@ def test_a_note_that_somebody_else_wrote_since_is_not_lost(past: PastResult) -> 
     keep(anew)
     annotate(replace(past, note="before the new rail"), "with the old barrier")
     assert past_results() == [replace(anew, note="with the old barrier")]
-    forget(past)
-    with pytest.raises(DataError, match="no such result any more"):
-        annotate(past, "late")
-    assert not past_results()
 
 
 def test_the_same_question_has_one_record_and_another_has_its_own(past: PastResult) -> None:

@@ -73,19 +73,17 @@ def test_a_page_begins_with_the_curves_that_matter(visit: Visit, monkeypatch: py
     """The recommended prediction, the CAE model and the test; files of other curves have other names."""
     captions: list[Caption] = []
     monkeypatch.setattr("crashfuse.ui.kit.figures.offer_files", lambda _, caption, __: captions.append(caption))
-    approaches = ["cae", "displacement_domain", "fused"]
-    session = predicted(visit("compare", campaign="campaign", approaches=approaches, test="T2", explained="fused"))
+    approaches = ["cae", "displacement_domain"]
+    session = predicted(visit("compare", campaign="campaign", approaches=approaches, test="T2"), "T2")
     over_time = "Acceleration, velocity and displacement over time: "
-    assert captions[-1].title == f"{over_time}test T2 and its prediction by CAE and Fused"
-    session.app.session_state["compare_curves"] = ["displacement_domain"]
+    assert captions[-1].title == f"{over_time}test T2 and its prediction by CAE and Displacement domain"
+    assert "pulses-Displacement-domain-Test-CAE" in captions[-1].name
+    session.app.session_state["compare_curves"] = []
     session.run()
-    assert captions[-1].title == f"{over_time}test T2, prediction by Displacement domain and Fused"
-    assert "pulses-Fused-Displacement-domain" in captions[-1].name
-    session.app.session_state["compared"] = "Residuals"
-    session.run()
-    assert "residuals-Fused-Displacement-domain" in captions[-1].name
-    session = fitted(visit("predict", campaign="campaign", approaches=approaches))
-    assert captions[-1].title.startswith("Prediction by CAE and ")
+    assert captions[-1].title == f"{over_time}test T2, prediction by Displacement domain"
+    assert "Test" not in captions[-1].name
+    fitted(visit("predict", campaign="campaign", approaches=approaches))
+    assert captions[-1].title.startswith("Prediction by CAE and Displacement domain at ")
     assert "Representative" not in captions[-1].name
 
 
@@ -94,10 +92,7 @@ def test_what_a_figure_shows_is_said_in_words() -> None:
     shown = Shown("fused", ("test", "cae"), ())
     assert shown.of("T2") == "test T2 and its prediction by CAE and Fused"
     assert replace(shown, others=()).of("T2") == "test T2, prediction by Fused"
-    assert (shown.named("pulses"), replace(shown, is_usual=False).named("pulses")) == (
-        "pulses",
-        "pulses Fused Test CAE",
-    )
+    assert shown.named("pulses") == "pulses Fused Test CAE"
 
 
 def predicted(session: Session, test: str = "T2") -> Session:

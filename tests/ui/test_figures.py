@@ -126,7 +126,9 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
         session.app.button_group(key="compared").set_value(choice).run()
         assert drawn(session) == library(figure), figure
     session.app.button_group(key="compare_tab").set_value("Why").run()
-    assert drawn(session) == traces(study.plot("T2", "scores", display=SHOWN)) + library("rating")
+    assert drawn(session) == traces(
+        study.plot("T2", "scores", display=SHOWN), study.plot("T2", "rating", approaches=["cae"], display=SHOWN)
+    )
 
 
 @pytest.mark.usefixtures("quick_networks")
@@ -142,11 +144,13 @@ def test_on_train(open_campaign: Path, visit: "Visit") -> None:
     share_y_range(pulses)
     learning = [study.plot("T2", figure, approaches=["time_domain"]) for figure in ("training", "fine-tuning")]
     assert drawn(session) == traces(*pulses, *learning)
-    session.app.button_group(key="diagnostics").set_value("Bias").run()
-    bias = study.campaign.plot("bias", held_out="T2", display=SHOWN)
-    assert drawn(session) == traces(bias, study.plot("T2", "bias parts", display=SHOWN))
-    session.app.button_group(key="diagnostics").set_value("Integration check").run()
-    assert drawn(session) == traces(study.plot("T2", "integration", display=SHOWN))
+    for choice, figure in (
+        ("Bias by speed", study.campaign.plot("bias", held_out="T2", display=SHOWN)),
+        ("Parts of the bias", study.plot("T2", "bias parts", display=SHOWN)),
+        ("Integration check", study.plot("T2", "integration", display=SHOWN)),
+    ):
+        session.app.button_group(key="diagnostics").set_value(choice).run()
+        assert drawn(session) == traces(figure)
 
 
 def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
@@ -156,7 +160,8 @@ def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
     session = opened(visit, "certify", "Certify", approach="displacement_domain")
     paths = open_campaign / "criteria.toml", open_campaign / "matrix.csv"
     verdicts = certify(load_campaign(open_campaign), *paths, approach="displacement_domain", workers=1)
-    for tab, figure in (("Verdicts", "verdicts"), ("Validated domain", "domain"), ("Track record", "record")):
+    session.app.button_group(key="answered").set_value("By criterion")
+    for tab, figure in (("Answer", "verdicts"), ("Validated domain", "domain"), ("Track record", "record")):
         session.app.button_group(key="certify_tab").set_value(tab)
         assert drawn(session.run()) == traces(verdicts.plot(figure, display=SHOWN))
     session.app.button_group(key="record").set_value("Are the probabilities right?")

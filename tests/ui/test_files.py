@@ -90,25 +90,23 @@ def test_a_picture_says_test_condition_campaign_settings_and_notice(captioned: C
 
 
 def test_what_does_not_act_on_a_page_is_not_said_there(captioned: Captioned) -> None:
-    """Data shows no results and holds nothing out; the studies on History may be of any campaign."""
+    """Data shows no results and holds nothing out."""
     on_data = captioned(page="data", seed=7, leave_out="speed group")
     assert (on_data.name, on_data.details) == ("Tiny_pulses_0-60ms_g", "Tiny · Rated time window 0–60 ms")
     assert unusual_settings() == []
-    on_history = captioned(page="history")
-    assert (on_history.name, on_history.details) == ("pulses", "")
 
 
 def test_figures_of_different_certifications_have_different_names(captioned: Captioned) -> None:
-    """By the approach that is judged, and by whatever else is asked; which verdicts are listed is not asked."""
+    """By the approach that is judged, and by whatever else is asked; what would change it is not asked."""
     usual: dict[str, Any] = {"approach": "fused", "criteria": ["max_crush~~~430~"], "confidence": 0.95}
-    chosen = {"page": "certify", **usual, "defaults": usual, "matrix": None, "verdicts": ["met"]}
+    chosen = {"page": "certify", **usual, "defaults": usual, "matrix": None, "what_if": ["a"]}
     plain = captioned(**chosen)
     assert plain.name == "Tiny_pulses_g"
     assert "Fused judged · Confidence 0.95 · Fast settings" in plain.details
     assert captioned(**{**chosen, "approach": "cae"}).name == "Tiny_pulses_g_CAE"
     asked: list[dict[str, Any]] = [
         {"confidence": 0.9}, {"criteria": ["max_crush~~~400~"]}, {"earlier": "abc"}, {"matrix": "grid"},
-        {"grid_airbag": ["new"]}, {"grid_airbag": ["old"]},
+        {"planned": ["P01~20"]}, {"planned": ["P01~30"]},
     ]  # fmt: skip
     names = [captioned(**{**chosen, **other}).name for other in asked]
     assert all(re.fullmatch(r"Tiny_pulses_g_[0-9a-f]{6}", name) for name in names)

@@ -135,8 +135,8 @@ def test_the_address_is_written_again_once_a_campaign_is_open(visit: Visit) -> N
 @pytest.mark.usefixtures("open_campaign")
 def test_a_factor_that_nobody_knows_may_come_into_the_address(visit: Visit) -> None:
     """Typed into it, or of a link that was changed: it goes again."""
-    session = visit("certify")
-    session.app.query_params["grid_bogus"] = "1"
+    session = visit("predict")
+    session.app.query_params["factor_bogus"] = "1"
     session.run()
 
 
@@ -176,7 +176,7 @@ def test_the_notice_of_a_synthetic_campaign_stands_on_every_page(visit: Visit, o
 
 
 @pytest.mark.usefixtures("open_campaign")
-@pytest.mark.parametrize("page", [*PAGES, "certify", "history"])
+@pytest.mark.parametrize("page", [*PAGES, "certify"])
 def test_what_a_page_shows_already_is_not_sent_over_what_is_just_being_chosen(visit: Visit, page: str) -> None:
     """A page runs again by itself; whatever it then sets anew wins over a slider that was moved a moment before."""
     session = visit(page).run()

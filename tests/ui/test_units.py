@@ -36,28 +36,20 @@ def test_a_page_is_in_the_units_that_were_chosen(visit: Visit) -> None:
 
 
 @pytest.mark.slow
-def test_a_grid_stays_the_same_when_the_units_are_switched(visit: Visit) -> None:
-    """The address has it in the units that it was typed in."""
-    session = visit("certify", matrix="Grid", system="kph-kg")
-    session.app.text_input(key="speeds in km/h").set_value("30:40:10")
-    session.run()
-    session.app.sidebar.button_group(key="system").set_value("mph-lb")
-    session.run()
-    assert session.app.text_input(key="speeds in mph").value == "18.6411:24.8548:6.21371"
-    assert session.app.session_state["speeds"] == "30:40:10 km/h"
-    assert any(own.label == "2 conditions, 18.6 to 24.9 mph" for own in session.app.expander)
+def test_planned_tests_are_round_in_the_readers_units_and_stay_when_these_are_switched(visit: Visit) -> None:
+    """In whatever units the campaign is declared; what was typed keeps the units that it was typed in."""
 
+    def speeds(session: Session) -> list[float | None]:
+        return [own.value for own in session.app.number_input if own.label.startswith("Speed")]
 
-@pytest.mark.slow
-def test_a_grid_that_nobody_typed_is_round_in_the_readers_units(visit: Visit) -> None:
-    """In whatever units the campaign is declared."""
-    session = visit("certify", matrix="Grid", system="kph-kg")
-    assert session.app.text_input(key="speeds in km/h").value == "30:50:10"
-    assert session.app.text_input(key="front_weights in kg").value == "934"
+    session = visit("certify", matrix="Typed in", system="kph-kg")
+    assert speeds(session) == [30.0, 40.0, 50.0]
     session.app.sidebar.button_group(key="system").set_value("mph-lb")
-    session.run()
-    assert session.app.text_input(key="speeds in mph").value == "15:35:5"
-    assert not {"speeds", "system"} & {*session.app.query_params}
+    assert speeds(session.run()) == [15.0, 20.0, 25.0, 30.0, 35.0]
+    assert not {"planned", "system"} & {*session.app.query_params}
+    typed = visit("certify", matrix="Typed in", planned=["A~30~900~700~kph-kg"], system="mph-lb")
+    assert speeds(typed) == pytest.approx([18.6411], abs=1e-4)
+    assert typed.app.session_state["planned"] == ["A~30~900~700~kph-kg~"]  # without its factor
 
 
 @pytest.mark.slow

@@ -26,7 +26,7 @@ from crashfuse.ui.kit.jobs import Jobs
 from crashfuse.ui.kit.visitors import Visitor
 from tests.conftest import Capture, content_of
 from tests.ui.conftest import Session, Visit
-from tests.ui.test_history import kept
+from tests.ui.test_past_results import kept
 
 ANNA = Visitor("k1", "anna@example.com")
 GOOD = """
@@ -54,19 +54,17 @@ def test_an_upload_is_in_nobody_elses_list_until_they_have_its_link(visit: Visit
     """Its name can't be guessed; what was computed of it is for them alone, too, also once the server has ended."""
     first = visit()
     secret = _upload(first, campaign_folder, "secret-car")
-    kept(1, "secret-car", fingerprint=campaigns.fingerprint_of(secret))
+    kept(1, campaigns.fingerprint_of(secret), campaign="secret-car")
     assert len(secret) == len("secret-car-") + 16
     second = visit()
     assert second.app.sidebar.selectbox(key="campaign").options == ["sample"]
     for guess in ("secret-car", secret[:-1], campaigns.label(secret)):
         assert "You have not opened the campaign" in visit(campaign=guess).words
-    assert "Nothing was computed on this machine yet" in visit("history").words
     linked = visit(campaign=secret)
     assert linked.app.title[0].value == r"secret\-car"
-    assert len(visit("history", campaign=secret).app.dataframe[0].value) == 1
+    assert len(visit("study", study_tab="Past results", campaign=secret).app.dataframe[0].value) == 1
     assert second.run().app.sidebar.selectbox(key="campaign").options == ["sample"]
     campaigns.opened_here.clear()  # another server
-    assert "Nothing was computed on this machine yet" in visit("history").words
 
 
 @pytest.mark.usefixtures("open_campaign")

@@ -12,7 +12,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
-from crashfuse.reporting.certification_tables import ANSWER, ANSWER_WORDS, answer_texts
+from crashfuse.reporting.certification_tables import ANSWER, answer_texts
 from crashfuse.reporting.earlier_prediction import WITH_GROUP
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -20,16 +20,13 @@ from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import probability_text, unbroken
 
-FEW_CONDITIONS = 40
-"""More rows than these are drawn narrower."""
 MOST_WORDS = 400
 """Of more conditions than these only colours are drawn: a browser would take many seconds for the words."""
 
-_FEW_CRITERIA = 5  # of more, the probability stands below the word
-_ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
+_ROW_PX, _ALL_ROWS_PX = 34, 1600
 _BELOW_PX = 44  # of the legend
 _LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
-_HEADER_CHARACTERS = 65  # of all columns together, on paper
+_HEADER_CHARACTERS = 45  # of all columns together, on paper
 _LETTERS = 130  # size in px, times the columns, with which "not met", or "<0.001" below it, fits into a cell
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
 _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
@@ -40,30 +37,23 @@ _NONE = "No test was left out: nothing to compare with."
 
 
 def verdict_matrix(
-    certification: Certification,
-    display: Display = DEFAULT,
-    part: slice = slice(None),
-    *,
-    words: bool = True,
-    narrow: bool = False,
+    certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, words: bool = True
 ) -> go.Figure:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria: colour, word and probability of being met.
 
     Beside each row stands the answer at the condition. A cell's mark carries ``"<condition> | <criterion>"``. Without
-    ``words``, and beyond 400 conditions, only colours are drawn. ``part`` takes some of the sorted conditions; a
-    ``narrow`` figure has probabilities below the words, and the answers alone.
+    ``words``, and beyond 400 conditions, only colours are drawn. ``part`` takes some of the sorted conditions.
     """
     by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
     ids, rows = zip(*by_speed[part], strict=True)
     criteria, confidence = certification.criteria.items, certification.criteria.confidence
-    width = min(max(_HEADER_CHARACTERS // len(criteria) // (1 + narrow), 9), 22)
+    width = min(max(_HEADER_CHARACTERS // len(criteria), 9), 22)
     names = [_header(criterion, width, display) for criterion in criteria]
     speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
     labels, short = ([f"{name(i)} · {v}" for i, v in zip(ids, speeds, strict=True)] for name in (str, tick_name))
-    with_words, in_a_line = words and len(rows) <= MOST_WORDS, len(names) <= _FEW_CRITERIA and not narrow
-    row_px = _NARROW_ROW_PX if in_a_line and len(rows) > FEW_CONDITIONS else _ROW_PX
+    with_words = words and len(rows) <= MOST_WORDS
     above = max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12
-    figure = new_figure(height=above + _BELOW_PX + row_px * len(rows) if with_words else _ALL_ROWS_PX)
+    figure = new_figure(height=above + _BELOW_PX + _ROW_PX * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
     answers = answer_texts(certification)
     codes = np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8)
@@ -73,9 +63,8 @@ def verdict_matrix(
         xgap=2, ygap=2 if with_words else 0, meta={ANSWER: [answers[i] for i in ids]},
     )  # fmt: skip
     if with_words:
-        between = " " if in_a_line else "<br>"
         figure.update_traces(
-            text=[[_cell(verdict, confidence, between) for verdict in row] for row in rows],
+            text=[[_cell(verdict, confidence) for verdict in row] for row in rows],
             texttemplate="%{text}",
             textfont={"color": MEASURED_COLOUR, "size": min(12, max(_LETTERS // len(names), 6))},
             hoverinfo="skip",
@@ -95,8 +84,7 @@ def verdict_matrix(
     figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
     if with_words:
         figure.update_yaxes(tickvals=labels, ticktext=short)
-        alone = {i: ANSWER_WORDS[answer] for i, answer in certification.answers.items()}
-        cut = alone if narrow else answer_texts(certification, short=True)
+        cut = answer_texts(certification, short=True)
         _write_beside(figure, labels, [cut[i] for i in ids])
     return figure
 
@@ -123,10 +111,10 @@ def _header(criterion: Criterion, width: int, display: Display) -> str:
     return "<br>".join(name + wrap(unbroken(display.words(criterion.limits)), width))
 
 
-def _cell(verdict: Verdict, confidence: float, between: str) -> str:
+def _cell(verdict: Verdict, confidence: float) -> str:
     if verdict.word == "outside" or verdict.probability is None:
         return verdict.word
-    return f"{verdict.word}{between}{probability_text(verdict.probability, confidence)}"
+    return f"{verdict.word}<br>{probability_text(verdict.probability, confidence)}"
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:

@@ -66,7 +66,7 @@ def motion(
 
     Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
     """
-    figure = new_figure(height=510 + room_for_names(predictions))
+    figure = new_figure(height=490 + room_for_names(predictions))
     accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
     velocities, displacements = _integrals(measured, predictions, speed_mps, display)
@@ -74,13 +74,13 @@ def motion(
         draw_curves(figure, curves, yaxis, filled, showlegend=False, hovertemplate=None, hoverinfo="none")
     name = with_filled_band(accelerations, filled)
     _join_hover(figure, display, {name: accelerations[name].band} if name else {})
-    look = figure.layout.yaxis.to_plotly_json()
+    look = {**figure.layout.yaxis.to_plotly_json(), "title_font_size": 12}  # else the titles would touch
     figure.update_layout(
         hoversubplots="axis",
         xaxis={"anchor": "y3"},
-        yaxis={"domain": [0.5, 1.0], "title": display.accel_title},
-        yaxis2={**look, "domain": [0.25, 0.46], "title": display.title("Velocity", "km/h")},
-        yaxis3={**look, "domain": [0.0, 0.21], "title": "Displacement (mm)"},
+        yaxis={"domain": [0.53, 1.0], "title": display.accel_title},
+        yaxis2={**look, "domain": [0.27, 0.5], "title_text": display.title("Velocity", "km/h")},
+        yaxis3={**look, "domain": [0.0, 0.24], "title_text": "Displacement (mm)"},
     )
     if measured is not None:
         shade_window(figure, display.window_ms, rows=3)

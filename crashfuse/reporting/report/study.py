@@ -13,9 +13,7 @@ from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.past_results import (
-    comparison_by_window,
     comparison_means,
-    comparison_tests,
     left_out_in_words,
     studies_table,
 )
@@ -204,9 +202,7 @@ def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> 
                 "label": left_out_in_words(way),
                 "sentences": compared.sentences(window, way),
                 "means": comparison_means(compared, window, way),
-                "tests": comparison_tests(compared, window, way),
                 "figure": rating_differences(compared, window, way),
-                "by_window": comparison_by_window(compared, way) if len(compared.windows_ms) > 1 else None,
             }
             for way in compared.ways
         ],

@@ -9,14 +9,12 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import at_most
-from crashfuse.files.csv_text import without_formulas
-from crashfuse.reporting.certification_facts import Planned, exceptions, planned
-from crashfuse.reporting.certification_tables import SHOWN
-from crashfuse.reporting.plots.certification import FEW_CONDITIONS, MOST_WORDS, verdict_matrix
+from crashfuse.reporting.certification_facts import DECISIVE, Planned, exceptions, planned
+from crashfuse.reporting.plots.certification import MOST_WORDS
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.outliers import departures
-from crashfuse.ui.certify.results import Judgement, coloured, judge
+from crashfuse.ui.certify.results import Judgement, judge
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.computation import Request
 from crashfuse.ui.kit.figures import choose, show_clickable
@@ -30,9 +28,8 @@ from crashfuse.wording import joined
 _CELL, _CRITERION = "cell", "criterion of the cell"  # session keys
 _MANY_PX = 560  # of a list that scrolls: the reason stays beside it
 _FEW, _MOST = 12, 200  # planned tests in a list without scrolling, and at all
-_CAVEATS = 4  # subjects that stand above the answer
 _STRICTER, _WITHOUT = "limits 5 % stricter", "without "  # what if
-_WAYS = ("Planned tests", "By criterion", "All verdicts")
+_WAYS = ("Planned tests", "By criterion")
 _MEANINGS = {
     "skip": "would meet all criteria at once, with the confidence asked for",
     "run": "uncertain: only a test, or another design, can tell",
@@ -48,19 +45,18 @@ def show(judgement: Judgement) -> None:
     _show_headline(certification)
     subjects = list(exceptions(certification).items())
     with st.container(key="caveats"):
-        for subject, (first, *others) in subjects[:_CAVEATS]:
+        for subject, (first, *others) in [own for own in subjects if own[0] in DECISIVE]:
             more = f" :gray[and {len(others)} more below]" if others else ""
             st.markdown(f":small[:material/warning: **{plain(subject)}:** {plain(first)}{more}]")
     left, right = st.columns([3, 2], gap="medium")
     with left:
         way = choose("Shown as", _WAYS, key="answered")
-        {_WAYS[0]: _show_planned, _WAYS[1]: _show_matrix, _WAYS[2]: _show_verdicts}[way](judgement)
+        (_show_planned if way == _WAYS[0] else _show_matrix)(judgement)
     with right:
         _show_reason(certification, judgement.display)
     _show_variants(certification)
-    with st.expander(
-        f"All caveats ({sum(len(told) for _, told in subjects)}) and what else to know", icon=":material/list:"
-    ):
+    n = sum(len(told) for _, told in subjects)
+    with st.expander(f"All {n} caveats, and the answer in sentences", icon=":material/list:"):
         for subject, told in subjects:
             st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in told))
         st.markdown("**The answer in sentences**")
@@ -71,13 +67,11 @@ def _show_headline(certification: Certification) -> None:
     (saved, of), (n, missed) = certification.saved, saved_and_missed(certification)
     answer = f":primary[{saved:,} of {of:,}] planned tests need not be run to know these pulse criteria"
     st.subheader(answer, anchor=False)
-    record = (
-        f"{missed} of {n} left-out tests that need not have been run missed a criterion"
-        if n
-        else ("no left-out test would have been skipped, so the record says nothing of such answers")
-    )
-    bound = f" ({at_most(missed, n)}, exact 95 % bound)" if n else ""
-    st.caption(f"Confidence {certification.criteria.confidence:g}. Wrong so far: {record}{bound}.")
+    record = "none of the left-out tests need not have been run, so the record says nothing of such answers"
+    if n:
+        bound = f"({at_most(missed, n)}, exact 95 % bound)"
+        record = f"{missed} of {n} tests that need not have been run missed a criterion {bound}"
+    st.caption(f"Confidence {certification.criteria.confidence:g}. Wrong so far: {record}.")
 
 
 def _show_planned(judgement: Judgement) -> None:
@@ -91,7 +85,7 @@ def _show_planned(judgement: Judgement) -> None:
                 type="primary" if row.id == chosen else "secondary", on_click=_choose, args=(row.id,),
             )  # fmt: skip
     if len(rows) > _MOST:
-        st.caption(f"The slowest {_MOST}; *All verdicts* has all.")
+        st.caption(f"The slowest {_MOST}; *By criterion* has all.")
     words = dict.fromkeys(row.word for row in rows)
     st.caption("  \n".join(f"**{word}**: {_MEANINGS[word]}" for word in _MEANINGS if word in words))
 
@@ -102,29 +96,13 @@ def _choose(cell: str) -> None:
 
 def _show_matrix(judgement: Judgement) -> None:
     n = len(judgement.certification.matrix.ids)
-    with st.container(height=_MANY_PX if n > FEW_CONDITIONS else "content", border=False):
+    with st.container(height=_MANY_PX if n > _FEW else "content", border=False):
         show_clickable(
-            lambda: verdict_matrix(judgement.certification, judgement.display, narrow=True),
-            "Verdicts by planned test and criterion", _choose, "verdict matrix", judgement.key, judgement.display,
-            name="verdicts",
+            lambda: judgement.verdicts.plot(display=judgement.display), "Verdicts by planned test and criterion",
+            _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts",
         )  # fmt: skip
     told = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
     st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict. All are in certification.csv.")
-
-
-def _show_verdicts(judgement: Judgement) -> None:
-    certification, display = judgement.certification, judgement.display
-    table, heading = SHOWN["verdicts"](certification, display), display.title("Speed", "mph")
-    table.insert(1, heading, [display.speeds(verdict.condition.speed_mps) for _, verdict in certification.cells])
-    st.dataframe(
-        coloured(without_formulas(table), "Verdict"), hide_index=True, height=min(36 * len(table) + 40, _MANY_PX),
-        column_config={
-            heading: st.column_config.NumberColumn(format="%.1f"),
-            "Probability": st.column_config.TextColumn(alignment="right"),
-            "Reason": st.column_config.TextColumn(width="large"),
-        },
-        alt="Verdicts by planned test and criterion, with values, intervals, probabilities and reasons",
-    )  # fmt: skip
 
 
 def _show_reason(certification: Certification, display: Display) -> None:

@@ -18,7 +18,7 @@ from crashfuse.certification.criteria import (
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
-from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_rows, show_wrong, under_its_name, uploaded
+from crashfuse.ui.certify.entry import SEPARATOR, Field, edit_rows, show_wrong, upload, uploaded
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.campaigns import View
 
@@ -102,6 +102,12 @@ def choose_criteria(view: View) -> Criteria | None:
     return criteria
 
 
+def take(criteria: Criteria) -> None:
+    """Ask for these criteria; call it from a callback."""
+    rows = [_text(_values(own)) for own in criteria.items]
+    st.session_state.update(criteria=rows, confidence=criteria.confidence)
+
+
 def _values(criterion: Criterion) -> dict[str, Any]:
     return {name: getattr(criterion, name) for name in _FIELDS}
 
@@ -128,23 +134,11 @@ def _is_row(text: str) -> bool:
 
 
 def _show_upload(view: View) -> None:
-    key = f"criteria file {view.campaign.fingerprint[:8]}"
-    wrong = f"{key}: wrong"
-
-    def take() -> None:
-        st.session_state.pop(wrong, None)
-        if (file := st.session_state[key]) is None:
-            return
-        try:
-            criteria = uploaded(file.getvalue(), _FILE, read_criteria)
-        except DataError as error:
-            st.session_state[wrong] = under_its_name(error, _FILE, file.name)
-            return
-        rows = [_text(_values(own)) for own in criteria.items]
-        st.session_state.update(criteria=rows, confidence=criteria.confidence)
+    def take_file(content: bytes | None) -> None:
+        if content is not None:
+            take(uploaded(content, _FILE, read_criteria))
 
     names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
     st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {names} and others.")
-    st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take)
-    if wrong in st.session_state:
-        show_wrong(st.session_state[wrong])
+    if wrong := upload(f"Upload {_FILE}", _FILE, f"criteria file {view.campaign.fingerprint[:8]}", take_file):
+        show_wrong(wrong)

@@ -107,22 +107,34 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
 
     A CrashfuseError says what is wrong with it, by ``read``, or that the file of a link is not on this server.
     """
+    state = st.session_state
+
+    def take(content: bytes | None) -> None:
+        state[choice] = None
+        if content is not None:
+            read(content)
+            state[choice] = file_store.keep(content, file)
+
+    error = upload(label, file, key, take)
+    if error is not None and state[choice] is None:
+        raise error
+    return find_kept(file, choice, read)
+
+
+def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]) -> CrashfuseError | None:
+    """Ask for a file whose content is taken, None once it is taken away; returns what was wrong with the last."""
     state, wrong = st.session_state, f"{key}: wrong"
 
-    def take() -> None:
-        state[wrong], state[choice] = None, None
-        if (given := state[key]) is None:  # it was taken away
-            return
+    def changed() -> None:
+        given, state[wrong] = state[key], None
         try:
-            read(given.getvalue())
-            state[choice] = file_store.keep(given.getvalue(), file)
+            take(given and given.getvalue())
         except CrashfuseError as error:
             state[wrong] = under_its_name(error, file, given.name)
 
-    st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=take)
-    if (error := state.get(wrong)) is not None and state[choice] is None:
-        raise error
-    return find_kept(file, choice, read)
+    st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=changed)
+    error: CrashfuseError | None = state.get(wrong)
+    return error
 
 
 def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:

@@ -10,9 +10,11 @@ import pandas as pd
 import streamlit as st
 
 from crashfuse.campaign import Campaign
+from crashfuse.certification import file_store
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.files.csv_text import without_formulas
+from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.certify.entry import SEPARATOR, Field, choose_kept, edit_rows, find_kept, show_wrong, uploaded
 from crashfuse.ui.kit import address, campaigns
@@ -73,6 +75,11 @@ def choose_matrix(view: View) -> Matrix | None:
 
 def _sources(view: View) -> list[str]:
     return [_OWN] * (view.folder / _FILE).is_file() + [_TYPED, _UPLOAD]
+
+
+def take(matrix: Matrix) -> None:
+    """Ask for these conditions, as if they were uploaded; call it from a callback. A DataError if they are too many."""
+    st.session_state.update(matrix=_UPLOAD, uploaded=file_store.keep(csv_as_given(matrix_table(matrix)), _FILE))
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)

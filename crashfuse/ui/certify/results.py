@@ -38,6 +38,7 @@ from crashfuse.ui.kit.results import fill, show_table
 from crashfuse.ui.kit.text import plain
 
 _CHOICE, _WRONG, _KEPT = "earlier", "verdicts that could not be kept", "verdicts that were kept"  # session keys
+_MANY, _MANY_PX = 3, 620  # criteria whose record scrolls
 _RECORD = {
     "What left-out tests showed": (
         "record",
@@ -128,10 +129,12 @@ def show_record(judgement: Judgement) -> None:
     )
     judgement.show_sentences("record")
     if certification.record.trials:
-        show_table(SHOWN["record"](certification, judgement.display), "counts")
+        with st.expander("Verdicts on left-out tests, by criterion", icon=":material/table:"):
+            show_table(SHOWN["record"](certification, judgement.display), "counts")
         name, alt, meaning = _RECORD[choose("Figure", list(_RECORD), key="record")]
-        judgement.show_figure(name, alt, "track_record" if name == "record" else name)
         st.caption(meaning)
+        with st.container(height="content" if len(certification.criteria.items) < _MANY else _MANY_PX, border=False):
+            judgement.show_figure(name, alt, "track_record" if name == "record" else name)
     with st.expander("Earlier verdicts", icon=":material/history:", expanded=certification.since is not None):
         _choose_earlier(certification)
         if certification.since is None:

@@ -92,7 +92,7 @@ CHOICES: dict[str, Choice] = {
     "seed": Choice(int, 0, range(2**32)),
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
-    "window": Choice(window_of, WINDOWS_MS[-1], (), ("data", "train", "compare", "study", "predict", "history")),
+    "window": Choice(window_of, WINDOWS_MS[-1], (), ("data", "train", "compare", "study", "predict")),
     "system": Choice(options=tuple(SYSTEMS)),
     "unit": Choice(str, "g", ("g", "m/s²"), ("data", "train", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "train", "compare", "predict")),
@@ -114,16 +114,15 @@ CHOICES: dict[str, Choice] = {
     "confidence": Choice(float, pages=("certify",), of_campaign=True),
     "planned": Choice(tuple, pages=("certify",), of_campaign=True),
     "what_if": Choice(tuple, (), pages=("certify",), of_campaign=True),
-    "listed": Choice(str, "this", ("this", "all"), pages=("history",)),
+    "ticked": Choice(tuple, (), pages=("study",), of_campaign=True),
 }
 _ON_PAGE = {
     "data": ("import", "filter"),
     "train": ("train_tab", "diagnostics"),
     "compare": ("compare_tab", "compared", "explained"),
-    "study": ("study_tab", "ways"),
+    "study": ("study_tab", "ways", "compared_way"),
     "predict": ("predict_tab", "predicted", "subtracted", "factor_…", "speed_range", "front_range", "rear_range"),
     "certify": ("approach", "certify_tab", "answered", "record"),
-    "history": ("first", "second", "compared_way", "compared_approach"),
 }
 _ON_PAGE_OF_CAMPAIGN = {
     "data": ("data_tab",),
@@ -296,11 +295,6 @@ def choose_held_out(test: CrashTest) -> None:
     """Select the test to hold out; call it from a callback, before the sidebar is drawn."""
     st.session_state["test"] = test.id
     forget()
-
-
-def note_for_next_page(sentence: str) -> None:
-    """Tell something at the head of the next page, until the user chooses something else there."""
-    st.session_state[NOT_FOUND] = sentence
 
 
 def forget() -> None:

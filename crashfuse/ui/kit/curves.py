@@ -192,21 +192,17 @@ def choose_approach(subject: Subject, predictions: Mapping[str, Prediction], rec
     return approach
 
 
-def choose_curves(
-    subject: Subject, approach: str, predictions: Mapping[str, Prediction], offered: Sequence[str] | None = None
-) -> Shown:
-    """Let the user choose what a figure shows beside an approach's prediction; ``offered`` are curves of its own."""
+def choose_curves(subject: Subject, approach: str, predictions: Mapping[str, Prediction]) -> Shown:
+    """Let the user choose what a figure shows beside an approach's prediction."""
     others = [name for name in predictions if name != approach]
-    if offered is None:
-        offered = [TEST, *others] if subject.test else [*others, REPRESENTATIVE]
-    key, usual, chosen = f"{subject.page}_curves", [] if pinned() else [BASELINE], list[str]()
-    address.default(key, [TEST, BASELINE] if subject.test else usual)
+    offered = [TEST, *others] if subject.test else [*others, REPRESENTATIVE]
+    key = f"{subject.page}_curves"
+    address.default(key, [TEST, BASELINE] if subject.test else [] if pinned() else [BASELINE])
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
-        if offered:
-            chosen = kept_choice(
-                key, offered, st.pills, "Beside the prediction", selection_mode="multi", width="content",
-                format_func=_label, help="The choice stays on this page, and is in the link.",
-            )  # fmt: skip
+        chosen = kept_choice(
+            key, offered, st.pills, "Beside the prediction", selection_mode="multi", width="content",
+            format_func=_label, help="The choice stays on this page, and is in the link.",
+        )  # fmt: skip
         also, missing = _add(subject, approach, [subject.test])
     if st.toggle("Nearest tests", key=f"{subject.page}_nearest", persist_state="session", help=_NEAREST_HELP):
         also = (*also, *(test for test in _nearest(subject) if test not in also))
@@ -236,7 +232,7 @@ def _label(curve: str) -> str:
 
 
 def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder: str) -> list[str]:
-    if len(st.session_state[key]) > _MOST:  # of a link, or one more of History: Streamlit would refuse them all
+    if len(st.session_state[key]) > _MOST:  # of a link, or one more: Streamlit would refuse them all
         st.session_state[key] = st.session_state[key][-_MOST:]
     return kept_choice(
         key, list(labels), st.multiselect, title, format_func=labels.__getitem__, max_selections=_MOST,

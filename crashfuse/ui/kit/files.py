@@ -60,7 +60,7 @@ _FORM_LABELS: dict[ReportForm, str] = {"whole": "Whole", "short": "Short"}
 _FORM_HELP = "Short: two or three pages with {}. Whole: {}, too. Both in the units and the window of the pages."
 _OF_STUDY = (
     "the recommendation, all ratings and the test that was predicted worst",
-    "each test, the data, the method and its settings",
+    "the paper's tables 3 and 5, each test, the data, the method and its settings",
 )
 _DRAWS_HELP = (
     "Whole pulses drawn from the band, all equally likely: run the occupant model with each to see how much of the "
@@ -81,8 +81,7 @@ def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Captio
     """The caption of a figure on the open page, named by its alternative text unless told what is ``drawn``."""
     page, title, state = address.here().page, alt.partition(";")[0], st.session_state
     names, details = [drawn or title], list[str]()
-    elsewhere = page == "history" or (page == "data" and state.get("import"))  # of any campaign, or of none
-    if elsewhere or not state.get("campaign"):
+    if (page == "data" and state.get("import")) or not state.get("campaign"):  # of any campaign, or of none
         return Caption(file_name(*names), title, "")
     campaign = campaigns.load(state["campaign"])
     display = Display(float(state["window"]), state["unit"], system=SYSTEMS[state["system"]])

@@ -19,7 +19,6 @@ _PAGES = {
     "study": ("Study", ":material/grid_on:"),
     "predict": ("Predict", ":material/trending_up:"),
     "certify": ("Certify", ":material/fact_check:"),
-    "history": ("History", ":material/history:"),
 }
 # drawn here: an icon from Streamlit's own font would make the browser fetch the tab's icon from the internet
 _PULSE = '<path d="M3 7h5c3 0 3 12 6 17s3-9 5-9 3 9 5 9 2-17 5-17" fill="none" stroke="%s" stroke-width="3"/>'

@@ -19,7 +19,7 @@ from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS, IN_THE_DARK, MEASURED_COLOUR
-from crashfuse.reporting.rating_tables import REPEAT, best, rating_table
+from crashfuse.reporting.rating_tables import REPEAT
 from crashfuse.reporting.result_tables import next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -213,16 +213,6 @@ def ratings_table(
 def mean_ratings_table(study: Study) -> Styler:
     """Overall rating averaged over the held-out tests, by approach and window; below, what repeats would rate."""
     return _coloured(rating_tables.mean_ratings(study))
-
-
-def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
-    """Ratings by test, approach and window in the form of the paper's tables, best in bold."""
-    table = rating_table(study, rows)
-    bold = best(table).reset_index(drop=True).map(lambda is_best: "font-weight: 700" if is_best else "")
-    shown = table.map("{:.3f}".format, na_action="ignore").fillna("–").reset_index()
-    marks = bold.reindex(columns=shown.columns, fill_value="").to_numpy()
-    shown["Test"] = shown["Test"].where(~shown["Test"].duplicated(), "")  # each named once, as in the paper
-    return literal(shown).apply(lambda _: marks, axis=None)
 
 
 def metrics_tables(

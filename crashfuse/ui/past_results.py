@@ -1,0 +1,199 @@
+"""Past results on the page Study: studies, predictions and certifications, one opened again, two compared."""
+
+from functools import partial
+
+import streamlit as st
+
+from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.certification import file_store
+from crashfuse.certification.certify import APPROACH
+from crashfuse.certification.earlier import Earlier
+from crashfuse.errors import Problem, UsageError
+from crashfuse.reporting.past_results import comparison_means, described, history_table, left_out_in_words
+from crashfuse.reporting.plots.compared import rating_differences
+from crashfuse.reporting.report import comparison_report
+from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, past_results
+from crashfuse.ui.certify import criteria, matrix
+from crashfuse.ui.kit import address, campaigns
+from crashfuse.ui.kit.address import pin_all
+from crashfuse.ui.kit.campaigns import View
+from crashfuse.ui.kit.figures import choose, show_cached_figure
+from crashfuse.ui.kit.files import download_report, download_table, export_button
+from crashfuse.ui.kit.navigation import open_next
+from crashfuse.ui.kit.results import refused_into, show_problems, show_table, window_label
+from crashfuse.ui.kit.text import plain
+from crashfuse.ui.kit.uploads import uploaded_data
+from crashfuse.ui.predict import fill_in
+
+_ROW_PX, _MOST_ROWS = 35, 9
+_TICKED = "ticked"  # session key: ids of the results to open or to compare
+_TABLE, _REFUSED = "past results", "refused result"  # session keys
+
+
+def show(view: View) -> StudyComparison | None:
+    """Show the list, what can be done with those that are ticked, and two studies compared; returns these, if any."""
+    if problems := st.session_state.pop(_REFUSED, None):
+        show_problems(problems, "This could not be done", "", place="past results")
+    results = _listed(view.campaign)
+    if not results:
+        st.markdown(
+            "Nothing of this campaign was computed before. Studies, tests predicted one by one, predictions that were "
+            "pinned and certifications that were kept appear here."
+        )
+        return None
+    _show_list(results, view)
+    by_id = {result.id: result for result in results}
+    ticked = [by_id[asked] for asked in st.session_state[_TICKED] if asked in by_id]
+    if len(ticked) < len(st.session_state[_TICKED]):
+        st.warning("A result of this link is not in the list of this machine.", icon=":material/link_off:")
+    for result, which in zip(ticked, ("the first: ", "the second: ") if len(ticked) > 1 else ("",), strict=False):
+        _show_ticked(result, which, view)
+    if len(ticked) < 2:
+        st.caption("Tick a result to open it or to write a note on it; tick two studies to compare them.")
+        return None
+    try:
+        first, second = (result for result in ticked if isinstance(result, PastResult) and result.tests)
+        return _compared(first.id, second.id, [first, second])
+    except ValueError:
+        st.info("Only two studies are compared, by their ratings.", icon=":material/join_inner:")
+    except UsageError as error:
+        st.info(plain(error), icon=":material/join_inner:")
+    return None
+
+
+def _listed(campaign: Campaign) -> list[PastResult | Earlier]:
+    """What this machine has of a campaign, the latest first; of other data of its name, but for others' uploads."""
+    hidden, is_restricted = uploaded_data(), bool(campaigns.roots())
+    studies = [
+        result
+        for result in past_results()
+        if result.fingerprint == campaign.fingerprint
+        or (result.campaign == campaign.name and result.fingerprint not in hidden and not is_restricted)
+    ]
+    certified = list(file_store.certifications(campaign).values())
+    results: list[PastResult | Earlier] = [*studies, *certified]
+    return sorted(results, key=lambda result: result.date.replace("T", " ")[:16], reverse=True)
+
+
+def _show_list(results: list[PastResult | Earlier], view: View) -> None:
+    state, table = st.session_state, history_table(results, view.display).drop(columns=["Campaign", "Data"])
+    rows = [row for row, result in enumerate(results) if result.id in state[_TICKED]]
+    address.put(_TABLE, {"selection": {"rows": rows, "columns": [], "cells": []}})
+
+    def tick() -> None:
+        selected = [results[row].id for row in state[_TABLE].selection.rows]
+        before = [ticked for ticked in state[_TICKED] if ticked in selected]
+        state[_TICKED] = [*before, *(ticked for ticked in selected if ticked not in before)][-2:]
+
+    st.dataframe(
+        table, hide_index=True, on_select=tick, selection_mode="multi-row", key=_TABLE,
+        height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Past results of this campaign, the latest first",
+        column_config={  # all columns fit at 900 px
+            "What": st.column_config.TextColumn(
+                width=210, help="A test is left out alone, with all at about its speed, or both ways."
+            ),
+            "Mean rating": st.column_config.TextColumn(
+                "Result",
+                help="Of a study the mean rating over the longest window, of a prediction 80 % of the ratings to be "
+                "expected, of a certification how many planned tests need not be run."
+            ),
+        },
+    )  # fmt: skip
+
+
+def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
+    """Offer to open a result that is ticked, and to write a note on it."""
+    key, text = f"note on {result.id}", described(result, view.display)
+    if isinstance(result, Earlier):
+        opening = partial(_open_certification, result, view)
+    else:
+        opening = partial(_open_result, result, view)
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=opening)
+        if isinstance(result, PastResult):
+            st.text_input(
+                plain(f"Note on {text}"),
+                result.note,
+                LONGEST_NOTE,
+                key=key,
+                label_visibility="collapsed",
+                placeholder="note, such as: baseline CAE model, before the new rail",
+                on_change=_annotate,
+                args=(result, key),
+            )
+
+
+def _annotate(result: PastResult, key: str) -> None:
+    with refused_into(_REFUSED, result.campaign):
+        annotate(result, st.session_state[key])
+
+
+def _open_result(result: PastResult, view: View) -> None:
+    """Open a study or prediction with its settings, a prediction pinned; a callback."""
+    state, config = st.session_state, result.config
+    if result.fingerprint != view.campaign.fingerprint:
+        expected, advice = f"the data {result.fingerprint[:8]}", "undo the change on the page Data, or open a copy"
+        state[_REFUSED] = (Problem(result.campaign, expected, "data that were changed since", advice),)
+        return
+    state.update(
+        preset=config.preset, seed=config.seed, device=config.device,
+        approaches=[approach for approach in APPROACHES if approach in config.approaches],
+        leave_out="speed group" if config.leave_out == "speed group" else "test", study_tab="Ratings",
+    )  # fmt: skip
+    if result.condition is not None:
+        fill_in(view.campaign, result.condition)
+        pin_all([result.condition])
+        open_next("predict")
+    elif len(result.tests) == 1:
+        state["test"] = result.tests[0]
+        open_next("compare")
+
+
+def _open_certification(earlier: Earlier, view: View) -> None:
+    """Ask Certify for the same criteria and conditions today, beside what was said then; a callback."""
+    state, kept = st.session_state, file_store.certifications(view.campaign)
+    with refused_into(_REFUSED, view.campaign.name):
+        matrix.take(earlier.matrix)
+        criteria.take(earlier.criteria)
+        state["earlier"] = next(name for name, other in kept.items() if other.id == earlier.id)
+        labelled = [name for name, label in LABELS.items() if label == earlier.settings.get("approach")]
+        state["approach"] = next(iter(labelled), APPROACH)
+        open_next("certify")
+
+
+@st.cache_resource(max_entries=20, show_spinner=False)
+def _compared(first: str, second: str, _chosen: list[PastResult]) -> StudyComparison:  # noqa: ARG001 - the key
+    return StudyComparison(*_chosen)
+
+
+def show_compared(compared: StudyComparison, view: View) -> None:
+    """Show which of two studies rates higher, in which tests, and by how much."""
+    first, second, way = compared.first, compared.second, compared.ways[0]
+    window = compared.window(view.display.window_ms)
+    st.subheader(f"The two compared, {window_label(window)}")
+    if len(compared.ways) > 1:
+        way = choose("Left out", compared.ways, key="compared_way", label_of=left_out_in_words)
+    for caution in compared.cautions:
+        st.markdown(f":material/warning: {plain(caution)}")
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in compared.sentences(window, way)))
+    show_table(comparison_means(compared, window, way), "compared means")
+    if compared.over(window, way)["held_out"].nunique() > 1:
+        show_cached_figure(
+            lambda: rating_differences(compared, window, way),
+            "Rating of each test in the second study minus that in the first, by approach, with their mean",
+            (first.id, second.id, window, way),
+            name=f"studies compared {first.id} {second.id} {way} 0-{window:g}ms",
+        )
+
+
+def offer_files(compared: StudyComparison, view: View) -> None:
+    """Show the button with the files of a comparison."""
+
+    def show_files() -> None:
+        with st.container(horizontal=True):
+            download_table("comparison.csv", lambda: compared.ratings)
+            download_report(lambda: comparison_report(compared, view.display), "", "comparison.html")
+
+    export_button(show_files)
