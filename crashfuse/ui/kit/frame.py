@@ -35,6 +35,7 @@ from crashfuse.wording import SYSTEMS, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
+_TAB_OF = {"cae.runs_fail": "CAE model", "tests.left_out_of_use": "Tests", "campaign.notice": "Tests"}
 _opened: ContextVar[View | Sequence[Problem]] = ContextVar("opened")
 
 
@@ -335,17 +336,15 @@ def show_title(title: str) -> DeltaGenerator:
 class _AnswerLine:
     """The line above every page: what is known of the campaign, and what it takes to know more, each a link.
 
-    It stands in app.py's own part, which the browser keeps while pages are switched. What may take a moment, what sets
-    tests apart and the answer of Certify, follows once the page is there.
+    It is drawn outside the page, so that the browser keeps it while pages are switched; what may take a moment, last.
     """
 
     def __init__(self, view: View) -> None:
         self.view = view
         self.row = st.container(horizontal=True, key="answer")
         n, runs = len(view.campaign.tests), len(view.campaign.cae)
-        self._link("tests", f"{n} test{'s' * (n != 1)}", "What was measured.", "data", data_tab="Tests")
-        told = f"{runs:,} CAE run{'s' * (runs != 1)}"
-        self._link("cae", told, "What was simulated.", "data", data_tab="CAE model")
+        self._link("tests", f"{n} test{'s' * (n != 1)}", "On Data.", "data", data_tab="Tests")
+        self._link("cae", f"{runs:,} CAE run{'s' * (runs != 1)}", "On Data.", "data", data_tab="CAE model")
 
     def complete(self) -> None:
         """Add the answer of Certify, and what has to be known of the campaign."""
@@ -360,16 +359,15 @@ class _AnswerLine:
             meaning = "A test there would meet all pulse criteria of Certify at once, with the confidence asked for."
         self._link("certify", f"**{plain(told)}**", meaning, "certify")
         for fact in campaign_facts(view.campaign):
-            label, key = plain(fact.label), f"{fact.code} {fact.label}"
+            label, key, test = plain(fact.label), f"{fact.code} {fact.label}", fact.values.get("test")
             if fact.code == "test.stands_apart":
-                test = view.campaign.test(str(fact.values["test"]))
-                label = f":orange[{label} at {view.display.words(speed(test.condition.speed_mps, form='.0f'))}]"
-                self._link(key, label, fact.sentence, "compare", test=test.id, compare_tab="Why")
-            elif fact.code in ("cae.runs_fail", "tests.left_out_of_use"):
-                tab = "CAE model" if fact.code == "cae.runs_fail" else "Tests"
-                self._link(key, f":orange[{label}]", fact.sentence, "data", data_tab=tab)
-            elif fact.code == "campaign.notice":
-                self._link(key, label, fact.sentence, "data", data_tab="Tests")
+                at = view.display.words(speed(view.campaign.test(str(test)).condition.speed_mps, form=".0f"))
+                self._link(
+                    key, f":orange[{label} at {at}]", fact.sentence, "compare", test=str(test), compare_tab="Why"
+                )
+            elif tab := _TAB_OF.get(fact.code):
+                warned = label if fact.code == "campaign.notice" else f":orange[{label}]"
+                self._link(key, warned, fact.sentence, "data", data_tab=tab)
 
     def _link(self, key: str, label: str, meaning: str, page: str, **chosen: str) -> None:
         self.row.button(

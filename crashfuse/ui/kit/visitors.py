@@ -92,10 +92,10 @@ def kept_for_visitor() -> dict[str, list[str]]:
 def keep_for_visitor(key: str, text: str) -> None:
     """Keep it in the cache folder, for this visitor alone; whatever goes wrong, it is only not kept."""
     with suppress(OSError, DataError), sole_writer(default_folder(), _PATIENCE_S):
-        kept, me, mine = _kept(), short_key(), kept_for_visitor()
-        kept.pop(me, None)
-        latest = [*kept.items(), (me, {**{name: texts[0] for name, texts in mine.items()}, key: text})]
-        write_atomically(default_folder() / _KEPT, json.dumps(dict(latest[-_MOST_VISITORS:])).encode())
+        mine = {name: texts[0] for name, texts in kept_for_visitor().items()} | {key: text}
+        others = [(who, theirs) for who, theirs in _kept().items() if who != short_key()]
+        kept = dict([*others[1 - _MOST_VISITORS :], (short_key(), mine)])
+        write_atomically(default_folder() / _KEPT, json.dumps(kept).encode())
 
 
 def read_small(file: Path) -> object:
