@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, field, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -71,8 +71,7 @@ class Forecast:
         """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
         if criterion.window_ms is not None:
             return _overall(test.pulse, self.accel_mps2, criterion.window_ms)
-        pulse, speed = test.pulse, test.condition.speed_mps
-        value = float(metric_values(pulse.accel_mps2, speed, dt_s=pulse.dt_s, occupant=occupant)[criterion.metric])
+        value = _metrics_of(test, occupant)[criterion.metric]
         return value if np.isfinite(value) else None
 
     @property
@@ -145,6 +144,13 @@ class Forecaster:
         ]
         rows = [[_UNKNOWN if own is None else astuple(own) for own in fold.values()] for fold in folds]
         return replace(forecast, folds=np.array(rows, dtype=np.float64), apart_share=float(apart.mean()))
+
+
+@lru_cache(maxsize=256)  # asked for by every criterion, and again with every other limit
+def _metrics_of(test: CrashTest, occupant: OccupantModel) -> dict[str, float]:
+    pulse, speed = test.pulse, test.condition.speed_mps
+    values = metric_values(pulse.accel_mps2, speed, dt_s=pulse.dt_s, occupant=occupant)
+    return {name: float(value) for name, value in values.items()}
 
 
 def _ranks(drawn: FloatArray) -> FloatArray:

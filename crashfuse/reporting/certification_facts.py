@@ -54,7 +54,7 @@ SUBJECTS = {
     "criterion.few": "Criteria whose own record does not support the confidence alone",
 }
 """What speaks against the verdicts, by code, the most important first: its heading among the exceptions."""
-DECISIVE = tuple(SUBJECTS.values())[:11]
+DECISIVE = tuple(SUBJECTS.values())[: list(SUBJECTS).index("condition.new_together") + 1]
 """The subjects that stand beside the answer itself: down to factors that no test has together."""
 ANSWERS: Mapping[Answer, tuple[str, str]] = {
     "run": ("Run already", "{}"),

@@ -67,7 +67,7 @@ def _show_headline(certification: Certification) -> None:
     (saved, of), (n, missed) = certification.saved, saved_and_missed(certification)
     answer = f":primary[{saved:,} of {of:,}] planned tests need not be run to know these pulse criteria"
     st.subheader(answer, anchor=False)
-    record = "none of the left-out tests need not have been run, so the record says nothing of such answers"
+    record = "no left-out test would have been skipped, so the record says nothing of such answers"
     if n:
         bound = f"({at_most(missed, n)}, exact 95 % bound)"
         record = f"{missed} of {n} tests that need not have been run missed a criterion {bound}"
