@@ -115,7 +115,8 @@ def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs:
     address.put(slider, min(max(value, low), high))
 
     def take(key: str, other: str) -> None:
-        if key in state[f"{name} widgets"]["keys"]:
+        # a field that a slow browser has only just put into the page may send its default, 0
+        if state[key] and key in state[f"{name} widgets"]["keys"]:
             state[name] = round(state[key] / shown / in_si, DECIMALS)
             state[f"{name} widgets"] = {**widgets, "value": state[name], other: state[name], "keys": (key,)}
 

@@ -101,7 +101,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     short = user.arrived("-short_report.html").read_text(encoding="utf-8")
     assert "34.0 mph − 60.0 mph" in short
     assert "Method and settings" not in short
-    user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+    user.press("", '[data-testid="stDialog"] [aria-label="Close"]')
     user.press_inside("2 pinned", "34.0 mph", "button")
     user.wait(lambda: "34mph" not in user.browser.current_url)
     user.find(f"{MAIN} button", "1 pinned")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from selenium.webdriver.common.keys import Keys
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import APPROACHES
@@ -95,7 +94,7 @@ def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
     assert "25–40 ms</td><td>&lt;b&gt;hump&lt;/b&gt; comes early</td>" in report
     assert re.findall(r"<td>(C\d\d)</td><td>(yes|no)</td>", report) == [(run, "yes") for run in PAIRED]
     assert "Outside the range of the CAE runs" not in report
-    engineer.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+    engineer.press("", '[data-testid="stDialog"] [aria-label="Close"]')
     engineer.sees("<b>hump</b> comes early", FIGURE)
     engineer.press("Notes and marks on T1", "summary")
     engineer.presses_until(lambda: not (campaign_on_disk / "notes.csv").exists(), "Delete")

@@ -1,7 +1,6 @@
 """Units in a real browser: one choice, which condition, figure, table and report follow."""
 
 import pytest
-from selenium.webdriver.common.keys import Keys
 
 from tests.browser.conftest import FIGURE, TABLE, Server, User
 
@@ -30,7 +29,7 @@ def test_all_of_predict_follows_the_units(small_server: Server, user: User) -> N
     report = user.downloads_file("report.html")
     assert "prediction at 56.0 km/h, front" in report
     assert "--speed-kph 56 --front-weight-kg" in report
-    user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+    user.press("", '[data-testid="stDialog"] [aria-label="Close"]')
     user.press("mph, lb")
     shows_speed(user, "34.8", "mph")
     assert "km/h" not in user.sees("ΔV, rebound included (mph)", TABLE)
