@@ -78,8 +78,8 @@ _FIGURES = {
         "bias parts",
         "Parts of the bias that is expected in test {test}, over displacement, each with its 95 % band",
         "What the other {n} tests predict of the bias in {test}. Shared: the same in every test. Ratio: the CAE "
-        "model's pulse, its trend and its humps, times a factor. Parts can cancel each other: their sum is better known than "
-        "each. Of the test's own part, its repeatability, only the size can be predicted.",
+        "model's pulse, its trend and its humps, times a factor. Parts can cancel each other: their sum is better "
+        "known than each. Of the test's own part, its repeatability, only the size can be predicted.",
     ),
     "Integration check": (
         "integration",
