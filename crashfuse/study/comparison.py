@@ -155,8 +155,10 @@ def _what_differs(one: PastResult, other: PastResult) -> str:
     if not alike:
         return "tests are compared by their ids, whatever was measured in them."
     changed = ", ".join(test for test, is_alike in alike.items() if not is_alike)
+    if not changed:
+        return "not in these tests, in which the raw CAE model is rated the same."
     vehicles = "" if any(alike.values()) else " These are perhaps two vehicles."
-    return f"the raw CAE model is rated differently in {changed or 'none of these tests'}.{vehicles}"
+    return f"the raw CAE model is rated differently in {changed}: other tests or CAE runs.{vehicles}"
 
 
 def _alike(one: PastResult, other: PastResult) -> dict[str, bool]:

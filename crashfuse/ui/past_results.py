@@ -3,6 +3,7 @@
 from functools import partial
 
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.campaign import Campaign
@@ -32,8 +33,8 @@ _TICKED = "ticked"  # session key: ids of the results to open or to compare
 _TABLE, _REFUSED = "past results", "refused result"  # session keys
 
 
-def show(view: View) -> StudyComparison | None:
-    """Show the list, what can be done with those that are ticked, and two studies compared; returns these, if any."""
+def show(view: View, row: DeltaGenerator) -> None:
+    """Show the list, what can be done with those that are ticked, and two studies compared; their files in the row."""
     if problems := st.session_state.pop(_REFUSED, None):
         show_problems(problems, "This could not be done", "", place="past results")
     results = _listed(view.campaign)
@@ -42,7 +43,7 @@ def show(view: View) -> StudyComparison | None:
             "Nothing of this campaign was computed before. Studies, tests predicted one by one, predictions that were "
             "pinned and certifications that were kept appear here."
         )
-        return None
+        return
     _show_list(results, view)
     by_id = {result.id: result for result in results}
     ticked = [by_id[asked] for asked in st.session_state[_TICKED] if asked in by_id]
@@ -52,15 +53,14 @@ def show(view: View) -> StudyComparison | None:
         _show_ticked(result, which, view)
     if len(ticked) < 2:
         st.caption("Tick a result to open it or to write a note on it; tick two studies to compare them.")
-        return None
+        return
+    studies = [result for result in ticked if isinstance(result, PastResult) and result.tests]
     try:
-        first, second = (result for result in ticked if isinstance(result, PastResult) and result.tests)
-        return _compared(first.id, second.id, [first, second])
-    except ValueError:
-        st.info("Only two studies are compared, by their ratings.", icon=":material/join_inner:")
+        if len(studies) < 2:
+            raise UsageError("Only two studies are compared, by their ratings.")
+        _show_compared(_compared(studies[0].id, studies[1].id, studies), view, row)
     except UsageError as error:
         st.info(plain(error), icon=":material/join_inner:")
-    return None
 
 
 def _listed(campaign: Campaign) -> list[PastResult | Earlier]:
@@ -113,16 +113,11 @@ def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
     with st.container(horizontal=True, vertical_alignment="center"):
         st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=opening)
         if isinstance(result, PastResult):
+            label, example = plain(f"Note on {text}"), "note, such as: baseline CAE model, before the new rail"
             st.text_input(
-                plain(f"Note on {text}"),
-                result.note,
-                LONGEST_NOTE,
-                key=key,
-                label_visibility="collapsed",
-                placeholder="note, such as: baseline CAE model, before the new rail",
-                on_change=_annotate,
-                args=(result, key),
-            )
+                label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed", placeholder=example,
+                on_change=_annotate, args=(result, key),
+            )  # fmt: skip
 
 
 def _annotate(result: PastResult, key: str) -> None:
@@ -168,7 +163,7 @@ def _compared(first: str, second: str, _chosen: list[PastResult]) -> StudyCompar
     return StudyComparison(*_chosen)
 
 
-def show_compared(compared: StudyComparison, view: View) -> None:
+def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -> None:
     """Show which of two studies rates higher, in which tests, and by how much."""
     first, second, way = compared.first, compared.second, compared.ways[0]
     window = compared.window(view.display.window_ms)
@@ -187,13 +182,10 @@ def show_compared(compared: StudyComparison, view: View) -> None:
             name=f"studies compared {first.id} {second.id} {way} 0-{window:g}ms",
         )
 
-
-def offer_files(compared: StudyComparison, view: View) -> None:
-    """Show the button with the files of a comparison."""
-
     def show_files() -> None:
         with st.container(horizontal=True):
             download_table("comparison.csv", lambda: compared.ratings)
             download_report(lambda: comparison_report(compared, view.display), "", "comparison.html")
 
-    export_button(show_files)
+    with row:
+        export_button(show_files)

@@ -51,11 +51,7 @@ def show(view: View) -> None:
     with row:
         tab = choose("Tab", _TABS, key="study_tab")
     if tab == _PAST:
-        compared = past_results.show(view)
-        if compared is not None:
-            past_results.show_compared(compared, view)
-            with row:
-                past_results.offer_files(compared, view)
+        past_results.show(view, row)
         return
     stop_with_a_single_test(view.campaign)
     if tab == _NUMBER:
