@@ -23,7 +23,8 @@ def sprague_geers(reference: FloatArray, comparison: FloatArray) -> dict[str, fl
     phase = float("nan")
     if of_comparison:
         phase = float(np.arccos(np.clip(of_both / np.sqrt(of_reference * of_comparison), -1, 1)) / np.pi)
-    return {"sg_magnitude": magnitude, "sg_phase": phase, "sg_comprehensive": float(np.hypot(magnitude, phase))}
+    together = float(np.hypot(magnitude, phase))
+    return {"sg_magnitude": magnitude, "sg_phase": phase, "sg_comprehensive": together}
 
 
 def residual_anova(reference: FloatArray, comparison: FloatArray) -> dict[str, float]:
