@@ -25,20 +25,13 @@ QUALITIES: Mapping[str, str] = {
 class RunQuality:
     """What the solver says of one run, each a share; None where it is not recorded.
 
-    Parameters
-    ----------
-    energy_change : float, optional
-        Largest deviation of the total energy, less the work done from outside, from its value at the start, over that
-        value; with its sign (negative: energy was lost).
-    hourglass_share : float, optional
-        Largest hourglass energy over the largest internal energy, both of the whole model, each at its own time.
-    added_mass_share : float, optional
-        Largest mass added by mass scaling, over the mass of the model without it.
+    ``energy_change`` is the largest deviation of the total energy, less the work done from outside, from its value at
+    the start, over that value; with its sign (negative: energy was lost).
     """
 
     energy_change: float | None = None
-    hourglass_share: float | None = None
-    added_mass_share: float | None = None
+    hourglass_share: float | None = None  # largest hourglass over largest internal energy, both of the whole model
+    added_mass_share: float | None = None  # largest mass added by mass scaling, over the model's without it
 
     @classmethod
     def of(cls, energy_change: float | None, hourglass: float | None, added_mass: float | None) -> Self:

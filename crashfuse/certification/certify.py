@@ -218,8 +218,7 @@ def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Spl
 def _record(
     campaign: Campaign, criteria: Criteria, splits: list[_Split], approach: str, forecasts: dict[Asked, Forecast]
 ) -> TrackRecord:
-    trials: list[Trial] = []
-    tuned: list[Trial] = []
+    trials, tuned = list[Trial](), list[Trial]()
     whole: list[tuple[LeftOut, bool]] = []
     for test, way, held_out in splits:
         domain = Domain.of(campaign.without(held_out), for_record=True)

@@ -61,8 +61,7 @@ class Domain:
         below, above = (min(max(gap, SPEED_STEP_MPS), _FARTHEST_BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
         ends = float(masses.min()) - slack, float(masses.max()) + slack
         reach = max((*told, SPEED_STEP_MPS))
-        factors, cae = campaign.factors, campaign.cae
-        return cls(n_tests, tuple(speeds.tolist()), reach, below, above, ends, factors, cae, tuned)
+        return cls(n_tests, tuple(speeds.tolist()), reach, below, above, ends, campaign.factors, campaign.cae, tuned)
 
     @property
     def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:

@@ -168,7 +168,7 @@ def _of(values: dict[str, Any], digest: str) -> Earlier:
         criteria,
         matrix,
         _occupant(values),
-        tuple(_trial(**trial) for trial in before.get("verdicts", ())),
+        tuple(map(_trial, before.get("verdicts", ()))),
         {_text(name): _outcomes(tests) for name, tests in before.get("waived_and_tested", {}).items()},
         tuple(_removed(**test) for test in before.get("gone", ())),
         {i: _shown(tests) for i, tests in values["run"].items() if i in matrix.ids},
@@ -193,19 +193,12 @@ def _ids(ids: Iterable[str]) -> tuple[str, ...]:
     return checked
 
 
-def _trial(
-    test: str,
-    condition: str,
-    criterion: dict[str, Any],
-    said: list[Any],
-    measured: float,
-    shift: float = 0,
-    **given: str,
-) -> Trial:
-    (limit,) = criteria_of([criterion]).items
-    _require(is_number(measured) and is_number(shift) and not id_trouble(test))
-    trial = trial_of(test, Condition.parse(condition), limit, _verdict(*said), float(measured), float(shift))
-    return replace(trial, given=(_text(given.get("date", "")), _text(given.get("sealed", ""))))
+def _trial(trial: dict[str, Any]) -> Trial:
+    (limit,) = criteria_of([trial["criterion"]]).items
+    numbers, test = (trial["measured"], trial.get("shift", 0.0)), trial["test"]
+    _require(all(map(is_number, numbers)) and not id_trouble(test))
+    planned = trial_of(test, Condition.parse(trial["condition"]), limit, _verdict(*trial["said"]), *map(float, numbers))
+    return replace(planned, given=(_text(trial.get("date", "")), _text(trial.get("sealed", ""))))
 
 
 def _outcomes(tests: dict[str, dict[str, list[str]]]) -> Outcomes:

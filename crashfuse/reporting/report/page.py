@@ -106,9 +106,6 @@ def render_in_frame(template: str, title: str, display: Display, *, facts: Seque
     return _templates(display).get_template(f"{template}.html.j2").render(own | common)
 
 
-_HEADINGS = {"cae_tuned": "CAE model tuned to it"}
-
-
 def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
     """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
     rows = (
@@ -118,7 +115,7 @@ def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
             **dict(test.condition.factors),
             "CAE pulse": campaign.cae.ids[run] if run is not None else "emulator",
             "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",
-            **{_HEADINGS.get(name) or name[len("about_") :].replace("_", " "): v for name, v in test.statements if v},
+            **{"CAE tuned to it" if n == "cae_tuned" else n[6:].replace("_", " "): v for n, v in test.statements if v},
         }
         for test in campaign.tests
         for run in [campaign.cae.paired_run(test.condition)]
