@@ -6,6 +6,7 @@ import pandas as pd
 
 from crashfuse.approaches.displacement_domain.events import CaeEvent, CaeEvents, cae_events
 from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots.display import Display
 from crashfuse.study.study import Study
 from crashfuse.units import MS
 from crashfuse.wording import number, probability_text
@@ -25,7 +26,7 @@ def study_events(study: Study) -> CaeEvents | None:
 
 def campaign_events(campaign: Campaign, window_ms: float) -> pd.DataFrame:
     """See :meth:`Campaign.cae_events`."""
-    return events_frame(cae_events(campaign, float(window_ms)))
+    return events_frame(cae_events(campaign, float(Display(window_ms).window_ms)))
 
 
 def events_frame(found: CaeEvents) -> pd.DataFrame:
@@ -61,19 +62,22 @@ def events_table(found: CaeEvents) -> pd.DataFrame:
 
 def events_sentences(found: CaeEvents) -> list[str]:
     """What to mend first, and what that is worth."""
-    sentences = [
-        f"From {event.from_m / _MM:.0f} to {event.to_m / _MM:.0f} mm the CAE model is {_size(event)} "
-        f"({_interval(event)}) in {_which(event)} {_those(found, event)}: {100 * event.share:.0f} % of what is lost."
-        for event in found.events[:_NAMED]
-        if event.share >= _WORTH_NAMING
-    ] or ["No range of crush stands out in which mending the CAE model's force would raise its rating."]
+    named = [event for event in found.events[:_NAMED] if event.share >= _WORTH_NAMING]
+    none = "No range of crush stands out in which two tests or more agree and mending would raise the rating."
     mended = f"with all events mended {found.rating_mended:.3f}, " if found.events else ""
-    basis = f"mean of {len(found.tests)} tests, 0–{found.window_ms:g} ms"
     return [
-        *sentences,
-        f"The CAE model rates {found.rating_cae:.3f} ({basis}), {mended}without its bias over displacement "
-        f"{found.rating_all:.3f}. The bias was learned from these tests.",
+        *([_sentence(found, event) for event in named] or [none]),
+        f"The CAE model rates {found.rating_cae:.3f} over 0–{found.window_ms:g} ms in the mean of all tests that its "
+        f"bias was learned from ({len(found.tests)}), {mended}without its bias over displacement {found.rating_all:.3f}.",
     ]
+
+
+def _sentence(found: CaeEvents, event: CaeEvent) -> str:
+    tests = "tests" if len(event.reached) == len(found.tests) else "tests that crush as far"
+    return (
+        f"From {event.from_m / _MM:.0f} to {event.to_m / _MM:.0f} mm the CAE model is {_size(event)} "
+        f"({_interval(event)}) in {_which(event)} {tests}: {100 * event.share:.0f} % of what is lost."
+    )
 
 
 def _between(lower: float, upper: float, form: str) -> str:
@@ -89,13 +93,9 @@ def _interval(event: CaeEvent) -> str:
     return _between(ends[0] / _KN, ends[1] / _KN, ".0f")
 
 
-def _those(found: CaeEvents, event: CaeEvent) -> str:
-    tests = "test" if len(event.reached) == 1 else "tests"
-    return tests if len(event.reached) == len(found.tests) else f"{tests} that crush as far"
-
-
 def _which(event: CaeEvent) -> str:
     shown, reached = len(event.tests), len(event.reached)
     if shown == reached:
         return f"all {reached}"
-    return f"the {shown} {_SUPERLATIVES.get(event.conditions, '')}".strip() + f" of {reached}"
+    extreme = _SUPERLATIVES.get(event.conditions)
+    return f"the {shown} {extreme} of {reached}" if extreme else f"{shown} of {reached}"
