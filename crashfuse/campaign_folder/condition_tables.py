@@ -121,7 +121,7 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
     tuned = _read_tuned(frame, where, problems) if role == "tests" else ()
     if not sound:
         return None
-    cells = frame[sources].to_numpy(dtype=object).tolist() if sources else []
+    cells = frame[sources].to_numpy(dtype=object).tolist()
     about = tuple(tuple((name, cell) for name, cell in zip(sources, row, strict=True) if cell) for row in cells)
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=object).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
