@@ -68,7 +68,8 @@ def events_sentences(found: CaeEvents) -> list[str]:
     return [
         *([_sentence(found, event) for event in named] or [none]),
         f"The CAE model rates {found.rating_cae:.3f} over 0–{found.window_ms:g} ms in the mean of all tests that its "
-        f"bias was learned from ({len(found.tests)}), {mended}without its bias over displacement {found.rating_all:.3f}.",
+        f"bias was learned from ({len(found.tests)}), {mended}without this bias over displacement "
+        f"{found.rating_all:.3f}.",
     ]
 
 
