@@ -207,8 +207,9 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
         about = {name: _field(test, index) for name, index in _ABOUT.items()}
-        cells = [one for one in listed if one.is_of_the_barrier and one.number in files]
-        wall = summed_wall([_force(one, files[one.number], budget) for one in cells], told := list(steps))
+        cells = [(one, files.get(one.number)) for one in listed if one.is_of_the_barrier]
+        forces = [None if file is None else _force(one, file, budget) for one, file in cells]
+        wall = summed_wall(forces, told := list(steps))
         record = nhtsa_record(specification.path.stem, path.name, sensors, condition, told, other, about)
         return (replace(record, wall=wall),)
 

@@ -12,6 +12,7 @@ from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.errors import DataError
 from crashfuse.importing import import_source, settle
 from crashfuse.readers.lsdyna import read_lsdyna
+from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.readers.radioss import read_binary, read_radioss
 from crashfuse.reporting.result_tables import wall_table
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
@@ -103,6 +104,8 @@ def test_load_cells_of_nhtsa_are_read_at_import(tmp_path: Path) -> None:
         MASS_KG
     ) == pytest.approx(1.0, abs=0.03)
     assert (tmp_path / "c" / WALLS["tests"]).is_file()
+    another = {name: text.replace(b"|101|LC", b"|102|LC") for name, text in nhtsa_files().items()}  # its file lacks
+    assert read_nhtsa(written(tmp_path / "w", another))[0].wall is None
 
 
 @needs_shared
