@@ -10,11 +10,15 @@ from typing import Any
 import plotly.graph_objects as go
 import streamlit as st
 
+from crashfuse.approaches.displacement_domain.events import CaeEvents, cae_events
 from crashfuse.approaches.registry import BASELINE, LABELS
+from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import CrashfuseError
+from crashfuse.reporting.cae_events import events_sentences, events_table
 from crashfuse.reporting.figures import ONE_PROCESS, Draw
 from crashfuse.reporting.plots.canvas import share_y_range
+from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.study import Study
 from crashfuse.ui.kit import address
@@ -35,10 +39,10 @@ from crashfuse.ui.kit.progress import (
     show_training,
     stop_with_a_single_test,
 )
-from crashfuse.ui.kit.results import window_label
+from crashfuse.ui.kit.results import show_table, window_label
 from crashfuse.ui.kit.text import plain
 
-_ON_ALL, _NETWORKS = "Train on all tests", "Networks"
+_ON_ALL, _NETWORKS, _MEND = "Train on all tests", "Networks", "What to mend"
 _STAGES = {
     "lf_tcn": (
         "Before: trained on CAE runs only",
@@ -191,13 +195,17 @@ def show_diagnostics(view: View) -> None:
     config, test = chosen_config(), view.held_out.id
     stop_with_a_single_test(campaign)
     with st.container(horizontal=True, vertical_alignment="center"):
-        choice = choose("Diagnostics", [_NETWORKS, *_FIGURES], key="diagnostics")
+        choice = choose("Diagnostics", [_NETWORKS, *_FIGURES, _MEND], key="diagnostics")
         st.markdown("of what was learned without", width="content")
         address.put(key, test)
         st.selectbox(
             "Held-out test", campaign.test_ids, key=key, width=120, label_visibility="collapsed",
             on_change=lambda: choose_held_out(campaign.test(state[key])),
         )  # fmt: skip
+    others = config.training_campaign(campaign, test)
+    if choice == _MEND:
+        _show_events(others, view)
+        return
     request = StudyRequest(campaign, (test,), config)
     study = result_of(
         request,
@@ -221,8 +229,23 @@ def show_diagnostics(view: View) -> None:
         return
     plot = campaign.plot if figure == "bias" else study.plot
     draw = partial(plot, figure=figure, held_out=test, display=view.display)
-    others = len(config.training_campaign(campaign, test).tests)
-    show(draw, choice.lower(), alt.format(test=test), meaning.format(test=plain(test), n=others))
+    show(draw, choice.lower(), alt.format(test=test), meaning.format(test=plain(test), n=len(others.tests)))
+
+
+def _show_events(others: Campaign, view: View) -> None:
+    """Show where the CAE model's force is off in the tests that it is compared with, and what that costs."""
+    events = _events(others.fingerprint, view.display.window_ms, others)
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in events_sentences(events)))
+    alt = "Force that the CAE model lacks in each test, over displacement, and the ranges in which to mend it"
+    draw = partial(missing_force, events, view.display)
+    show_cached_figure(draw, alt, _MEND, others.fingerprint, view.display, name="what to mend")
+    if events.events:
+        show_table(events_table(events), "cae events")
+
+
+@st.cache_resource(max_entries=4, show_spinner="Rating the CAE model with ranges mended …")
+def _events(fingerprint: str, window_ms: float, _campaign: Campaign) -> CaeEvents:  # noqa: ARG001 - the cache's key
+    return cae_events(_campaign, window_ms)
 
 
 def _show_networks(study: Study, view: View, show: Callable[[Draw, str, str, str], None]) -> None:
