@@ -43,7 +43,7 @@ _QUANTILES = (0.5, 0.75, 0.9)
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
-def _vehicle(seed: int, n_tests: int, kind: str) -> tuple[Campaign, tuple[CrashTest, ...]]:
+def random_campaign(seed: int, n_tests: int, kind: str) -> tuple[Campaign, tuple[CrashTest, ...]]:
     """A campaign of a random vehicle, and further tests of it."""
     world, rng = KINDS[kind](seed), np.random.default_rng([seed, 9])
     if n_tests == len(TABLE_1) and kind == "sister":
@@ -192,7 +192,7 @@ def main() -> None:
         return
     tables, whole = zip(
         *(
-            _judged(seed, *_vehicle(seed, given.tests, given.kind), given.approach)
+            _judged(seed, *random_campaign(seed, given.tests, given.kind), given.approach)
             for seed in range(given.first, given.first + given.vehicles)
         ),
         strict=True,
