@@ -38,7 +38,7 @@ SUBJECTS = {
     "cae.runs_fail": "CAE runs in doubt",
     "tests.left_out_of_use": "Tests left out of use",
     "test.not_used": "Tests that are not used",
-    "tests.cae_tuned": "Tests that the CAE model was tuned to",
+    "tests.cae_tuned": "What the CAE model has seen",
     "condition.no_factor": "Conditions without a factor that the tests have",
     "condition.new_together": "Factors that no test has together",
     "campaign.warning": "Warnings about the campaign",
