@@ -55,11 +55,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(sma
 
 
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: Server, user: User) -> None:
-    """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one.
-
-    Of three bands one is filled. Compare shows a pinned
-    prediction beside its test, if asked. The report is short, if that is chosen.
-    """
+    """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one."""
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", **ONE, speed_mph="30")
     user.starts("Predict", FIGURE)
@@ -117,10 +113,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
 
 
 def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(small_server: Server, user: User) -> None:
-    """A link asks for it, and it is predicted in a click; the numbers that are saved have it, and their file's name.
-
-    On Predict the next seed stands for the condition, once it is predicted there.
-    """
+    """A link asks for it, and it is predicted in a click; the numbers that are saved have it, and their file's name."""
     user.open(small_server, "compare", **ONE, test="T3", compare_also="by:fast 1 test")
     user.starts("Predict test T3", FIGURE)
     user.starts("Predict T3 with seed 1", f"{FIGURE} .legendtext")

@@ -43,10 +43,7 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: User) -
 
 
 def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) -> None:
-    """Criteria from the tests, changed by the keyboard; the reason stands beside the row, on the same screen.
-
-    Once judged, criteria fold away; unfolded they stay so.
-    """
+    """Criteria from the tests, changed by the keyboard; the reason stands beside the row, on the same screen."""
     user.sits_at(1440, 1000)
     planned = ("M1~20~2050~1500~mph-lb", "M2~30~2050~1500~mph-lb")
     link = {"approach": "displacement_domain", "matrix": "Typed in", "confidence": "0.9"}
@@ -128,11 +125,7 @@ look();
 
 
 def test_predict_answers_another_speed_at_once(small_server: Server, user: User) -> None:
-    """The figure follows number field and slider, and they each other; so do the links and Back.
-
-    Planning lies in tabs. What to expect is a range; where the record ends too early, one end of an interval is told,
-    or that there is none.
-    """
+    """The figure follows number field and slider, and they each other; so do the links and Back."""
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", approaches=QUICK)
     user.starts("Predict", FIGURE)

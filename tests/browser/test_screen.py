@@ -44,10 +44,7 @@ def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(engin
 
 
 def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: User) -> None:
-    """The tests first; conditions with the ratings, and the CAE model, in tabs of their own.
-
-    A test with a CAE run at its condition is in range. It is said what a link asks for in vain.
-    """
+    """The tests first; conditions with the ratings, and the CAE model, in tabs of their own."""
     engineer.go("Data")
     engineer.find(FIGURE, "Time (ms)")
     engineer.open_tab("Conditions")

@@ -144,11 +144,7 @@ def _tick(user: User, row: int) -> None:
 def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     server: Server, user: User, campaign: "Campaign", tmp_path: "Path"
 ) -> None:
-    """The study names the odd test, Compare how its expectation came out; one click on Why: scores, shift, curves.
-
-    Of the five tests four are at one speed, and of these S4 lasts 30 % longer. Data tells them apart by hue, dash and
-    marks.
-    """
+    """The study names the odd test, Compare how its expectation came out; one click on Why: scores, shift, curves."""
     group = at_one_speed(campaign, [1.0, 1.02, 0.95, 1.3])
     tests = (campaign.test("T1"), *group.tests)
     user.open_folder(server, write_campaign(replace(campaign, tests=tests), tmp_path / "odd"))

@@ -13,10 +13,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it(small_server: Server, user: User) -> None:
-    """A second tab finds it, another browser sees whose it is and asks for it, too; it goes on until both cancel.
-
-    What waits behind it can be cancelled at once.
-    """
+    """A second tab finds it, another browser sees whose it is and asks for it, too; it goes on until both cancel."""
     user.open(small_server, "train", seed="1", preset="paper")  # which takes hours
     user.press("Train without them")
     user.sees("LF TCN: ")

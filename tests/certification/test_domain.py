@@ -104,10 +104,7 @@ def test_a_gap_wider_than_any_that_was_left_out_is_outside(wide: Campaign) -> No
     st.lists(st.integers(60, 500), min_size=4, max_size=9, unique=True), st.sampled_from([MPH_LB, KPH_KG]), st.data()
 )
 def test_what_is_shown_decides(wide: Campaign, tenths_mph: list[int], units: UnitSystem, data: st.DataObject) -> None:
-    """An end that is read off and typed in is inside, a number outside shows as one, and no hole is less than a step.
-
-    Speeds of tests are of any kind, so that reaches and ends have more digits than are shown.
-    """
+    """An end that is read off and typed in is inside, a number outside shows as one, no hole is less than a step."""
     shift = data.draw(st.floats(0, 0.1), "beyond what is shown")
     one = wide.tests[0]
     tests = tuple(

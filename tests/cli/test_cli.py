@@ -576,10 +576,7 @@ def test_a_series_of_studies_is_what_each_is_alone(campaign_on_disk: Path, tmp_p
 def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
     campaign_folder: Path, tmp_path: Path, capsys: Capture, fitting_is_an_error: Callable[[], None]
 ) -> None:
-    """What is wrong with the last campaign ends it before the first is computed; what was done is not done again.
-
-    Its folder has a name that others take for a missing value.
-    """
+    """What is wrong with the last campaign ends it before the first is computed; what was done is not done again."""
     folder, other, out = campaign_folder.rename(tmp_path / "nan"), tmp_path / "other", tmp_path / "series"
     options = ["--out", out, "--held-out", "T2", "--approach", "lf_tcn", "--workers", 1]
     write_campaign(replace(small_campaign(), tests=small_campaign().tests[:1]), other)

@@ -182,10 +182,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
 
 
 def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campaign) -> None:
-    """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one.
-
-    Metrics stand below the pulses in both, where they fit the page.
-    """
+    """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one."""
     here, other = campaign.tests[:2]
     beside = [PredictedPulse(campaign, (estimate(other),), CONFIG)]
     text = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside, form="short")

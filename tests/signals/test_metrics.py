@@ -191,10 +191,7 @@ def test_what_is_missing_is_said_with_its_reason() -> None:
 
 
 def test_a_metric_reads_as_value_and_interval() -> None:
-    """Where there is no value, what is known of the interval stands with its level; without draws, no brackets do.
-
-    The unit stands at the numbers.
-    """
+    """Where there is no value, what is known of the interval stands with its level; without draws, no brackets do."""
     assert Metric("t0", 70.04, 68.0, 72.0, "ms").text == "70.0 [68.0, 72.0]"
     assert Metric("olc", 3.41, None, None, "g").text == "3.4"
     assert Metric("olc", 3.41, None, None, "g", drawn=True).text == "3.4 [open]"

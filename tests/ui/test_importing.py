@@ -79,9 +79,6 @@ def added(folder: Path) -> list[str]:
     return [one["id"] for one in tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))["imported"]]
 
 
-# --- every format --------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -> None:
     """Condition and channels are found and shown; the peak of the preview is that of the crash."""
@@ -179,9 +176,6 @@ def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(visit: Visit, 
     kept.set_value([])
     into(session.run(), tmp_path / "m").press("Add as test")
     assert "Typ" not in (tmp_path / "m" / "tests.csv").read_text()
-
-
-# --- overruling ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -316,9 +310,6 @@ def test_choices_outlive_a_visit_to_another_page(visit: Visit) -> None:
     assert field(session, "Speed (").value == 56.0
 
 
-# --- several records -----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, tmp_path: Path) -> None:
     """Three CSVs of one form and one with a word amid its numbers: three are added, of the fourth it is said why."""
@@ -370,9 +361,6 @@ def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_p
     assert session.press("Open another campaign").app.text_input(key="folder")
     assert session.app.sidebar.selectbox(key="campaign").value == "campaign"
     assert load_campaign(out).test_ids == ("t0", "t1")
-
-
-# --- where to ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -448,9 +436,6 @@ def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tm
     assert "NHTSA" in session.words
     session.press("Back without importing")
     assert len(list((tmp_path / "v5").iterdir())) == len(nhtsa_files())
-
-
-# --- bad files -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -117,9 +117,6 @@ def rated(session: Session) -> list[str]:
     return re.findall(r'data-approach="\w+" title="Why">([^<]+)</span>', row)
 
 
-# --- Train ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("open_campaign", "gate")
 def test_training_shows_progress_and_can_be_cancelled() -> None:
     """Step, count and a way out; then a word on what is kept."""
@@ -244,9 +241,6 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
     assert first.state == "done"
 
 
-# --- Compare -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
 @pytest.mark.slow
 def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
@@ -354,9 +348,6 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
     assert "Training on CAE runs" in session.words
 
 
-# --- Study ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
 @pytest.mark.slow
 def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
@@ -454,9 +445,6 @@ def test_a_page_on_one_test_says_that_it_lies_outside_the_cae_runs(page: str, mo
     monkeypatch.setattr(CaeLibrary, "extrapolation", lambda *_: ("Extrapolation: made for a test.",))
     told = "".join(caption.value for caption in start(page).app.sidebar.caption)
     assert "Extrapolation: made for a test." in told.replace("\\", "")
-
-
-# --- Predict -------------------------------------------------------------------------------------------------------
 
 
 class Quick(Approach):
@@ -579,9 +567,6 @@ def test_the_tests_chosen_on_train_are_in_the_link() -> None:
     linked = begin("train", held_out=["T4", "T99"])
     assert list(linked.app.multiselect(key="held_out").value) == ["T4"]
     assert "No test here is named T99" in linked.words
-
-
-# --- the real thing ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("open_campaign")
