@@ -158,15 +158,6 @@ def test_the_same_problems_are_shown_at_two_places(visit: Visit, open_campaign: 
 
 
 @pytest.mark.slow
-def test_a_campaign_whose_files_change_is_read_anew(visit: Visit, open_campaign: Path) -> None:
-    """Nobody looks at yesterday's data."""
-    session = visit()
-    table = open_campaign / "tests.csv"
-    table.write_text("\n".join(table.read_text().splitlines()[:-1]) + "\n")
-    assert session.run().numbers["Tests"] == "3"
-
-
-@pytest.mark.slow
 def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> None:
     """The same data as in the folder; dropped twice it is one campaign."""
     content = zipped(content_of(campaign_folder))
