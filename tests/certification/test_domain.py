@@ -159,13 +159,3 @@ def test_masses_are_checked_only_where_the_cae_model_was_run(campaign: Campaign)
     low, high = (float(end[1:].sum()) for end in campaign.cae.range)
     assert domain.masses_kg[0] < low < high < domain.masses_kg[1]
     assert domain.checked_masses_kg == (low, high)
-
-
-@pytest.mark.parametrize("n", [1, 2, 3])
-def test_three_tests_check_nothing(campaign: Campaign, n: int) -> None:
-    """Leaving one out of three leaves two to learn from; four check."""
-    few = replace(campaign, tests=campaign.tests[:n])
-    assert len(Domain.of(few).too_few_tests) == 1
-    assert Domain.of(campaign).too_few_tests == ()
-    inside = campaign.tests[0].condition
-    assert (len(Domain.of(few).outside(inside)), Domain.of(campaign).outside(inside)) == (1, ())
