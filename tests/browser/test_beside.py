@@ -4,7 +4,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
-from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User, bands, press_tool, rows
+from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User, bands
 
 pytestmark = pytest.mark.slow
 
@@ -110,28 +110,6 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.open_tab("Past results")
     listed = "return document.querySelector('[data-testid=\"stDataFrame\"]')?.textContent ?? ''"
     user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "Nothing listed the prediction.")
-
-
-def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(small_server: Server, user: User) -> None:
-    """A link asks for it, and it is predicted in a click; the numbers that are saved have it, and their file's name."""
-    user.open(small_server, "compare", **ONE, test="T3", compare_also="by:fast 1 test")
-    user.starts("Predict test T3", FIGURE)
-    user.starts("Predict T3 with seed 1", f"{FIGURE} .legendtext")
-    user.sees("Displacement domain, seed 1", FIGURE)
-    user.browser.refresh()
-    user.sees("Displacement domain, seed 1", FIGURE)
-    press_tool(user, '[data-format="csv"]')
-    first, *_ = rows(user.arrived("with-seed-1.csv").read_text(encoding="utf-8"))
-    assert sum(column.startswith("Displacement domain, seed 1") for column in first) >= 3
-    user.open(small_server, "predict", **ONE, predict_also="by:fast 1 test")
-    user.starts("Predict", FIGURE)
-    seed_1 = "Displacement domain, seed 1"
-    user.presses_until(lambda: seed_1 in legend(user), "Predict with seed 1")
-    told = user.sees("mph, seed 1", f"{MAIN} {TABLE}")
-    link = user.browser.current_url
-    user.becomes_another()
-    user.browser.get(link)
-    assert user.sees("mph, seed 1", f"{MAIN} {TABLE}") == told
 
 
 def shows_speed(user: User, value: str, unit: str) -> None:

@@ -559,21 +559,6 @@ def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
 
 
 @pytest.mark.slow
-def test_a_sweep_writes_metrics_over_speed_with_the_tests_beside(
-    campaign_on_disk: Path, tmp_path: Path, capsys: Capture
-) -> None:
-    """The ends of the range, every full mph between them, and each test at its own speed."""
-    out, weights = tmp_path / "out", ["--front-weight-lb", 2050, "--rear-weight-lb", 1500]
-    assert run("sweep", campaign_on_disk, "--out", out, "--approach", "cae", "--speed-mph", 24.5, 27, *weights) == 0
-    table = pd.read_csv(out / "sweep.csv")
-    peak = table[table["metric"] == "peak"].set_index("approach")
-    np.testing.assert_allclose(peak.loc["cae", "speed_mph"], [24.5, 25, 26, 27], rtol=1e-5)
-    np.testing.assert_allclose(peak.loc["test", "speed_mph"], [15, 25, 26, 35], rtol=1e-5)
-    assert "4 speeds from 24.5 to 27.0 mph" in capsys.readouterr().out
-    assert (out / "report.html").is_file()
-
-
-@pytest.mark.slow
 def test_a_learning_curve_writes_its_table_its_report_and_its_record(
     campaign_on_disk: Path, tmp_path: Path, capsys: Capture
 ) -> None:
