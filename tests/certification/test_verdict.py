@@ -66,7 +66,7 @@ def test_the_probability_that_a_verdict_rests_on_is_told(
     campaign: Campaign, limits: dict[str, float], outside: bool, word: str, probability: float, told: str
 ) -> None:
     """Never shown to reach a confidence that it does not; of lying between two limits; outside, it decides nothing."""
-    found = verdict(campaign, Criterion("crush", "max_crush", **limits), outside=outside)  # type: ignore[arg-type]
+    found = verdict(campaign, Criterion("crush", "max_crush", **limits), outside=outside)
     assert (found.word, found.decided) == (word, False)
     assert found.probability == pytest.approx(probability, abs=5e-5)
     assert told in found.reason

@@ -307,17 +307,6 @@ def test_predict_takes_factors_that_tests_have_alone(campaign_on_disk: Path, tmp
     assert not (tmp_path / "b").exists()
 
 
-def test_rate_prints_the_rating_as_a_table_and_as_json(campaign_folder: Path, capsys: Capture) -> None:
-    """A pulse against itself is perfect in every part."""
-    pulse = campaign_folder / "tests" / "T1.csv"
-    assert run("rate", pulse, pulse, "--windows-ms", 50) == cli.DONE
-    assert "0–50 ms" in capsys.readouterr().out
-    assert run("rate", pulse, pulse, "--json") == cli.DONE
-    ratings = json.loads(capsys.readouterr().out)
-    assert [rating["window_ms"] for rating in ratings] == [20.0, 40.0, 60.0]
-    assert all(rating["overall"] == 1.0 and rating["grade"] == "Excellent" for rating in ratings)
-
-
 def test_rate_prints_pairs_of_a_table_as_csv_and_fails_if_one_lacks(campaign_folder: Path, capsys: Capture) -> None:
     """Each pair over each window, with standard, rate and filter class beside it; the others with a note."""
     tests = campaign_folder / "tests"
