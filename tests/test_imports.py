@@ -52,10 +52,7 @@ def test_the_pages_load_no_networks() -> None:
 
 @pytest.mark.slow
 def test_loading_predicting_and_training_load_one_after_the_other_what_each_needs(campaign_on_disk: Path) -> None:
-    """A campaign no torch and no figures; a prediction without networks no torch; a training no torch.compile.
-
-    The compiler takes 1.6 CPU-seconds and 70 MB to load.
-    """
+    """A campaign no torch and no figures; a prediction without networks no torch; a training no torch.compile."""
     campaign, prediction, training = loaded(IN_TURN, str(campaign_on_disk))
     assert not {"torch", "plotly", "streamlit", "sklearn", "pytest"} & campaign
     assert not {"torch", "streamlit", "pytest"} & prediction

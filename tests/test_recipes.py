@@ -14,6 +14,8 @@ import pytest
 
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow
+
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r'```python title="([^":]+)(?:: in (\w+))?"\n(.*?)```', PAGE, flags=re.DOTALL)
 
@@ -166,7 +168,6 @@ def shown(program: Path, campaign_on_disk: Path, tmp_path_factory: pytest.TempPa
     return found
 
 
-@pytest.mark.slow
 def test_a_new_approach_keeps_the_contract(shown: dict[str, Any]) -> None:
     """Registered, it is run by the contract test."""
     ended, said = shown["contract"]
@@ -174,7 +175,6 @@ def test_a_new_approach_keeps_the_contract(shown: dict[str, Any]) -> None:
     assert re.search(r"^10 passed", said, flags=re.MULTILINE), said
 
 
-@pytest.mark.slow
 def test_a_new_approach_is_studied(shown: dict[str, Any]) -> None:
     """By default, and known to the command line; a study rates it, figures have its colour, the report names it."""
     found = shown["approach"]
@@ -186,7 +186,6 @@ def test_a_new_approach_is_studied(shown: dict[str, Any]) -> None:
     assert "\nScaled CAE  " in shown["studied"]
 
 
-@pytest.mark.slow
 def test_a_new_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
     """By its name; the rest is detected as in any format. The reader keeps the contract."""
     ended, said = shown["contract of readers"]
@@ -194,19 +193,16 @@ def test_a_new_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
     assert shown["imported"].startswith("V7: 34.8 mph (56.0 km/h)")
 
 
-@pytest.mark.slow
 def test_a_new_metric_is_read_off_every_pulse(shown: dict[str, Any]) -> None:
     """With its unit and interval."""
     assert shown["metric"] == ["300.0 [300.0, 300.0]", "mm", "Crush at 20 ms"]
 
 
-@pytest.mark.slow
 def test_a_new_figure_draws_what_it_is_given(shown: dict[str, Any]) -> None:
     """A curve for each test, over ms."""
     assert shown["figure"] == [4, 100, "Jerk (g/ms)"]
 
 
-@pytest.mark.slow
 def test_a_new_page_is_in_the_navigation_and_shows_its_figure(shown: dict[str, Any]) -> None:
     """Reached through app.py, as the others are."""
     assert shown["page"] == ["Jerk", 1]

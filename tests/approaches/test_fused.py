@@ -38,10 +38,7 @@ def _weights(fused: Fused, condition: Condition) -> FloatArray:
 
 
 def test_the_band_is_checked_around_the_mixture(fused: Fused) -> None:
-    """Left-out tests lie inside the band of their own mixture for 95 % of the time on average, though it was narrowed.
-
-    The one that the other two, slower or faster, tell least about may lie there for less.
-    """
+    """Left-out tests lie inside the band of their own mixture for 95 % of the time on average, though narrowed."""
     check = fused.calibration_
     assert len(check.tests) == 3
     assert check.holds
@@ -171,10 +168,7 @@ def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign
 
 
 def test_tests_of_a_speed_group_are_heard_twice(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """T2 and T3, at 25 and 26 mph: as predicted without themselves, and without both; the others once.
-
-    Far from tests the band is as wide as the latter need, whatever is enough near them.
-    """
+    """T2 and T3, at 25 and 26 mph: as predicted without themselves, and without both; the others once."""
     rng, model = np.random.default_rng(0), CaeModel().fit(campaign.cae)
 
     def said() -> LeftOut:

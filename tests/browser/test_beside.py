@@ -4,7 +4,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.reporting.plots.curves import POINTWISE, WHOLE
-from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User, bands, press_tool, rows
+from tests.browser.conftest import FIGURE, MAIN, PILL, TABLE, Server, User, bands
 
 pytestmark = pytest.mark.slow
 
@@ -55,11 +55,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(sma
 
 
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: Server, user: User) -> None:
-    """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one.
-
-    Of three bands one is filled. Compare shows a pinned
-    prediction beside its test, if asked. The report is short, if that is chosen.
-    """
+    """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one."""
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", **ONE, speed_mph="30")
     user.starts("Predict", FIGURE)
@@ -116,26 +112,49 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "Nothing listed the prediction.")
 
 
-def test_a_result_of_another_seed_stands_beside_one_in_figure_file_and_link(small_server: Server, user: User) -> None:
-    """A link asks for it, and it is predicted in a click; the numbers that are saved have it, and their file's name.
+def shows_speed(user: User, value: str, unit: str) -> None:
+    """Wait until the field of the speed has this value."""
+    field = f'input[aria-label="Impact speed ({unit})"]'
+    user.wait(lambda: user.find(field).get_attribute("value") == value, f"The speed was never {value} {unit}.")
 
-    On Predict the next seed stands for the condition, once it is predicted there.
-    """
-    user.open(small_server, "compare", **ONE, test="T3", compare_also="by:fast 1 test")
+
+def test_all_follows_the_units_and_nothing_else_changes(small_server: Server, user: User) -> None:
+    """The held-out test and what is beside it stay; 56 km/h come back as 56.0, not as 34.8 mph rounded twice."""
+    link = {"campaign": "campaign", "approaches": "displacement_domain", "test": "T3"}
+    user.open(small_server, "compare", **link, compare_also=("T2", "T4"))
     user.starts("Predict test T3", FIGURE)
-    user.starts("Predict T3 with seed 1", f"{FIGURE} .legendtext")
-    user.sees("Displacement domain, seed 1", FIGURE)
-    user.browser.refresh()
-    user.sees("Displacement domain, seed 1", FIGURE)
-    press_tool(user, '[data-format="csv"]')
-    first, *_ = rows(user.arrived("with-seed-1.csv").read_text(encoding="utf-8"))
-    assert sum(column.startswith("Displacement domain, seed 1") for column in first) >= 3
-    user.open(small_server, "predict", **ONE, predict_also="by:fast 1 test")
+    user.sees("T4 · 35.0 mph", FIGURE)
+    for units, shown in (("km/h, kg", "T4 · 56.3 km/h"), ("mph, lb", "T4 · 35.0 mph")):
+        user.press(units)
+        user.sees(shown, FIGURE)
+        user.opens("Curves")
+        user.rates_over("40")
+        user.wait(lambda: "window=40" in user.browser.current_url)
+        user.rates_over("60")
+        user.wait(lambda: "window=40" not in user.browser.current_url)
+        user.sees(shown, FIGURE)
+        assert "Test T3: " in user.sees("Compare")
+        assert "test=T3" in user.browser.current_url
+        assert "compare_also=T2&compare_also=T4" in user.browser.current_url
+    user.open(small_server, "predict", campaign="campaign", approaches="cae")
     user.starts("Predict", FIGURE)
-    seed_1 = "Displacement domain, seed 1"
-    user.presses_until(lambda: seed_1 in legend(user), "Predict with seed 1")
-    told = user.sees("mph, seed 1", f"{MAIN} {TABLE}")
-    link = user.browser.current_url
-    user.becomes_another()
-    user.browser.get(link)
-    assert user.sees("mph, seed 1", f"{MAIN} {TABLE}") == told
+    user.sees("Velocity (mph)", FIGURE)
+    user.press("km/h, kg")
+    user.sees("Velocity (km/h)", FIGURE)
+    user.fill("Impact speed (km/h)", "56")
+    shows_speed(user, "56.0", "km/h")
+    user.press("More: ", "summary")
+    assert " lb" not in user.sees("kg in all")
+    assert "(mph)" not in user.sees("ΔV, rebound included (km/h)", TABLE)
+    user.press("Export")
+    report = user.downloads_file("report.html")
+    assert "prediction at 56.0 km/h, front" in report
+    assert "--speed-kph 56 --front-weight-kg" in report
+    user.press("", '[data-testid="stDialog"] [aria-label="Close"]')
+    user.press("mph, lb")
+    shows_speed(user, "34.8", "mph")
+    assert "km/h" not in user.sees("ΔV, rebound included (mph)", TABLE)
+    user.browser.refresh()
+    shows_speed(user, "34.8", "mph")
+    user.press("km/h, kg")
+    shows_speed(user, "56.0", "km/h")

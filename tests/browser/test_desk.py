@@ -45,11 +45,7 @@ def another_site(folder: Path, page: str) -> Iterator[str]:
 
 
 def test_another_site_cannot_embed_the_dashboard(small_server: Server, user: User, tmp_path: Path) -> None:
-    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page.
-
-    Nor does a page under another name get at the socket, through which everything goes; the server refuses it without a
-    look-up on the network.
-    """
+    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page."""
     user.browser.get(small_server.address.replace("127.0.0.1", "evil.localhost") + "/data")  # which resolves to it, too
     user.sees("crashfuse does not answer under this name.", "body")
     assert user.browser.execute_async_script(_KNOCK, small_server.address.replace("http", "ws")) == "refused"
@@ -103,10 +99,7 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
 
 
 def test_a_server_with_a_log_in_shows_nothing_before(user: User, campaign_on_disk: Path, tmp_path: Path) -> None:
-    """No name of a campaign; then the page of the link with its choices, who it is, and the same after a reload.
-
-    No folder outside the roots opens. Logged out, one sees nothing again, and another may log in.
-    """
+    """No name of a campaign; then the page of the link with its choices, who it is, and the same after a reload."""
     secrets = tmp_path / "secrets.toml"
     log = tmp_path / "log"
     with identity_provider() as metadata:

@@ -35,10 +35,7 @@ def held_out_choices(user: User) -> list[str]:
 
 
 def test_a_test_is_left_out_of_use_and_used_again(server: Server, user: User, own: Path) -> None:
-    """One click: it is gone from Compare, and every page says so; another click, or Undo, and it is back.
-
-    Taken out of the folder, its file goes, and comes back by Undo, too.
-    """
+    """One click: it is gone from Compare, and every page says so; another click, or Undo, and it is back."""
     user.open_folder(server, own)
     user.press("T3", IN_USE)
     user.sees("Left out of use: T3.")
@@ -67,10 +64,7 @@ def test_a_test_is_left_out_of_use_and_used_again(server: Server, user: User, ow
 def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
     server: Server, user: User, own: Path, tmp_path: Path
 ) -> None:
-    """Semicolons, decimal commas, bare headers: the columns are said, the condition filled in, the preview drawn.
-
-    The open campaign is the first choice; what was added is said; undone, the folder is what it was to the byte.
-    """
+    """Semicolons, decimal commas, bare headers: the columns are said, the condition filled in, the preview drawn."""
     before = content_of(own)
     user.open_folder(server, own)
     user.press("km/h, kg", f"{SIDEBAR} button")  # in which the import then begins

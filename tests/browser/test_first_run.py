@@ -20,11 +20,7 @@ READ = "return performance.getEntriesByType('resource').some(each => each.name.i
 
 
 def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: Server, user: User) -> None:
-    """Open /compare, load the sample, train without the networks, see the table.
-
-    The page's name stands there at once, and never the names of the files in pages/. What draws figures is read while
-    the newcomer reads.
-    """
+    """Open /compare, load the sample, train without the networks, see the table."""
     script = user.browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
     user.open(cold_server, "compare")
     user.sees("No campaign is open yet")

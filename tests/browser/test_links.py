@@ -65,8 +65,8 @@ def opened_at_once(user: User, server: Server, pages: tuple[str, ...], **view: s
         yield page
 
 
-def test_back_undoes_the_last_choice_and_no_more(server: Server, user: User) -> None:
-    """Two choices, of different kinds, are undone one by one, and made again by Forward."""
+def test_back_undoes_the_last_choice_and_no_more(server: Server, small_server: Server, user: User) -> None:
+    """Two choices, of different kinds, one by one, and again by Forward; a button that opens a page is one step."""
     user.open(server, "compare", campaign="sample", test="T03")
     user.wait(lambda: "T03 · 16.7 mph" in shown(user))
     user.rates_over("20")
@@ -81,10 +81,6 @@ def test_back_undoes_the_last_choice_and_no_more(server: Server, user: User) -> 
     user.browser.forward()
     user.browser.forward()
     user.wait(lambda: shown(user)[2:4] == ["0–20 ms", "All at its speed"] and asked(user)["window"] == "20")
-
-
-def test_a_button_that_opens_a_page_is_one_step_for_back(small_server: Server, user: User) -> None:
-    """Back from a test that Train has opened returns to Train as it was, not to Train with that test chosen."""
     user.open(small_server, "train", campaign="campaign", test="T2", held_out=("T2", "T3"), approaches="cae")
     user.presses_until(lambda: user.all("button", "Compare T3"), "Train without them")
     user.press("Compare T3", f"{MAIN} button")

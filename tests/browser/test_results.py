@@ -1,4 +1,4 @@
-"""Results in a real browser: figures that are switched and clicked, files that arrive, answers at once."""
+"""Results in a real browser: what a page shows first, figures that are switched, files that arrive, answers at once."""
 
 import re
 
@@ -8,16 +8,21 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 
-from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, Server, User, press_tool, rows
+from tests.browser.conftest import FIGURE, LINK, MAIN, PAIRED, POPOVER, QUICK, TABLE, Server, User, press_tool, rows
 
 pytestmark = pytest.mark.slow
 
 _CLIPBOARD = "navigator.clipboard.readText().then(arguments[0], () => arguments[0](''))"
 
 
-def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: User) -> None:
-    """Corridors, residuals; a table copied; scores and pulses as CSV; a report from its first to its last line."""
+def test_compare_shows_one_tab_at_a_time_and_hands_out_whole_files(engineer: User) -> None:
+    """Reasons on demand; corridors, residuals; a table copied; scores and pulses as CSV; a report from end to end."""
     engineer.sees("Velocity (mph)", FIGURE)
+    assert engineer.texts(".cf-best")[0].startswith(("CAE", "Displacement domain"))
+    assert not engineer.all(MAIN, "Single draws")
+    engineer.opens("More")
+    engineer.sees("rated", POPOVER)
+    engineer.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     assert not engineer.all(FIGURE, "Corridor of the rating")
     engineer.press("Corridors of the rating", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)
@@ -26,11 +31,16 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: User) -
     engineer.press("Motion")
     engineer.sees("Corridor of the rating, inner", FIGURE)  # the choice has held
     engineer.open_tab("Ratings and metrics")
+    engineer.sees("Single draws", TABLE)
+    engineer.wait(lambda: not engineer.all(FIGURE))
     shown = engineer.sees("Corridor", TABLE)
     engineer.browser.execute_cdp_cmd("Browser.grantPermissions", {"permissions": ["clipboardReadWrite"]})
     press_tool(engineer, '[title^="Copy this table"]')
     copied = engineer.wait(lambda: engineer.browser.execute_async_script(_CLIPBOARD))
     assert copied.splitlines()[0].split("\t")[:2] == ["Approach", "0–20 ms"]
+    engineer.open_tab("Why")
+    engineer.sees("costs most", MAIN)
+    engineer.wait(lambda: not engineer.all(TABLE))
     engineer.press("Export")
     scores = rows(engineer.downloads_file("scores.csv"))
     assert {(row["held_out"], row["approach"]) for row in scores} == {("T1", "cae"), ("T1", "displacement_domain")}
@@ -42,11 +52,42 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: User) -
     assert "Test T1" in report
 
 
-def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) -> None:
-    """Criteria from the tests, changed by the keyboard; the reason stands beside the row, on the same screen.
+def test_the_sidebar_folds_in_a_narrow_window_and_data_shows_one_figure_at_a_time(engineer: User) -> None:
+    """By itself, and comes back in a wide one; the link has which figure, and it is said what it asks for in vain."""
 
-    Once judged, criteria fold away; unfolded they stay so.
-    """
+    def shown() -> bool:
+        return any(0 <= link.rect["x"] < 300 for link in engineer.all(LINK))
+
+    engineer.find(".cf-ratings")
+    engineer.wait(shown)
+    engineer.sits_at(900, 1000)
+    engineer.wait(lambda: not shown())
+    engineer.press("", '[data-testid="stExpandSidebarButton"]')
+    engineer.wait(shown)
+    engineer.browser.refresh()
+    engineer.find(".cf-ratings")
+    engineer.wait(lambda: not shown())
+    engineer.sits_at(1440, 1000)
+    engineer.wait(shown)
+    engineer.go("Data")
+    engineer.find(FIGURE, "Time (ms)")
+    engineer.open_tab("Conditions")
+    assert "extrapolation" not in engineer.sees("Front weight", FIGURE)
+    engineer.sees("In CAE range", TABLE)
+    heads, cells = (engineer.texts(f"{TABLE} {kind}") for kind in ("th", "td"))
+    by_column = {head: cells[place :: len(heads)] for place, head in enumerate(heads)}
+    assert by_column["Paired run"] == [*PAIRED]
+    assert by_column["In CAE range"] == ["yes"] * len(PAIRED)
+    assert len(engineer.all(FIGURE)) == 1
+    assert "data_tab=Conditions" in engineer.browser.current_url
+    engineer.browser.back()
+    engineer.find(FIGURE, "rated:")
+    engineer.browser.get(f"{engineer.browser.current_url}&data_also=T99")
+    engineer.sees("Not among the tests in use and the CAE runs: T99.")
+
+
+def test_a_click_on_a_planned_test_says_why(small_server: Server, user: User) -> None:
+    """Criteria from the tests, changed by the keyboard; the reason stands beside the row, on the same screen."""
     user.sits_at(1440, 1000)
     planned = ("M1~20~2050~1500~mph-lb", "M2~30~2050~1500~mph-lb")
     link = {"approach": "displacement_domain", "matrix": "Typed in", "confidence": "0.9"}
@@ -81,24 +122,6 @@ def presses(user: User, slider: "WebElement", key: str) -> None:
     ActionChains(user.browser).send_keys(key).perform()
 
 
-def test_all_moves_of_a_slider_in_a_row_are_one_step_for_back(small_server: Server, user: User) -> None:
-    """Another slider is another step, and so is a speed that is typed."""
-    user.sits_at(1440, 1000)
-    user.open(small_server, "predict", approaches=QUICK)
-    user.starts("Predict", FIGURE)
-    user.fill("Impact speed (mph)", "31.5")
-    user.wait(lambda: "speed_mph=31.5" in user.browser.current_url)
-    user.find('[aria-label*="31.5 mph, front"]')
-    speed, weight = user.browser.find_elements(By.CSS_SELECTOR, '[data-testid="stSlider"] input')[:2]
-    assert steps_of(user, speed, "speed_mph", ("31.6", "31.7", "31.8")) == 1
-    assert steps_of(user, weight, "front_weight_lb", ("2010", "2020")) == 1
-    for seen in ("speed_mph=31.8", "speed_mph=31.5", ""):
-        user.browser.back()
-        user.wait(lambda seen=seen: seen in user.browser.current_url)  # type: ignore[misc]
-        user.wait(lambda: "front_weight_lb" not in user.browser.current_url)
-    user.wait(lambda: "speed_mph" not in user.browser.current_url)
-
-
 def steps_of(user: User, slider: "WebElement", name: str, values: tuple[str, ...]) -> int:
     """How many steps the browser remembers of moves of a slider, each written to the address as Streamlit writes it.
 
@@ -128,11 +151,7 @@ look();
 
 
 def test_predict_answers_another_speed_at_once(small_server: Server, user: User) -> None:
-    """The figure follows number field and slider, and they each other; so do the links and Back.
-
-    Planning lies in tabs. What to expect is a range; where the record ends too early, one end of an interval is told,
-    or that there is none.
-    """
+    """The figure follows number field and slider, and they each other; so do the links and Back."""
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", approaches=QUICK)
     user.starts("Predict", FIGURE)
@@ -173,3 +192,17 @@ def test_predict_answers_another_speed_at_once(small_server: Server, user: User)
     user.browser.back()
     user.wait(lambda: "speed_range=" not in user.browser.current_url)
     user.wait(lambda: slowest().get_attribute("value") == usual)
+    user.becomes_another()  # moves of a slider in a row are one step for Back, of another slider another
+    user.open(small_server, "predict", approaches=QUICK)
+    user.starts("Predict", FIGURE)
+    user.fill("Impact speed (mph)", "31.5")
+    user.wait(lambda: "speed_mph=31.5" in user.browser.current_url)
+    user.find('[aria-label*="31.5 mph, front"]')
+    speed, weight = user.browser.find_elements(By.CSS_SELECTOR, '[data-testid="stSlider"] input')[:2]
+    assert steps_of(user, speed, "speed_mph", ("31.6", "31.7", "31.8")) == 1
+    assert steps_of(user, weight, "front_weight_lb", ("2010", "2020")) == 1
+    for seen in ("speed_mph=31.8", "speed_mph=31.5", ""):
+        user.browser.back()
+        user.wait(lambda seen=seen: seen in user.browser.current_url)  # type: ignore[misc]
+        user.wait(lambda: "front_weight_lb" not in user.browser.current_url)
+    user.wait(lambda: "speed_mph" not in user.browser.current_url)

@@ -30,29 +30,23 @@ def study(user: User, server: Server, **view: str) -> None:
     user.sees("Mean over the tests")  # the end of the page: until then the figures move
 
 
-def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: Server, user: User) -> None:
-    """Anywhere in the cell, not only on the words; the frame then holds that test out."""
-    study(user, small_server)
-    # 2 columns; 5 rows: the tests, and their mean
-    user.clicks_cell("Test T3", lambda width, height: (0.15 * width, (2.3 / 5 - 0.5) * height), "Test T3: 26.0 mph")
-    user.wait(lambda: "explained=displacement_domain" in user.browser.current_url, "Why would be of another approach.")
-    assert "test=T3" in user.browser.current_url
-
-
-def test_back_from_a_cell_leads_to_the_question_that_was_asked(small_server: Server, user: User) -> None:
-    """The study with all tests at about a test's speed left out, not that of each test left out alone."""
+def test_a_click_on_a_cell_opens_its_test_and_back_leads_to_the_question(small_server: Server, user: User) -> None:
+    """Anywhere in the cell, not only on the words; back to the study with all at about a test's speed left out."""
     study(user, small_server)
     asked = "With all tests at about its speed"
     user.press(asked, '[data-testid="stButtonGroup"] button')
     user.wait(lambda: "ways=" in user.browser.current_url)
+    # 2 columns; 5 rows: the tests, and their mean
     user.clicks_cell("Test T3", lambda width, height: (0.15 * width, (2.3 / 5 - 0.5) * height), "Test T3: 26.0 mph")
+    user.wait(lambda: "explained=displacement_domain" in user.browser.current_url, "Why would be of another approach.")
+    assert "test=T3" in user.browser.current_url
     user.browser.back()
     chosen = '[data-testid="stButtonGroup"] button[aria-checked="true"]'
     user.wait(lambda: asked in user.texts(chosen), "Back led to another question.")
 
 
-def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: Server, user: User) -> None:
-    """Arrows move the cursor from cell to cell, which says where it is; Enter does what a click does."""
+def test_a_test_is_opened_by_keyboard(small_server: Server, user: User) -> None:
+    """Arrows move from cell to cell, Enter does what a click does; so does a field below, and Space on a rating."""
     study(user, small_server)
     heat_map = user.find(FIGURE)
     user.wait(lambda: heat_map.get_attribute("tabindex") == "0")
@@ -65,10 +59,6 @@ def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: Server,
     heat_map.send_keys(Keys.ENTER)
     user.sees("Test T2: 25.0 mph")
     user.wait(lambda: user.browser.switch_to.active_element.tag_name == "h1", "The focus was lost with the figure.")
-
-
-def test_a_test_is_opened_by_keyboard(small_server: Server, user: User) -> None:
-    """A field below the heat map does what a click does, and Space on a rating. What has the focus shows it."""
     study(user, small_server)
     user.browser.execute_script("document.activeElement.blur(); window.focus()")
     keyboard = ActionChains(user.browser)
@@ -144,11 +134,7 @@ def _tick(user: User, row: int) -> None:
 def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     server: Server, user: User, campaign: "Campaign", tmp_path: "Path"
 ) -> None:
-    """The study names the odd test, Compare how its expectation came out; one click on Why: scores, shift, curves.
-
-    Of the five tests four are at one speed, and of these S4 lasts 30 % longer. Data tells them apart by hue, dash and
-    marks.
-    """
+    """The study names the odd test, Compare how its expectation came out; one click on Why: scores, shift, curves."""
     group = at_one_speed(campaign, [1.0, 1.02, 0.95, 1.3])
     tests = (campaign.test("T1"), *group.tests)
     user.open_folder(server, write_campaign(replace(campaign, tests=tests), tmp_path / "odd"))

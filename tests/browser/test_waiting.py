@@ -12,10 +12,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_server: Server, user: User) -> None:
-    """Next starts the job; the displacement domain is rated before the networks; the sidebar names the job.
-
-    In the end one band is filled, whichever one chooses, and the mixture says of what it is made, and why.
-    """
+    """Next starts the job; the displacement domain is rated before the networks; the sidebar names the job."""
     user.open(small_server, "data", seed="3")  # with which nobody has predicted yet
     user.press("Next: predict test T2")  # in the middle of the speeds
     user.sees(" so far", timeout_s=240)  # the step, and how long it has worked

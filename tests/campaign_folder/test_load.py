@@ -13,7 +13,7 @@ from crashfuse.campaign_folder.load import load_campaign, unread_files
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH, LB, MPH, MS, G
-from tests.campaign_folder.test_refusals import BAD, edit, put, text
+from tests.campaign_folder.test_refusals import edit, put
 from tests.conftest import problems_of
 
 
@@ -226,14 +226,6 @@ def test_a_fault_of_one_file_raises_no_false_alarm_elsewhere(campaign_folder: Pa
     """One unreadable pulse is one problem: its test is not reported as missing too."""
     (campaign_folder / "tests" / "T1.csv").write_text("")
     assert len(problems_of(lambda: load_campaign(campaign_folder))) == 1
-
-
-def test_all_problems_are_listed_at_once(campaign_folder: Path) -> None:
-    """Three faults in three files come back together."""
-    for spoil in (BAD["missing column"], BAD["no Parquet"], text("campaign.toml", "name = [")):
-        spoil(campaign_folder)
-    problems = problems_of(lambda: load_campaign(campaign_folder))
-    assert {problem.where for problem in problems} == {"tests.csv", "cae_pulses.parquet", "campaign.toml"}
 
 
 def test_what_is_wrong_with_pulses_is_said_beside_what_is_wrong_with_their_table(campaign_folder: Path) -> None:

@@ -54,20 +54,22 @@ def test_where_tests_fold_in_two_ways_the_probability_weighs_both(campaign: Camp
         assert found.word == "open"
 
 
-def test_a_probability_is_never_shown_to_reach_a_confidence_that_it_does_not(campaign: Campaign) -> None:
-    """0.9497, open at 0.95, is not 0.950."""
-    found = verdict(campaign, Criterion("crush", "max_crush", at_most=516.42))
-    assert found.word == "open"
-    assert found.probability == pytest.approx(0.9497, abs=5e-5)
-    assert "met with probability 0.9497 only" in found.reason
-
-
-def test_limits_on_both_sides_are_met_together(campaign: Campaign) -> None:
-    """The probability is that of lying between them."""
-    found = verdict(campaign, Criterion("crush", "max_crush", at_least=490.0, at_most=510.0))
-    assert found.probability == pytest.approx(0.6827, abs=1e-4)
-    assert found.word == "open"
-    assert "at least 490 mm and at most 510 mm" in found.reason
+@pytest.mark.parametrize(
+    ("limits", "outside", "word", "probability", "told"),
+    [
+        ({"at_most": 516.42}, False, "open", 0.9497, "met with probability 0.9497 only"),  # not 0.950
+        ({"at_least": 490.0, "at_most": 510.0}, False, "open", 0.6827, "at least 490 mm and at most 510 mm"),
+        ({"at_most": 900.0}, True, "outside", 1.0, "above the fastest test"),
+    ],
+)
+def test_the_probability_that_a_verdict_rests_on_is_told(
+    campaign: Campaign, limits: dict[str, float], outside: bool, word: str, probability: float, told: str
+) -> None:
+    """Never shown to reach a confidence that it does not; of lying between two limits; outside, it decides nothing."""
+    found = verdict(campaign, Criterion("crush", "max_crush", **limits), outside=outside)
+    assert (found.word, found.decided) == (word, False)
+    assert found.probability == pytest.approx(probability, abs=5e-5)
+    assert told in found.reason
 
 
 @pytest.mark.parametrize(
@@ -158,14 +160,6 @@ def test_a_rating_is_at_most_one(campaign: Campaign) -> None:
     assert (found.lower, found.upper) == pytest.approx((0.802, 0.998), abs=1e-3)
     assert found.word == "met"
     assert found.reason.startswith("0.900 expected, 0.802 to 0.998 in 95 % of tests; the limit is at least 0.70")
-
-
-def test_outside_the_domain_no_probability_decides(campaign: Campaign) -> None:
-    """The numbers are there; the word and the reason are those of the domain."""
-    found = verdict(campaign, Criterion("crush", "max_crush", at_most=900.0), outside=True)
-    assert (found.word, found.decided) == ("outside", False)
-    assert found.probability == pytest.approx(1.0)
-    assert "above the fastest test" in found.reason
 
 
 @pytest.mark.parametrize("value", [None, 12.0])

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -184,47 +183,17 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
 
 
 def test_what_was_typed_in_km_h_and_kg_is_written_so(planned: Path, tmp_path: Path) -> None:
-    """In every file; and the record is read again."""
+    """A grid of every combination, in every file; and the record is read again."""
     grid = ["--speed-kph", "40", "56", "--front-weight-kg", "930", "--rear-weight-lb", "1500"]
+    grid += ["--factor", "drive=FWD"]
     assert certify(planned, tmp_path / "out", *grid) == cli.DONE
     table = pd.read_csv(tmp_path / "out" / "certification.csv")
     assert list(table.columns[:4]) == ["id", "speed_kph", "front_weight_kg", "rear_weight_lb"]
     assert table.drop_duplicates("id")[list(table.columns[1:4])].values.tolist() == [[40, 930, 1500], [56, 930, 1500]]
     [first, _] = json.loads((tmp_path / "out" / "certification.json").read_text())["matrix"]
-    assert first == {"id": "M001", "speed_kph": 40, "front_weight_kg": 930, "rear_weight_lb": 1500}
+    assert first == {"id": "M001", "speed_kph": 40, "front_weight_kg": 930, "rear_weight_lb": 1500, "drive": "FWD"}
     assert certify(planned, tmp_path / "again", *grid, "--since", str(tmp_path / "out")) == cli.DONE
     assert "speed_kph" in pd.read_csv(tmp_path / "again" / "changes.csv").columns
-
-
-@pytest.mark.slow
-def test_a_grid_takes_the_place_of_the_matrix(planned: Path, tmp_path: Path) -> None:
-    """Every combination of speeds, weights and values of factors."""
-    assert certify(planned, tmp_path, "--speed-mph", "20", "25", *GRID, "--factor", "drive=FWD") == cli.DONE
-    verdicts = pd.read_csv(tmp_path / "certification.csv")
-    assert verdicts[["id", "speed_mph", "drive"]].drop_duplicates().to_numpy().tolist() == [
-        ["M001", 20.0, "FWD"],
-        ["M002", 25.0, "FWD"],
-    ]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [1, 2, 3])
-def test_too_few_tests_leave_everything_outside_and_say_why(
-    campaign: Campaign, tmp_path: Path, n: int, capsys: Capture
-) -> None:
-    """What can't be said is said: exit 0, no verdict met or not met, no record that claims more."""
-    folder = write_campaign(replace(campaign, tests=campaign.tests[:n]), tmp_path / "campaign")
-    (folder / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 430\n', encoding="utf-8")
-    (folder / "matrix.csv").write_text(MATRIX, encoding="utf-8")
-    options = [str(folder), "--out", str(tmp_path / "out"), "--approach", "displacement_domain", "--workers", "1"]
-    assert cli.main(["certify", *options]) == cli.DONE
-    verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
-    assert verdicts["verdict"].unique().tolist() == ["outside"]
-    too_few = "too few to check verdicts by leaving tests out."
-    assert verdicts["reason"].str.contains(too_few, regex=False).all()
-    printed = capsys.readouterr().out
-    assert too_few in printed
-    assert ("There is no record" in printed) is (n == 1)
 
 
 @pytest.mark.parametrize(

@@ -21,10 +21,8 @@ from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.results import RESULT_FILES
-from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.testing import small_campaign
-from crashfuse.units import MS
 from crashfuse.version import __version__
 from tests.conftest import Capture, write_campaign
 
@@ -74,47 +72,6 @@ def test_a_study_writes_six_files_and_what_made_their_numbers(study_folder: Path
     report = (study_folder / "report.html").read_text()
     assert not re.search(r"<(script|link|img)[^>]+(src|href)\s*=\s*[\"']?https?:", report)
     assert all(part in report for part in (record["fingerprint"], "Test T2: 25.0 mph", "Maximum dynamic crush (mm)"))
-
-
-@pytest.mark.slow
-def test_scores_have_a_row_for_each_test_approach_and_window(study_folder: Path) -> None:
-    """The contract's columns, then what the rating rests on; the overall one is the weighted sum of its parts."""
-    scores = pd.read_csv(study_folder / "scores.csv")
-    assert list(scores) == [
-        *("held_out", "approach", "window_ms", "overall", "corridor", "phase", "magnitude", "slope", "grade", "basis")
-    ]
-    assert set(scores["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
-    assert len(scores) == 2 * len(APPROACHES) * 3
-    assert tuple(scores["approach"].unique()) == APPROACHES
-    parts = 0.4 * scores["corridor"] + 0.2 * (scores["phase"] + scores["magnitude"] + scores["slope"])
-    np.testing.assert_allclose(scores["overall"], parts, atol=1e-5)
-
-
-@pytest.mark.slow
-def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folder: Path) -> None:
-    """12.5 kHz over 0–100 ms; the raw CAE and the LF TCN have no band, the displacement domain has."""
-    pulses = pd.read_csv(study_folder / "pulses.csv", dtype={"held_out": str})
-    bands = ["lower_g", "upper_g", "whole_lower_g", "whole_upper_g"]
-    assert list(pulses) == ["held_out", "approach", "time_ms", "acceleration_g", *bands]
-    assert set(pulses["approach"]) == {"test", *APPROACHES}
-    for _, rows in pulses.groupby(["held_out", "approach"]):
-        np.testing.assert_allclose(rows["time_ms"], GRID_S / MS, atol=1e-6)
-    banded = pulses.groupby("approach")["lower_g"].apply(lambda column: column.notna().all())
-    assert banded["displacement_domain"]
-    assert pulses[pulses["approach"].isin(["test", "cae", "lf_tcn"])][["lower_g", "upper_g"]].isna().all(axis=None)
-
-
-@pytest.mark.slow
-def test_metrics_hold_the_measured_test_beside_the_predictions(study_folder: Path) -> None:
-    """Positive numbers, each with its unit; the measured ΔV is the impact speed and a tenth, as the pulse was made."""
-    metrics = pd.read_csv(study_folder / "metrics.csv")
-    assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis", "of_pulse"]
-    assert set(metrics["basis"]) == {"filtered as supplied"}
-    assert set(metrics["approach"]) == {"test", *APPROACHES}
-    assert list(metrics["metric"].unique()) == list(METRIC_LABELS)
-    measured = metrics.query("held_out == 'T2' and approach == 'test' and metric == 'delta_v'").iloc[0]
-    assert measured["unit"] == "km/h"
-    assert measured["value"] == pytest.approx(1.1 * 25 * 1.609344, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -350,17 +307,6 @@ def test_predict_takes_factors_that_tests_have_alone(campaign_on_disk: Path, tmp
     assert not (tmp_path / "b").exists()
 
 
-def test_rate_prints_the_rating_as_a_table_and_as_json(campaign_folder: Path, capsys: Capture) -> None:
-    """A pulse against itself is perfect in every part."""
-    pulse = campaign_folder / "tests" / "T1.csv"
-    assert run("rate", pulse, pulse, "--windows-ms", 50) == cli.DONE
-    assert "0–50 ms" in capsys.readouterr().out
-    assert run("rate", pulse, pulse, "--json") == cli.DONE
-    ratings = json.loads(capsys.readouterr().out)
-    assert [rating["window_ms"] for rating in ratings] == [20.0, 40.0, 60.0]
-    assert all(rating["overall"] == 1.0 and rating["grade"] == "Excellent" for rating in ratings)
-
-
 def test_rate_prints_pairs_of_a_table_as_csv_and_fails_if_one_lacks(campaign_folder: Path, capsys: Capture) -> None:
     """Each pair over each window, with standard, rate and filter class beside it; the others with a note."""
     tests = campaign_folder / "tests"
@@ -576,10 +522,7 @@ def test_a_series_of_studies_is_what_each_is_alone(campaign_on_disk: Path, tmp_p
 def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
     campaign_folder: Path, tmp_path: Path, capsys: Capture, fitting_is_an_error: Callable[[], None]
 ) -> None:
-    """What is wrong with the last campaign ends it before the first is computed; what was done is not done again.
-
-    Its folder has a name that others take for a missing value.
-    """
+    """What is wrong with the last campaign ends it before the first is computed; what was done is not done again."""
     folder, other, out = campaign_folder.rename(tmp_path / "nan"), tmp_path / "other", tmp_path / "series"
     options = ["--out", out, "--held-out", "T2", "--approach", "lf_tcn", "--workers", 1]
     write_campaign(replace(small_campaign(), tests=small_campaign().tests[:1]), other)
@@ -602,21 +545,6 @@ def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
     assert set(again["seed"]) == {0, 1, 2, 3}
     assert run(*series, "0") == cli.WRONG_USAGE
     assert "holds a series of studies" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_sweep_writes_metrics_over_speed_with_the_tests_beside(
-    campaign_on_disk: Path, tmp_path: Path, capsys: Capture
-) -> None:
-    """The ends of the range, every full mph between them, and each test at its own speed."""
-    out, weights = tmp_path / "out", ["--front-weight-lb", 2050, "--rear-weight-lb", 1500]
-    assert run("sweep", campaign_on_disk, "--out", out, "--approach", "cae", "--speed-mph", 24.5, 27, *weights) == 0
-    table = pd.read_csv(out / "sweep.csv")
-    peak = table[table["metric"] == "peak"].set_index("approach")
-    np.testing.assert_allclose(peak.loc["cae", "speed_mph"], [24.5, 25, 26, 27], rtol=1e-5)
-    np.testing.assert_allclose(peak.loc["test", "speed_mph"], [15, 25, 26, 35], rtol=1e-5)
-    assert "4 speeds from 24.5 to 27.0 mph" in capsys.readouterr().out
-    assert (out / "report.html").is_file()
 
 
 @pytest.mark.slow

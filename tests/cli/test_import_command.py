@@ -42,14 +42,6 @@ def test_a_foreign_table_becomes_a_test_of_a_new_campaign(tmp_path: Path, capsys
     assert GRID_S[-1] < 0.15
 
 
-def test_what_a_source_does_not_tell_has_to_be_told(tmp_path: Path, capsys: Capture) -> None:
-    """Without a speed nothing is written, and the message says which option gives it."""
-    source, out = foreign_table(tmp_path / "v.csv"), tmp_path / "campaign"
-    assert cli.main(["import", str(source), "--out", str(out), "--mass-kg", "1500", "--front-share", "0.6"]) == 1
-    assert "speed" in capsys.readouterr().err
-    assert not out.exists()
-
-
 def test_all_that_is_missing_is_asked_for_at_once(tmp_path: Path, capsys: Capture) -> None:
     """Speed, weights, channel and unit: a line each that names the option, and nothing is left for a second round."""
     wave = {"wf_increment": 1e-4, "wf_start_offset": -0.05}

@@ -25,6 +25,8 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.running import run_study
 from tests.conftest import Capture
 
+pytestmark = pytest.mark.slow
+
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
 
 
@@ -62,7 +64,6 @@ def deaths(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_a_process_that_is_killed_costs_only_what_it_was_at(
     campaign: Campaign, tmp_path: Path, deaths: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -72,7 +73,6 @@ def test_a_process_that_is_killed_costs_only_what_it_was_at(
     assert "A worker died" in caplog.text
 
 
-@pytest.mark.slow
 def test_processes_that_die_again_and_again_end_the_study(campaign: Campaign, tmp_path: Path, deaths: Path) -> None:
     """One sentence says what may be the cause and how to go on."""
     with pytest.raises(CrashfuseError, match=r"memory ran out.* --resume .*fewer --workers"):
@@ -104,7 +104,6 @@ def workers_of(process: subprocess.Popen[bytes]) -> list[psutil.Process]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-@pytest.mark.slow
 def test_workers_end_with_who_started_them(tmp_path: Path, number: signal.Signals) -> None:
     """A parent that is killed leaves no process, and no memory in use."""
     with subprocess.Popen([sys.executable, "-c", _SLEEPING, str(tmp_path)], stderr=subprocess.DEVNULL) as parent:
@@ -115,7 +114,6 @@ def test_workers_end_with_who_started_them(tmp_path: Path, number: signal.Signal
         assert not psutil.wait_procs(workers, timeout=40)[1]
 
 
-@pytest.mark.slow
 def test_ctrl_c_is_one_sentence_and_leaves_no_process(campaign_on_disk: Path, tmp_path: Path) -> None:
     """As a terminal sends it: to the whole group."""
     arguments = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--workers", "2"]
@@ -193,7 +191,6 @@ def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
     started.stop()
 
 
-@pytest.mark.slow
 def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, tmp_path: Path) -> None:
     """To the bit; nothing is learned twice on the cluster, and all of it ends up in the caller's cache."""
     here = run_study(campaign, CONFIG, held_out=["T1", "T2"], cache=Cache(tmp_path / "here"), workers=1)
@@ -222,7 +219,6 @@ def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, 
     assert [p.done for p in seen if p.step == "Held-out predictions"][-1] == 4
 
 
-@pytest.mark.slow
 def test_a_cluster_knows_when_to_stop(campaign: Campaign, dask: Dask) -> None:
     """Cancelling does not wait for a task to end."""
 
@@ -234,7 +230,6 @@ def test_a_cluster_knows_when_to_stop(campaign: Campaign, dask: Dask) -> None:
         run_study(campaign, CONFIG, held_out=["T3"], watch=Watch(stop), scheduler=dask.address)
 
 
-@pytest.mark.slow
 def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
     campaign: Campaign, dask: Dask, tmp_path: Path, deaths: Path
 ) -> None:
@@ -244,7 +239,6 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
     assert sum(process.poll() is None for process in dask.workers.values()) == 1
 
 
-@pytest.mark.slow
 def test_a_worker_of_other_versions_is_refused(campaign: Campaign, dask: Dask, monkeypatch: pytest.MonkeyPatch) -> None:
     """One sentence names it and what differs; nothing is computed."""
     ours = {**workers.versions_here(), "numpy": "1.26.4"}
@@ -253,7 +247,6 @@ def test_a_worker_of_other_versions_is_refused(campaign: Campaign, dask: Dask, m
         run_study(campaign, CONFIG, scheduler=dask.address)
 
 
-@pytest.mark.slow
 def test_a_cluster_without_workers_is_waited_for_in_vain(
     campaign: Campaign, dask: Dask, tmp_path: Path, deaths: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -267,7 +260,6 @@ def test_a_cluster_without_workers_is_waited_for_in_vain(
         run_study(campaign, CONFIG, scheduler=dask.address)
 
 
-@pytest.mark.slow
 def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, dask: Dask, tmp_path: Path) -> None:
     """A sentence says how to go on. This is the last test of the cluster."""
     dask.add("the last")
@@ -284,7 +276,6 @@ def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, dask: Dask, tm
             list(found)
 
 
-@pytest.mark.slow
 def test_an_unreachable_scheduler_is_one_sentence(campaign_on_disk: Path, tmp_path: Path, capsys: Capture) -> None:
     """Within seconds, and with exit code 1."""
     command = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]

@@ -318,27 +318,6 @@ def test_a_record_that_ends_after_the_stop_is_taken_with_a_warning() -> None:
     assert not [step for step in settle(record(channel(end_s=0.1)), role="cae").steps if "record ends" in step]
 
 
-def test_a_condition_is_completed_by_the_user() -> None:
-    """Mass and share of the front axle give its weights; a new mass keeps the share; what lacks is named."""
-    one = channel()
-    bare = record(one, condition=PartialCondition())
-    assert [problem.expected for problem in problems_of(lambda: settle(bare))] == [
-        "the impact speed of T1",
-        "the weights on both axles of T1",
-    ]
-    given = Choices(condition=PartialCondition(SPEED_MPS, 1700.0), front_share=0.6)
-    weights = settle(bare, given).condition
-    assert (weights.front_weight_kg, weights.rear_weight_kg) == pytest.approx((1020.0, 680.0))
-    heavier = settle(record(one), Choices(condition=PartialCondition(mass_kg=3400.0))).condition
-    assert (heavier.front_weight_kg, heavier.rear_weight_kg) == pytest.approx((1900.0, 1500.0))
-    rest = settle(record(one, condition=replace(CONDITION, rear_weight_kg=None))).condition
-    assert rest.rear_weight_kg == pytest.approx(750.0)
-    with pytest.raises(UsageError, match=r"a share of 0\.2 to 0\.8 of the mass, not 56"):
-        settle(record(one), Choices(front_share=56.0))
-    with pytest.raises(DataError, match="that carry at least 50 kg"):
-        settle(record(one, condition=replace(CONDITION, front_weight_kg=-1.0)))
-
-
 def test_a_cae_run_at_standstill_is_taken() -> None:
     """A library may start at 0 mph, where no change of velocity can tell anything."""
     still = record(channel(scale=0.0), condition=replace(CONDITION, speed_mps=0.0))

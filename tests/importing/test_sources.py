@@ -71,13 +71,16 @@ def test_a_folder_that_cannot_be_read_is_not_passed_over(
 
 
 def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
-    """One import for a whole download."""
+    """One import for a whole download, of folders or of a zip for each test."""
     for number in (5, 6):
         written(tmp_path / "in" / f"v{number}", nhtsa_files(number))
     written(tmp_path / "mme", isomme("M1") | isomme("M2"))
     assert [record.id for record in read_records(Reading(tmp_path / "in"))] == ["00005", "00006"]
     assert [record.id for record in read_records(Reading(tmp_path / "mme"))] == ["M1", "M2"]
     assert len(import_source(tmp_path / "in", tmp_path / "out")) == 2
+    written(tmp_path / "downloads", {"notes.pdf": b"", **{f"{i}.zip": zipped(isomme(i)) for i in ("M1", "M2")}})
+    assert format_of(tmp_path / "downloads") == "isomme"
+    assert [record.id for record in read_records(Reading(tmp_path / "downloads"))] == ["M1", "M2"]
 
 
 def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
@@ -89,17 +92,6 @@ def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
         (tmp_path / f"{name}.zip").write_bytes(zipped(files))
         import_source(tmp_path / f"{name}.zip", tmp_path / "campaign", GIVEN)
     assert [each["id"] for each in imported(tmp_path / "campaign")] == ["A", "B", "C", "D"]
-
-
-def test_a_folder_of_archives_gives_the_tests_in_them(tmp_path: Path) -> None:
-    """A zip for each test, as they are downloaded, in a folder with nothing else to import."""
-    downloads = tmp_path / "downloads"
-    downloads.mkdir()
-    (downloads / "notes.pdf").write_bytes(b"")
-    for number in ("M1", "M2"):
-        (downloads / f"{number}.zip").write_bytes(zipped(isomme(number)))
-    assert format_of(downloads) == "isomme"
-    assert [record.id for record in read_records(Reading(downloads))] == ["M1", "M2"]
 
 
 def test_formats_are_not_mixed_without_a_word(tmp_path: Path) -> None:

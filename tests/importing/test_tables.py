@@ -59,9 +59,6 @@ def by_id(records: Sequence[Record]) -> dict[str, Record]:
     return {record.id: record for record in records}
 
 
-# --- several times -------------------------------------------------------------------------------------------------
-
-
 def side_by_side(folder: Path, headers: str) -> Path:
     """Two tests, the second twice as long and with 20 ms more before contact; the shorter ends in empty cells."""
     later_s = clock(-0.04, 0.3, 5000)
@@ -99,9 +96,6 @@ def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
     conditions = tmp_path / "of_both.txt"
     conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nleft;56;950;750\nRIGHT;56;950;750\n")
     assert list(by_id(read_records(Reading(path, conditions=conditions)))) == ["left", "right"]
-
-
-# --- several accelerations beside one time ---------------------------------------------------------------------------
 
 
 def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
@@ -196,9 +190,6 @@ def test_the_pulse_is_the_acceleration_of_the_vehicle_along_x(tmp_path: Path, he
     assert [column for column, role in roles(path).items() if role == "acceleration"] == ([pulse] if pulse else [])
 
 
-# --- conditions ------------------------------------------------------------------------------------------------------
-
-
 def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> None:
     """Planned and rebound speed, dummies and cargo are kept as factors; the steps tell what each column is."""
     table(tmp_path, "t [ms];ax [g]", TIME_S / MS, PULSE_G, name="V1.csv")
@@ -269,9 +260,6 @@ def test_every_fault_among_conditions_is_told_once(tmp_path: Path, header: str, 
     problems = problems_of(lambda: import_source(folder, tmp_path / "out"))
     assert {problem.column for problem in problems} == columns
     assert {problem.where for problem in problems} == {"c.csv"}
-
-
-# --- the table itself ------------------------------------------------------------------------------------------------
 
 
 def test_a_problem_names_its_record(tmp_path: Path) -> None:
@@ -360,9 +348,6 @@ def test_a_workbook_without_numbers_says_why(tmp_path: Path, accel: str, time: o
     assert f"found {found}" in refusal(workbook(tmp_path / "x.xlsx", [["t [ms]", "ax [g]"], *[[time, accel]] * 30]))
 
 
-# --- files of others ------------------------------------------------------------------------------------------------
-
-
 FILES = SHARED / "real" / "formats" / "tables"
 KNOWN = replace(GIVEN, condition=PartialCondition(speed_mps=15.6, front_weight_kg=870.0, rear_weight_kg=630.0))
 
@@ -417,9 +402,6 @@ def test_files_of_others_are_refused_by_their_cause(tmp_path: Path, name: str, c
         import_source(FILES / name, tmp_path / "out", KNOWN)
     assert len(caught.value.problems) == 1
     assert not (tmp_path / "out").exists()
-
-
-# --- tests beside simulations -----------------------------------------------------------------------------------------
 
 
 def test_a_simulation_beside_a_test_is_not_averaged_with_it(tmp_path: Path) -> None:

@@ -123,9 +123,6 @@ for _fmt, _files in EVERY:
     globals()[_name] = type(_name, (ReaderContract,), _own)
 
 
-# --- a new format --------------------------------------------------------------------------------------------------
-
-
 def polar_records(path: Path) -> tuple[object, ...]:
     """Stands in for a reader of a new format: float64 pairs of time and acceleration in a file ``.polar``."""
     from crashfuse.readers.record import PartialCondition, Record, RecordedChannel

@@ -230,12 +230,6 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
     assert "ends at 3000" in problem(saved(tmp_path / "c", nodout=slow.nodout()))
 
 
-@pytest.mark.parametrize("cut", [0, 5, 8, 20, 30, 400, -9, -40])
-def test_a_binout_cut_short_is_refused_in_a_sentence(tmp_path: Path, cut: int) -> None:
-    """Wherever it ends, it is said to be no sound binout."""
-    assert "expected a sound binout file" in problem(saved(tmp_path, binout=SHORT.binout()[:cut]))
-
-
 def test_claims_beyond_the_file_cost_nothing(tmp_path: Path) -> None:
     """Tables in a circle, a variable of 2^60 numbers and one that lies elsewhere are refused at once."""
     sound = SHORT.binout()

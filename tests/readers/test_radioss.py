@@ -51,9 +51,6 @@ def refusal(folder: Path, **files: bytes) -> str:
     return str(caught.value)
 
 
-# --- the time history itself -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("layout", [3040, 3050, 4021])
 @pytest.mark.parametrize("curves", [("DX", "DZ", "VX", "AX"), ("VX", "AX"), ("VX",), ("AX",)])
 def test_the_pulse_of_what_lies_behind_the_crush_is_read(tmp_path: Path, curves: tuple[str, ...], layout: int) -> None:
@@ -165,9 +162,6 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[by
     assert "\n" not in str(caught.value)
 
 
-# --- a run in several files -------------------------------------------------------------------------------------------
-
-
 def test_a_run_that_was_stopped_is_read_to_its_last_whole_state(tmp_path: Path) -> None:
     """Half a state at the end is left out, and it is said, of either form."""
     for name, content in (("hc1T01", RUN.binary()), ("hc1T01_csv", RUN.csv())):
@@ -226,9 +220,6 @@ def test_a_folder_of_runs_is_a_library(tmp_path: Path) -> None:
     )
     assert [record.id for record in read_records(Reading(tmp_path / "many.zip"))] == ["a-hc1", "b-hc1"]
     assert [record.id for record in read_records(Reading(tmp_path / "csv.zip"))] == ["a", "b"]
-
-
-# --- the CSV of the converter -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("titled", [False, True])
@@ -316,9 +307,6 @@ def test_damage_is_a_sentence_or_a_record(tmp_path: Path, name: str) -> None:
         assert all(str(one).splitlines() == [str(one)] and len(str(one)) < 1500 for one in said)
         refused += bool(said)
     assert refused > 30
-
-
-# --- files of the solver ----------------------------------------------------------------------------------------------
 
 
 @needs_shared

@@ -95,10 +95,7 @@ def test_a_gap_of_a_few_rows_is_a_gap(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_each_is_refused_early(tmp_path: Path) -> None:
-    """Before the rows of its gaps are made, or its elements, in one process of bounded memory and time.
-
-    All shared strings are read before the first cell: more than any sheet needs are refused, too.
-    """
+    """Before the rows of its gaps are made, or its elements, in one process of bounded memory and time."""
     sentences = {
         workbook(tmp_path / f"{name}.xlsx", worksheet()): sentence for name, (worksheet, sentence) in HOSTILE.items()
     }

@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 
 from crashfuse.reporting.figure_files import figures_of
-from crashfuse.reporting.past_results import (
-    comparison_means,
-    described,
-    left_out_in_words,
-    studies_table,
-)
+from crashfuse.reporting.past_results import comparison_means, described, left_out_in_words, studies_table
 from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import comparison_report

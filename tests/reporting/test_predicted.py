@@ -37,13 +37,6 @@ def test_the_table_holds_the_pulse_and_its_motion(predicted: PredictedPulse) -> 
     assert frame["displacement_mm"].iloc[-1] == pytest.approx(covered, rel=1e-6)
 
 
-def test_metrics_are_those_of_the_files(predicted: PredictedPulse) -> None:
-    """One row a metric, with its interval and unit."""
-    crush = predicted.metrics.set_index("metric").loc["max_crush"]
-    assert crush["unit"] == "mm"
-    assert crush["lower"] < crush["value"] < crush["upper"]
-
-
 def test_the_figure_marks_the_crush_of_the_metrics(predicted: PredictedPulse) -> None:
     """At the end of the drawn pulse, with the interval of the table: here, and of a prediction put beside it."""
     crush = predicted.metrics.set_index("metric").loc["max_crush"]

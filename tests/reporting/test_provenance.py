@@ -71,20 +71,15 @@ def test_commands_are_in_the_units_of_the_report() -> None:
 
 
 def test_the_provenance_names_data_versions_and_settings(campaign: Campaign) -> None:
-    """All that decides the numbers."""
+    """All that decides the numbers; whoever reads them should know what they were made without."""
     record = provenance(campaign, ["T2"], StudyConfig(seed=5))
     assert record["fingerprint"] == campaign.fingerprint
     assert record["seed"] == 5
     assert record["held_out"] == ["T2"]
     assert record["channel_filter_class"] is None
     assert {"numpy", "torch"} <= set(record["packages"])  # type: ignore[call-overload]
-
-
-def test_the_provenance_names_tests_left_out_of_use(campaign: Campaign) -> None:
-    """Beside the warnings: whoever reads a result should know what it was made without."""
-    without = replace(campaign.without(["T3"]), unused=(("T3", campaign.test("T3").condition),), warnings=("Noise.",))
-    record = provenance(without, [], StudyConfig())
-    assert record["warnings"] == [
-        "Left out of use, neither learned from nor rated: T3 (no reason given).", "Noise.",
-    ]  # fmt: skip
+    fewer = replace(campaign.without(["T3"]), unused=(("T3", campaign.test("T3").condition),), warnings=("Noise.",))
+    record = provenance(fewer, [], StudyConfig())
+    unused = "Left out of use, neither learned from nor rated: T3 (no reason given)."
+    assert record["warnings"] == [unused, "Noise."]
     assert record["fingerprint"] == campaign.without(["T3"]).fingerprint

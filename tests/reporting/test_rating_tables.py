@@ -71,25 +71,17 @@ def study(campaign: Campaign) -> Study:
 
 
 def test_a_table_has_a_row_for_each_test_and_approach_and_the_mean_at_its_foot(campaign: Campaign) -> None:
-    """Windows are columns, as in the paper; a perfect prediction rates 1 everywhere."""
+    """Windows are columns, as in the paper; of a single test, the mean would repeat its rows."""
     table = rating_table(study(campaign), TABLE_5)
     assert list(table.columns) == ["(0, 20) ms", "(0, 60) ms"]
     assert list(table.index) == [(t, a) for t in ("T1", "T2", "Mean") for a in ("Displacement domain", "CAE")]
     np.testing.assert_allclose(table.xs("Displacement domain", level=1), 1.0)
     cae = table.xs("CAE", level=1)
     np.testing.assert_allclose(cae.loc["Mean"], cae.loc[["T1", "T2"]].mean())
-
-
-def test_a_single_test_has_no_mean(campaign: Campaign) -> None:
-    """Which would repeat its rows."""
     two = study(campaign)
     one = replace(two, folds=two.folds[:1], repeatability={"T1": {20.0: Repeatability(0.9, 0.8, 1.0)}})
     assert list(rating_table(one, TABLE_5).index) == [("T1", a) for a in ("Displacement domain", "CAE", REPEAT)]
-
-
-def test_approaches_that_the_study_does_not_have_are_left_out(campaign: Campaign) -> None:
-    """Table 3 compares networks; there is none here."""
-    assert rating_table(study(campaign), TABLE_3).empty
+    assert rating_table(two, TABLE_3).empty  # which compares networks, and there is none here
 
 
 def test_the_best_of_a_test_is_marked_window_by_window() -> None:

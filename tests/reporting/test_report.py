@@ -158,13 +158,6 @@ def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) ->
     assert figures(both) == figures(study_report(study)) + 1
 
 
-def test_what_users_typed_is_text(study: Study) -> None:
-    """A campaign's name is not markup."""
-    named = replace(study, campaign=replace(study.campaign, name="<script>alert(1)</script>"))
-    assert "<h1>&lt;script&gt;alert(1)&lt;/script&gt;: study" in study_report(named)
-    assert "<script>alert(1)" not in study_report(named)
-
-
 def test_the_figures_are_light(text: str) -> None:
     """All but Plotly itself stays below 150 kB a figure, the numbers that it was drawn from among them."""
     assert len(text) - len(get_plotlyjs()) < 150_000 * figures(text)
@@ -182,10 +175,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
 
 
 def test_a_short_report_of_a_prediction_has_what_one_decides_by(campaign: Campaign) -> None:
-    """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one.
-
-    Metrics stand below the pulses in both, where they fit the page.
-    """
+    """Pulses, those of pinned conditions too, and metrics; data, method and settings are in the whole one."""
     here, other = campaign.tests[:2]
     beside = [PredictedPulse(campaign, (estimate(other),), CONFIG)]
     text = prediction_report(campaign, [estimate(here)], CONFIG, beside=beside, form="short")
@@ -252,17 +242,14 @@ def test_a_report_shows_chosen_tests_in_the_units_and_the_window_of_the_page(stu
         study_report(study, options=ReportOptions(tests=("T4",)))
 
 
-def test_notes_stand_in_the_report_as_text(study: Study) -> None:
-    """Of the tests that were left out; nothing in them is markup."""
+def test_what_users_typed_stands_in_the_report_as_text(study: Study) -> None:
+    """Notes on the tests that were left out, and a campaign's name; nothing in them is markup."""
     notes = (Note("T1", "<img src=x onerror=alert(1)> barrier & face", 12.0, 20.0), Note("T4", "not left out"))
-    text = study_report(study, options=ReportOptions(notes=notes))
+    named = replace(study, campaign=replace(study.campaign, name="<script>alert(1)</script>"))
+    text = study_report(named, options=ReportOptions(notes=notes))
     assert "<img" not in text
     assert "12–20 ms</td><td>&lt;img src=x onerror=alert(1)&gt; barrier &amp; face</td>" in text
     assert "not left out" not in text
+    assert "<h1>&lt;script&gt;alert(1)&lt;/script&gt;: study" in text
+    assert "<script>alert(1)" not in text
     assert "<h2>Notes" not in study_report(study)
-
-
-def test_a_form_that_is_none_is_one_sentence() -> None:
-    """With the forms that there are."""
-    with pytest.raises(UsageError, match="'long'; choose from short, whole"):
-        ReportOptions("long")  # type: ignore[arg-type]

@@ -74,6 +74,8 @@ def test_a_pulse_without_draws_has_empty_ends(campaign: Campaign) -> None:
 def test_each_score_stands_in_the_row_of_its_test_approach_and_window(campaign: Campaign) -> None:
     """All five scores and the grade are those of ISO/TS 18571 for that pair of pulses."""
     table = tables.scores_table(study(campaign, ("T2", "T4")))
+    assert table.columns.tolist() == ["held_out", "approach", "window_ms", *SCORES, "grade", "basis"]
+    assert set(table["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
     keys = table[["held_out", "approach", "window_ms"]].to_numpy().tolist()
     assert keys == [[test, name, window] for test in ("T2", "T4") for name in SCALES for window in (20.0, 60.0)]
     for row in table.to_dict("records"):

@@ -15,14 +15,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.study import history
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.study.history import (
-    LONGEST_NOTE,
-    PastResult,
-    annotate,
-    earlier_settings,
-    keep,
-    past_results,
-)
+from crashfuse.study.history import LONGEST_NOTE, PastResult, annotate, earlier_settings, keep, past_results
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 from crashfuse.units import MPH
@@ -200,11 +193,7 @@ def test_each_other_seed_and_way_is_found_once(campaign: Campaign, cache: Cache,
     assert earlier_settings([*results, *results], campaign, "T2", "displacement_domain", SHOWN, cache) == OTHERS
     shown = OTHERS[1]
     assert earlier_settings(results, campaign, "T2", "displacement_domain", shown, cache) == [OTHERS[0], SHOWN]
-
-
-def test_what_would_be_the_same_prediction_is_none(campaign: Campaign, cache: Cache, results: list[PastResult]) -> None:
-    """The raw CAE model knows no seed."""
-    assert earlier_settings(results, campaign, "T2", "cae", SHOWN, cache) == OTHERS[1:]
+    assert earlier_settings(results, campaign, "T2", "cae", SHOWN, cache) == OTHERS[1:]  # which knows no seed
 
 
 def test_other_tests_other_data_and_a_deleted_cache_offer_nothing(

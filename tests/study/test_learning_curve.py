@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import crashfuse
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
@@ -213,11 +212,3 @@ def test_what_makes_it_impossible_is_a_sentence(campaign: Campaign) -> None:
     short = replace(campaign, tests=tuple(replace(test, recorded_s=0.05) for test in campaign.tests))
     with pytest.raises(DataError, match="0–60 ms"):
         learning_curve(short, CONFIG)
-
-
-@pytest.mark.slow
-def test_the_library_offers_it_by_name(curve: LearningCurve) -> None:
-    """With its table and its figure."""
-    assert crashfuse.learning_curve is learning_curve
-    assert len(curve.plot().data) >= 3
-    assert repr(curve) == "<LearningCurve of 'Tiny': displacement_domain with 1 to 3 tests>"

@@ -168,8 +168,7 @@ def test_correcting_the_cae_model_helps(finished: Study) -> None:
 
 
 @pytest.mark.parametrize(
-    "approach",
-    [pytest.param(name, marks=[pytest.mark.slow] * each.trains_networks) for name, each in CLASSES.items()],
+    "approach", [pytest.param(name, marks=[pytest.mark.slow] * each.trains_networks) for name, each in CLASSES.items()]
 )
 def test_the_held_out_pulse_does_not_reach_its_own_prediction(
     campaign: Campaign, finished: Study, approach: str, tmp_path_factory: pytest.TempPathFactory

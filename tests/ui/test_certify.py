@@ -147,18 +147,6 @@ def test_another_limit_or_confidence_is_answered_at_once(
 
 
 @pytest.mark.slow
-def test_a_link_to_a_cell_shows_its_reason_and_leads_to_predict(asking: Path, visit: Visit) -> None:
-    """The condition is filled in there."""
-    session = certified(visit("certify", **LINK, cell="M2 | crush"))
-    reason = of_library(asking).table.set_index(["id", "criterion"]).loc[("M2", "crush"), "reason"]
-    assert reason in session.words
-    session.press("See the predicted pulse there").go("predict")  # without a browser, no page leads to another
-    speeds = {field.label: field.value for field in session.app.number_input}
-    assert speeds["Impact speed (mph)"] == 33.0
-    assert speeds["Front weight (lb)"] == 2050.0
-
-
-@pytest.mark.slow
 def test_a_click_says_what_another_question_would_change(
     asking: Path, visit: Visit, fitting_is_an_error: Callable[[], None]
 ) -> None:

@@ -1,9 +1,6 @@
 """What the pages have computed: once, for whatever list of tests it was asked first."""
 
-import io
 import threading
-import zipfile
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -12,8 +9,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.study.saved_models import load_model
-from crashfuse.study.study import Fold
+from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit.computation import FitRequest, Fitted, StudyRequest, _folds
 
 SOON = 60.0
@@ -35,28 +31,28 @@ def rated(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return rated
 
 
-@pytest.mark.slow
-def test_a_fold_that_was_computed_for_one_list_of_tests_serves_another(campaign: Campaign, rated: list[str]) -> None:
-    """What Train computed Compare finds at once; a longer list computes only what it has more."""
-    trained = StudyRequest(campaign, ("T1", "T2"), CONFIG)
-    trained.start()
-    job = trained.find()
+def studied(request: StudyRequest) -> Study:
+    """The study that was asked for, once it is there."""
+    request.start()
+    job = request.find()
     assert job is not None
     assert job.wait(SOON)
     assert job.result is not None
+    return job.result
+
+
+@pytest.mark.slow
+def test_a_fold_that_was_computed_for_one_list_of_tests_serves_another(campaign: Campaign, rated: list[str]) -> None:
+    """What Train computed Compare finds at once; a longer list computes only what it has more."""
+    trained = studied(StudyRequest(campaign, ("T1", "T2"), CONFIG))
     compared = StudyRequest(campaign, ("T2",), CONFIG).find()
     assert compared is not None
     assert compared.wait(SOON)
     assert compared.result is not None
-    assert compared.result.fold("T2") is job.result.fold("T2")
+    assert compared.result.fold("T2") is trained.fold("T2")
     assert rated == ["T1", "T2"]
-    longer = StudyRequest(campaign, ("T1", "T2", "T3"), CONFIG)
-    longer.start()
-    job = longer.find()
-    assert job is not None
-    assert job.wait(SOON)
-    assert job.result is not None
-    assert [fold.held_out for fold in job.result.folds] == ["T1", "T2", "T3"]
+    longer = studied(StudyRequest(campaign, ("T1", "T2", "T3"), CONFIG))
+    assert [fold.held_out for fold in longer.folds] == ["T1", "T2", "T3"]
     assert rated == ["T1", "T2", "T3"]
 
 
@@ -80,43 +76,17 @@ def test_predict_has_a_first_part_of_the_answer_with_and_without_the_raw_cae_mod
 def test_a_fold_with_other_settings_is_another(campaign: Campaign, rated: list[str]) -> None:
     """Another window is rated anew, from the predictions in the cache."""
     for config in (CONFIG, StudyConfig(approaches=("cae",), windows_ms=(40.0,))):
-        request = StudyRequest(campaign, ("T1",), config)
-        request.start()
-        job = request.find()
-        assert job is not None
-        assert job.wait(SOON)
-        assert job.result is not None
-        assert list(job.result.fold("T1").ratings["cae"]) == list(config.windows_ms)
+        study = studied(StudyRequest(campaign, ("T1",), config))
+        assert list(study.fold("T1").ratings["cae"]) == list(config.windows_ms)
     assert rated == ["T1", "T1"]
 
 
 def test_both_ways_to_leave_out_share_the_folds_of_each(campaign: Campaign, rated: list[str]) -> None:
     """A whole study after Compare computes the speed groups only."""
     for leave_out in ("test", "both"):
-        request = StudyRequest(campaign, ("T2",), StudyConfig(approaches=("cae",), leave_out=leave_out))
-        request.start()
-        job = request.find()
-        assert job is not None
-        assert job.wait(SOON)
-        assert job.result is not None
-        assert (job.result.speed_groups is None) == (leave_out == "test")
+        study = studied(StudyRequest(campaign, ("T2",), StudyConfig(approaches=("cae",), leave_out=leave_out)))
+        assert (study.speed_groups is None) == (leave_out == "test")
     assert rated == ["T2", "T2"]
-
-
-def test_a_fit_on_all_tests_can_be_taken_home_as_models(campaign: Campaign, tmp_path: Path) -> None:
-    """As crashfuse train writes them; neither windows nor what is left out make it another fit."""
-    request = FitRequest(campaign, CONFIG)
-    request.start()
-    job = FitRequest(campaign, StudyConfig(approaches=("cae",), leave_out="speed group")).find()
-    assert job is not None
-    assert job.wait(SOON)
-    assert job.result is not None
-    with zipfile.ZipFile(io.BytesIO(job.result.models(campaign))) as archive:
-        archive.extractall(tmp_path)
-    model = load_model(tmp_path / "cae.safetensors", campaign)
-    condition = campaign.tests[0].condition
-    own = job.result.estimates(condition)[0].prediction.accel_mps2
-    assert model.estimate(condition).prediction.accel_mps2.tobytes() == own.tobytes()
 
 
 def test_a_page_that_waits_for_what_is_kept_lets_another_visitor_go_on(

@@ -11,6 +11,8 @@ from crashfuse.ui.kit.files import Caption
 from crashfuse.ui.kit.text import as_read
 from tests.ui.conftest import Session, Visit
 
+pytestmark = pytest.mark.usefixtures("open_campaign")
+
 CAE_ONLY = {"campaign": "campaign", "approaches": "cae"}
 ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 SEED_1 = "by:fast 1 test"
@@ -25,7 +27,6 @@ def beside_the_figure(session: Session) -> list[str]:
     return [as_read(each.value) for each in session.app.caption if each not in folded]
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_a_link_may_ask_for_anything(visit: Visit) -> None:
     """What is known is shown, and labelled in full; beside the figure it is said which tests and runs are not known."""
     asked = ["T9", "T3", "cae:C00", "cae:none", "at:1mph"]
@@ -42,7 +43,6 @@ def test_a_link_may_ask_for_anything(visit: Visit) -> None:
     assert "Not among the tests in use and the CAE runs: T9, none." in beside_the_figure(session)
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_the_nearest_tests_follow_the_test_and_go_as_they_came(visit: Visit) -> None:
     """T3 is one mile per hour from T2; on Predict nothing of it is shown."""
     session = predicted(visit("compare", **CAE_ONLY, test="T2"))
@@ -58,7 +58,6 @@ def test_the_nearest_tests_follow_the_test_and_go_as_they_came(visit: Visit) -> 
     assert "T2 · " not in figure(session)
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_a_test_that_stands_apart_is_always_among_the_nearest(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """However many are nearer."""
     apart = SimpleNamespace(test="T1")
@@ -68,7 +67,6 @@ def test_a_test_that_stands_apart_is_always_among_the_nearest(visit: Visit, monk
     assert [f"{name} · " in figure(session) for name in ("T1", "T3", "T4")] == [True, True, False]
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_a_page_begins_with_the_curves_that_matter(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """The recommended prediction, the CAE model and the test; files of other curves have other names."""
     captions: list[Caption] = []
@@ -111,7 +109,6 @@ def figure(session: Session) -> str:
     return json.dumps(json.loads(session.app.get("plotly_chart")[0].proto.spec), ensure_ascii=False)
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_another_seed_and_way_of_leaving_out_are_offered_once_they_are_known(visit: Visit) -> None:
     """Of the same test; with the settings that they have, they are the ones that the others are put beside."""
     first = predicted(visit("compare", **ONE, test="T2"))
@@ -123,7 +120,6 @@ def test_another_seed_and_way_of_leaving_out_are_offered_once_they_are_known(vis
     assert offered(third) == []
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
     """Where it is computed later, it is shown then; the settings that are shown anyway are not missed."""
     session = predicted(visit("compare", **ONE, test="T2", compare_also=SEED_1))
@@ -140,7 +136,6 @@ def test_a_link_shows_it_or_says_that_it_is_not_there(visit: Visit) -> None:
     assert "Displacement domain, seed 1" in figure(session)
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_its_rating_and_metrics_stand_below_those_that_it_was_put_beside(visit: Visit) -> None:
     """In the same tables; those of the study that computed it."""
     other = predicted(visit("compare", **ONE, test="T2", leave_out="speed group")).open_tab(
@@ -156,7 +151,6 @@ def test_its_rating_and_metrics_stand_below_those_that_it_was_put_beside(visit: 
     assert metrics[name].tolist() == own_metrics[label].tolist()
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_it_is_said_which_of_several_settings_are_not_shown(visit: Visit) -> None:
     """Whatever a link has in their place."""
     asked = [SEED_1, "by:paper 0 speed group", "by:fast 0 magic", "by:*seven*"]
@@ -171,10 +165,11 @@ def fitted(session: Session) -> Session:
     return session.press("Predict").finish()
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_the_next_seed_is_one_click_away_and_then_stands_beside(visit: Visit) -> None:
     """In the figure and in the table with differences; whoever opens the link later has it at once."""
     session = fitted(visit("predict", **HERE))
+    session.app.session_state["predict_also"] = ["by:fast 0 magic", "by:*seven*", "by:fast 99999999999 test", "by:"]
+    assert "is not there yet" not in session.run().words
     assert offered(session) == ["Displacement domain, seed 1"]
     session.app.session_state["predict_also"] = [SEED_1]
     session.run()
@@ -191,7 +186,6 @@ def test_the_next_seed_is_one_click_away_and_then_stands_beside(visit: Visit) ->
     assert list(other.tables[0].columns[1:]) == [seed_1, condition, f"{condition} − {seed_1}"]
 
 
-@pytest.mark.usefixtures("open_campaign")
 def test_what_was_fitted_before_is_offered_whatever_was_left_out(visit: Visit) -> None:
     """Seen from the other seed, too; ways of leaving out, chosen on Compare, mean nothing here."""
     fitted(visit("predict", **HERE))
@@ -200,12 +194,3 @@ def test_what_was_fitted_before_is_offered_whatever_was_left_out(visit: Visit) -
     assert "Displacement domain, seed 0" in figure(session)
     session.app.session_state["predict_also"] = ["by:fast 1 speed group"]  # what is shown anyway
     assert "is not there yet" not in session.run().words
-
-
-@pytest.mark.usefixtures("open_campaign")
-def test_a_link_may_ask_for_any_settings(visit: Visit) -> None:
-    """Such as there are none of."""
-    session = fitted(visit("predict", **HERE))
-    session.app.session_state["predict_also"] = ["by:fast 0 magic", "by:*seven*", "by:fast 99999999999 test", "by:"]
-    assert "is not there yet" not in session.run().words
-    assert offered(session) == ["Displacement domain, seed 1"]

@@ -43,9 +43,6 @@ def kept() -> list[Path]:
     return list(uploads._scratch().iterdir())
 
 
-# --- a newcomer ----------------------------------------------------------------------------------------------------
-
-
 def test_a_newcomer_sees_what_this_is_and_one_button(visit: Visit) -> None:
     """The first page has a sentence, the sample, a field for a folder and one for files."""
     session = visit()
@@ -73,9 +70,6 @@ def test_the_sample_is_made_where_it_was_not_shipped(
         assert visit().press("Load the sample campaign").numbers["Tests"] == "4"
     assert len(written) == 1
     assert [path.name for path in default_folder().iterdir()] == ["sample"]
-
-
-# --- a folder ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -161,18 +155,6 @@ def test_the_same_problems_are_shown_at_two_places(visit: Visit, open_campaign: 
     session = visit()
     (open_campaign / "tests.csv").unlink()
     assert len(session.open_folder(str(open_campaign)).tables) == 2
-
-
-@pytest.mark.slow
-def test_a_campaign_whose_files_change_is_read_anew(visit: Visit, open_campaign: Path) -> None:
-    """Nobody looks at yesterday's data."""
-    session = visit()
-    table = open_campaign / "tests.csv"
-    table.write_text("\n".join(table.read_text().splitlines()[:-1]) + "\n")
-    assert session.run().numbers["Tests"] == "3"
-
-
-# --- an upload -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -288,9 +270,6 @@ def test_problems_that_differ_by_the_row_alone_are_shown_as_one() -> None:
     assert problem_table([*bad, *other, missing])["Row"].tolist() == ["2", "3", "4", "7", "9", ""]
 
 
-# --- what is in it -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.slow
 def test_the_filter_is_drawn_over_what_was_read(visit: Visit, campaign: Campaign) -> None:
@@ -322,9 +301,6 @@ def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_camp
         assert "T1 is the only test of this campaign: left out, it would leave nothing to learn from." in session.words
         assert not session.buttons
     assert session.go("predict").buttons
-
-
-# --- edited --------------------------------------------------------------------------------------------------------
 
 
 def pills(session: Session) -> list[Any]:
@@ -460,9 +436,6 @@ def test_a_copy_of_the_sample_is_edited(visit: Visit, tmp_path: Path) -> None:
     assert session.app.selectbox(key="campaign").value == "mine"
     assert len(in_use(session)) == 11
     assert load_campaign(tmp_path / "mine").name == "Sample (synthetic)"
-
-
-# --- folders opened before -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from streamlit.testing.v1 import AppTest
 
-from crashfuse.campaign_folder.notes import FILE, MOST, Note, change_notes, read_notes, write_notes
+from crashfuse.campaign_folder.notes import FILE, MOST, Note, read_notes, write_notes
 
 
 def _form(folder: str) -> None:
@@ -72,16 +72,3 @@ def test_a_file_that_cannot_be_read_stays_as_it_is(tmp_path: Path, content: byte
     assert (tmp_path / FILE).read_bytes() == content
     assert reader.text_input[0].value == "new"
     assert reason in reader.error[0].value
-
-
-def test_the_note_too_many_is_refused(tmp_path: Path) -> None:
-    """And all that are there stay; with one fewer, it is taken."""
-    write_notes(tmp_path, [Note("T1", f"note {number}") for number in range(MOST)])
-    reader = visit(tmp_path)
-    reader.text_input[0].set_value("new")
-    press(reader, "Add")
-    assert "at most 500 notes, found 501" in reader.error[0].value
-    assert len(read_notes(tmp_path)) == MOST
-    change_notes(tmp_path, lambda notes: notes[1:])
-    press(reader, "Add")
-    assert read_notes(tmp_path)[-1].text == "new"

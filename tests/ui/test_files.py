@@ -142,10 +142,7 @@ def test_long_names_are_cut_and_stay_different() -> None:
 
 
 def test_a_downloaded_table_is_the_file_of_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Byte for byte, in as many digits: two files of one certification that differ are a finding in a review.
-
-    Its name on a page begins with what it is about, and the settings where they are not the usual ones.
-    """
+    """Byte for byte, in as many digits: two files of one certification that differ are a finding in a review."""
     monkeypatch.setattr("streamlit.session_state", {"page": "predict", "seed": 7})
     table = pd.DataFrame({"id": ["A"], "value": [24.958261014512296], "lower": [None]})
     offered: dict[str, Callable[[], bytes]] = {}

@@ -27,22 +27,6 @@ def test_without_a_campaign_a_page_says_what_to_do(visit: Visit, page: str) -> N
 
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.slow
-def test_choices_hold_on_every_page(visit: Visit) -> None:
-    """Chosen once, seen everywhere."""
-    session = visit()
-    session.app.sidebar.selectbox(key="test in mph-lb").select("T3").run()
-    session.app.sidebar.selectbox(key="window").select(20.0).run()
-    session.app.sidebar.button_group(key="sign").set_value("Deceleration").run()
-    for page in ("compare", "train", "study", "data"):
-        session.go(page)
-    sidebar = session.app.sidebar
-    assert sidebar.selectbox(key="test in mph-lb").value == "T3"
-    assert sidebar.selectbox(key="window").value == 20.0
-    assert sidebar.button_group(key="sign").value == "Deceleration"
-
-
-@pytest.mark.usefixtures("open_campaign")
-@pytest.mark.slow
 def test_the_sidebar_asks_only_for_what_acts_on_the_page(visit: Visit) -> None:
     """No test to hold out where none is, no unit where no acceleration is shown."""
     asked = {
@@ -52,27 +36,6 @@ def test_the_sidebar_asks_only_for_what_acts_on_the_page(visit: Visit) -> None:
     assert asked["data"] >= {"campaign", "test in mph-lb", "window", "system", "unit", "sign"}
     assert asked["study"] == {"campaign", "window", "system", "unit"}
     assert asked["certify"] == {"campaign", "system", "unit"}
-
-
-@pytest.mark.slow
-def test_an_address_reproduces_the_view(visit: Visit, campaign_folder: Path) -> None:
-    """A folder that is open on the server by its name, the test, the window, the unit, the sign."""
-    campaigns.open_folder(campaign_folder)
-    view = {"test": "T3", "window": "20", "unit": "m/s²", "sign": "Deceleration"}
-    session = visit(campaign=campaign_folder.name, **view)
-    assert session.app.title[0].value == "campaign"
-    sidebar = session.app.sidebar
-    assert sidebar.selectbox(key="test in mph-lb").value == "T3"
-    assert sidebar.selectbox(key="window").value == 20.0
-    assert sidebar.button_group(key="unit").value == "m/s²"
-    assert sidebar.button_group(key="sign").value == "Deceleration"
-    assert "have not opened" not in session.words
-
-
-@pytest.mark.slow
-def test_the_sample_has_a_name_that_a_link_can_give(visit: Visit) -> None:
-    """``?campaign=sample`` opens it."""
-    assert "lumped-parameter simulation" in visit(campaign="sample").words
 
 
 @pytest.mark.slow

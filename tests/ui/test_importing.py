@@ -17,7 +17,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.files.archive import zipped
 from crashfuse.readers.isomme import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
-from crashfuse.ui.kit import uploads, visitors
+from crashfuse.ui.kit import visitors
 from crashfuse.units import KPH, MPH, G
 from tests.files.test_archive import tarred
 from tests.importing.crash_files import german, isomme, library
@@ -25,6 +25,7 @@ from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatt
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.ui.conftest import Session, Visit
+from tests.ui.test_data import kept
 
 
 def drop(session: Session, **files: bytes) -> Session:
@@ -63,11 +64,6 @@ def decoded(packed: dict[str, str]) -> np.ndarray:
     return np.frombuffer(base64.b64decode(packed["bdata"]), packed["dtype"])
 
 
-def kept() -> list[Path]:
-    """Folders of uploads that the server keeps."""
-    return list(uploads._scratch().iterdir())
-
-
 def into(session: Session, folder: Path) -> Session:
     """Name the campaign folder to add to."""
     session.app.text_input(key="import folder").set_value(str(folder))
@@ -77,9 +73,6 @@ def into(session: Session, folder: Path) -> Session:
 def added(folder: Path) -> list[str]:
     """Ids that campaign.toml tells of."""
     return [one["id"] for one in tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))["imported"]]
-
-
-# --- every format --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -179,9 +172,6 @@ def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(visit: Visit, 
     kept.set_value([])
     into(session.run(), tmp_path / "m").press("Add as test")
     assert "Typ" not in (tmp_path / "m" / "tests.csv").read_text()
-
-
-# --- overruling ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -288,7 +278,8 @@ def test_a_new_session_goes_on_with_an_import(visit: Visit, monkeypatch: pytest.
     session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
     field(session, "Speed (").set_value(56.0)
     field(session, "Take it as").set_value("cae")
-    key = session.run().app.query_params["import"]
+    key = session.run().go("train").go("data").app.query_params["import"]
+    assert field(session, "Speed (").value == 56.0
     again = visit(**{"import": key})
     assert "Nothing is added before you say so" in again.words
     assert field(again, "Speed (").value == 56.0
@@ -306,17 +297,6 @@ def test_who_follows_the_link_of_an_import_ends_it_for_themselves_only(visit: Vi
     visit(**{"import": key}).press("Back without importing")
     assert "Nothing is added before you say so" in session.run().words
     assert "Nothing is added before you say so" in visit(**{"import": key}).words
-
-
-def test_choices_outlive_a_visit_to_another_page(visit: Visit) -> None:
-    """Turning the page loses nothing."""
-    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
-    field(session, "Speed (").set_value(56.0)
-    session.run().go("train").go("data")
-    assert field(session, "Speed (").value == 56.0
-
-
-# --- several records -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -372,31 +352,20 @@ def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_p
     assert load_campaign(out).test_ids == ("t0", "t1")
 
 
-# --- where to ------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("open_campaign")
 def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> None:
-    """It is proposed, and shows the new test at once."""
+    """It is proposed, asks for the drive by which its tests are told apart, and shows the new test at once."""
     with (open_campaign / "campaign.toml").open("a", encoding="utf-8") as settings:
         settings.write('\nnotice = "All of it is simulated."\n')
     session = drop(visit(), v5_zip=zipped(nhtsa_files()))
     assert "“All of it is simulated.”" in session.words
-    session = session.press("Add as test")
-    assert session.numbers["Tests"] == "5"
-    assert load_campaign(open_campaign).test_ids[-1] == "00005"
-
-
-@pytest.mark.usefixtures("open_campaign")
-@pytest.mark.slow
-def test_a_factor_of_the_campaign_is_asked_for(visit: Visit, open_campaign: Path) -> None:
-    """Its tests are told apart by the drive: the new one says what it has."""
-    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
     drive = field(session, "drive")
     assert set(drive.options) == set(load_campaign(open_campaign).factors["drive"])
     drive.set_value(drive.options[0])
-    session.run().press("Add as test")
-    assert load_campaign(open_campaign).tests[-1].condition.factors == (("drive", drive.options[0]),)
+    session = session.run().press("Add as test")
+    assert session.numbers["Tests"] == "5"
+    added_test = load_campaign(open_campaign).tests[-1]
+    assert (added_test.id, added_test.condition.factors) == ("00005", (("drive", drive.options[0]),))
 
 
 @pytest.mark.slow
@@ -450,9 +419,6 @@ def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tm
     assert len(list((tmp_path / "v5").iterdir())) == len(nhtsa_files())
 
 
-# --- bad files -----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("name", "content"),
     [
@@ -470,16 +436,11 @@ def test_bad_files_are_said_and_leave_nothing(visit: Visit, name: str, content: 
     """No traceback, nothing to add, and the way back leaves no file."""
     session = drop(visit(), **{name: content})
     assert session.tables or "Before it can be added" in session.words
+    assert "COLUMN=ROLE" not in session.words + "".join(table.to_string() for table in session.tables)  # no command
     assert not [one for one in session.app.button if one.label.startswith("Add") and not one.disabled]
     if "Back without importing" in session.buttons:
         session.press("Back without importing")
     assert kept() == []
-
-
-def test_nobody_is_sent_to_the_command_line(visit: Visit) -> None:
-    """Columns are chosen on the page."""
-    session = drop(visit(), x_csv=b"a;b\n1;2\n")
-    assert "COLUMN=ROLE" not in session.words + session.tables[0].to_string()
 
 
 @pytest.mark.slow

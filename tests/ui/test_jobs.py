@@ -33,13 +33,6 @@ def ended(job: Job[Any]) -> bool:
     return job.wait(SOON)
 
 
-def test_a_job_hands_over_what_its_work_returned() -> None:
-    """State, result and time are there once it has ended."""
-    job = Jobs().start("a", "A", lambda _: 42, ANNA)
-    assert ended(job)
-    assert (job.state, job.result, job.active) == ("done", 42, False)
-
-
 def test_who_asks_for_the_same_joins_the_same_job(gate: threading.Event) -> None:
     """The work is done once, whether it still runs or has ended."""
     jobs, calls = Jobs(), []
@@ -111,43 +104,33 @@ def test_a_job_cancelled_while_it_waits_has_ended_and_never_begins(
     assert [told for told in caplog.messages if told.endswith(": B")] == [f"{BEN.name}: cancelled: B"]
 
 
-def test_a_failed_job_keeps_the_sentence_and_the_queue_goes_on() -> None:
-    """The user reads what the library said."""
+TOLD = DataError(Problem("tests.csv", "two tests", "one", "add a test"))
+ERRORS: list[tuple[BaseException, str]] = [
+    (TOLD, "tests.csv: expected two tests, found one; add a test."),
+    (MemoryError(), OUT_OF_MEMORY),
+    (RuntimeError("DefaultCPUAllocator: can't allocate memory: 9 bytes"), OUT_OF_MEMORY),
+    *((own, type(own).__name__) for own in (ZeroDivisionError(), SystemExit("bye"), KeyboardInterrupt())),
+]
+
+
+@pytest.mark.parametrize(("error", "told"), ERRORS)
+def test_a_failed_job_has_a_sentence_and_the_queue_goes_on(
+    error: BaseException, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Whoever ran out of memory, or called sys.exit; the rest of what nobody foresaw is for the log."""
     jobs = Jobs()
 
     def fail(_: Watch) -> None:
-        raise DataError(Problem("tests.csv", "two tests", "one", "add a test"))
-
-    job = jobs.start("a", "A", fail, ANNA)
-    assert ended(job)
-    assert (job.state, job.message) == ("failed", "tests.csv: expected two tests, found one; add a test.")
-    assert ended(jobs.start("b", "B", lambda _: None, ANNA))
-
-
-def test_an_unforeseen_error_is_logged_and_shown_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
-    """One sentence for the user, the rest for the log."""
-    with caplog.at_level(logging.ERROR):
-        job = Jobs().start("a", "A", lambda _: 1 / 0, ANNA)
-        assert ended(job)
-    assert job.state == "failed"
-    assert "ZeroDivisionError" in job.message
-    assert "Traceback" not in job.message
-    assert "Traceback" in caplog.text
-
-
-@pytest.mark.parametrize("error", [SystemExit(0), SystemExit("bye"), KeyboardInterrupt(), GeneratorExit()])
-def test_who_ends_the_program_ends_only_the_job(error: BaseException, caplog: pytest.LogCaptureFixture) -> None:
-    """The code of another package may call sys.exit: the job has failed, and the queue goes on."""
-    jobs = Jobs()
-
-    def leave(_: Watch) -> None:
         raise error
 
     with caplog.at_level(logging.ERROR):
-        job = jobs.start("a", "A", leave, ANNA)
+        job = jobs.start("a", "A", fail, ANNA)
         assert ended(job)
         assert ended(jobs.start("b", "B", lambda _: None, ANNA))
-    assert (job.state, type(error).__name__ in job.message) == ("failed", True)
+    assert job.state == "failed"
+    assert told in job.message
+    assert "Traceback" not in job.message
+    assert ("Traceback" in caplog.text) is (told == type(error).__name__)
 
 
 @pytest.mark.parametrize("way", ["cancelled", "silent"])
@@ -194,18 +177,6 @@ def test_a_job_that_reports_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> No
     jobs.start("a", "A", work, ANNA)
     assert ended(jobs.start("b", "B", lambda _: order.append("second"), BEN))
     assert order == ["first", "second"]
-
-
-@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory: 9 bytes")])
-def test_memory_that_runs_out_is_a_sentence(error: Exception) -> None:
-    """Whoever ran out of it: Python, NumPy or PyTorch."""
-
-    def fail(_: Watch) -> None:
-        raise error
-
-    job = Jobs().start("a", "A", fail, ANNA)
-    assert ended(job)
-    assert (job.state, job.message) == ("failed", OUT_OF_MEMORY)
 
 
 def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None:

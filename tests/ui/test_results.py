@@ -53,10 +53,7 @@ def test_an_open_interval_and_its_remark_are_numbers_too() -> None:
 
 
 def test_numbers_of_any_type_stand_at_the_right_and_words_at_the_left() -> None:
-    """Counts, signed numbers and ranges are numbers; a rating with its grade begins with one, and stays in line.
-
-    A dash stands for a number, in a column of nothing else, too.
-    """
+    """Counts, signed numbers and ranges are numbers; a rating with its grade begins with one, and stays in line."""
     assert shown([1, 20])[0]
     assert shown(["+0.28", "−1,200"])[0]
     assert shown(["0.86–0.94", "–"])[0]

@@ -98,12 +98,7 @@ def _network() -> Iterator[tuple[dict[str, str], list[str]]]:
 @pytest.mark.parametrize("own", [True, False])
 @pytest.mark.slow
 def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, tmp_path: Path) -> None:
-    """By our command, anywhere, with a relative folder, or by Streamlit's: answers, and is shut to other sites.
-
-    So it is to pages of this machine that another server, at another port, has sent; of those that are configured it
-    takes any, and of a proxy that passes on the name that the browser asked for. Nobody is asked anything on the
-    network, and nothing is left running behind it.
-    """
+    """By our command, anywhere, with a relative folder, or by Streamlit's: answers, and is shut to other sites."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

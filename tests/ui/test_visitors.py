@@ -141,17 +141,6 @@ def test_a_link_made_after_opening_is_followed_by_no_read_and_no_write(
     assert content_of(tmp_path) == before
 
 
-@pytest.mark.slow
-def test_the_page_says_what_may_be_opened(root: Path, visit: Visit, campaign_folder: Path) -> None:
-    """A folder beside the root is refused in a sentence."""
-    session = visit()
-    session.app.text_input(key="folder").set_value(str(campaign_folder))
-    session.press("Open folder")
-    (table,) = session.tables
-    assert str(root) in str(table.to_dict())
-    assert list(campaigns.opened_here()) == ["sample"]
-
-
 def test_uploads_of_a_killed_server_are_deleted_as_the_next_one_starts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -98,11 +98,7 @@ def test_a_bias_that_turns_from_speed_to_speed_is_not_carried_over() -> None:
 
 @pytest.mark.slow
 def test_the_band_covers_velocity_and_crush() -> None:
-    """Tests that differ as the model says: the 95 % band holds the left-out test's v(t) and crush as often as it says.
-
-    Each test has a random bias of its own beside the shared one. Independent noise at every step would average out
-    and cover a tenth of this.
-    """
+    """Where tests differ as the model says, the 95 % band holds v(t) and crush of left-out tests so often."""
     rng = np.random.default_rng(4)
     distance = np.abs(np.subtract.outer(S[::20], S[::20])) / 0.08
     covariance = 15**2 * (1 + np.sqrt(5) * distance + 5 / 3 * distance**2) * np.exp(-np.sqrt(5) * distance)

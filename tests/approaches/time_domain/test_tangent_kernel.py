@@ -26,10 +26,7 @@ VECTORS = np.random.default_rng(0).normal(size=(4, 3))
 @pytest.mark.parametrize("dilations", [(1,), (1, 2), (1, 2, 4), (2, 3, 3)])
 @pytest.mark.parametrize("members", [1, 2])
 def test_the_tangent_kernel_is_the_product_of_gradients(dilations: tuple[int, ...], members: int) -> None:
-    """By the weights of first and last block and head, mean over members, between conditions and others or themselves.
-
-    The sequence is shorter than the last block looks back.
-    """
+    """By the weights of first and last block and head, mean over members, of conditions and others or themselves."""
     config = TcnConfig(channels=4, dilations=dilations, members=members)
     network = Tcn(config, torch.Generator().manual_seed(1))
     inputs = torch.randn(N_TIMES, 3, config.n_inputs, generator=torch.Generator().manual_seed(5))

@@ -19,11 +19,12 @@ from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
 
+pytestmark = pytest.mark.slow
+
 SMALL = TcnConfig(channels=6, dilations=(1, 2), dropout=0.1, epochs=1, min_steps=40, members=3)
 BY_ADAM = replace(SMALL, tuning="gradient", min_steps=2, tuning_steps=30)
 
 
-@pytest.mark.slow
 def test_the_steps_are_those_of_torchs_own() -> None:
     """Weights after 30 steps on random gradients, with a rate that changes, some gradients zero for a while."""
     generator = torch.Generator().manual_seed(0)
@@ -84,7 +85,6 @@ def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("every_step")
-@pytest.mark.slow
 def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: Campaign, undisturbed: LfTcn) -> None:
     """In mid-epoch, with dropout: no step is done twice, weights and curve are those of an undisturbed run."""
     with pytest.raises(Killed):
@@ -99,7 +99,6 @@ def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: C
 
 
 @pytest.mark.usefixtures("every_step")
-@pytest.mark.slow
 def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> None:
     """The tests' own training by Adam has its own checkpoint."""
     undisturbed = TimeDomain(BY_ADAM).fit(campaign)
@@ -127,7 +126,6 @@ def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, mon
     assert reports[0].done == 6
 
 
-@pytest.mark.slow
 def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campaign) -> None:
     """It belongs to one training."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
@@ -140,7 +138,6 @@ def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campa
     assert reports[0].done == 0
 
 
-@pytest.mark.slow
 def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
     """One flipped byte, and the training begins anew."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
@@ -153,7 +150,6 @@ def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
     assert reports[0].done == 0
 
 
-@pytest.mark.slow
 def test_members_train_as_they_would_alone() -> None:
     """The loss of an ensemble is a sum, so each member's gradient is that of its own loss."""
     inputs = torch.randn(20, 30, SMALL.n_inputs, generator=torch.Generator().manual_seed(0))

@@ -250,8 +250,7 @@ def test_criteria_keep_their_order_where_one_test_lacks_the_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("draw", "trials"),
-    [(reliability, ()), (record_figure, ()), (reliability, (trial("A", 440.0, word="outside"),))],
+    ("draw", "trials"), [(reliability, ()), (record_figure, ()), (reliability, (trial("A", 440.0, word="outside"),))]
 )
 def test_where_there_is_nothing_to_compare_with_the_figure_says_so(draw: object, trials: tuple[Trial, ...]) -> None:
     """Of a single test, or where every left-out test is outside; without axes."""

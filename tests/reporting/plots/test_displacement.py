@@ -61,9 +61,6 @@ def band(figure: go.Figure) -> tuple[FloatArray, FloatArray, FloatArray]:
     return found.x[:n], found.y[:n], found.y[n:][::-1]
 
 
-# --- acceleration --------------------------------------------------------------------------------------------------
-
-
 def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
@@ -122,9 +119,6 @@ def test_a_vehicle_that_never_stops_has_no_maximum_crush(test: CrashTest) -> Non
     assert [t.name for t in figure.data] == ["CAE"]
 
 
-# --- bias ----------------------------------------------------------------------------------------------------------
-
-
 def test_the_bias_is_zero_where_the_cae_model_is_right(campaign: Campaign, model: CaeModel) -> None:
     """Tests whose pulses are the CAE model's own."""
     tests = [replace(t, pulse=Pulse(GRID_S, model.pulse(t.condition).accel_mps2)) for t in campaign.tests]
@@ -144,9 +138,6 @@ def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: 
         assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
 
 
-# --- check of the integration --------------------------------------------------------------------------------------
-
-
 def test_the_way_over_displacement_gives_the_closed_form(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Line and circles are the displacement of the closed form, and their difference is below 0.1 mm."""
     figure = plots.integration_check(test.pulse, predictions, test.condition.speed_mps)
@@ -156,9 +147,6 @@ def test_the_way_over_displacement_gives_the_closed_form(test: CrashTest, predic
         np.testing.assert_allclose(shown.y, np.interp(shown.x * MS, time, displacement) * 1000, atol=0.1)
     for name in ("Test", "CAE", "Displacement domain"):
         assert np.abs(trace(figure, f"{name}, difference", "y2").y).max() < 0.1
-
-
-# --- parts ---------------------------------------------------------------------------------------------------------
 
 
 def part(name: str, level: float) -> BiasPart:

@@ -174,10 +174,7 @@ def test_thirty_further_curves_read_on_both_pages_and_no_two_look_alike() -> Non
 
 
 def test_what_is_put_beside_looks_like_no_approach_to_the_colour_blind_either() -> None:
-    """In OKLab, where a difference of 0.02 is just seen, as all eyes, those without red and those without green see.
-
-    Lines of tests were once olive and teal, beside the orange and green of approaches, and solid like these.
-    """
+    """In OKLab, where a difference of 0.02 is just seen, as all eyes, those without red and those without green see."""
     beside = palette.FURTHER_COLOURS
     approaches = [*palette.COLOURS.values(), palette.MEASURED_COLOUR]
     for shown in (dict.fromkeys((*beside, *approaches)), palette.IN_THE_DARK):
