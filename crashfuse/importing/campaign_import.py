@@ -18,10 +18,9 @@ from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
 from crashfuse.importing.pulse_conversion import Lacking, Settled, joint_problems, missing_values, settle
 from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
-from crashfuse.readers.format import Travel
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.format import FORMATS
 from crashfuse.readers.record import Record
-from crashfuse.readers.vocabulary import names_a_simulation, speed
+from crashfuse.readers.vocabulary import Travel, names_a_simulation, speed
 from crashfuse.units import MS
 from crashfuse.wording import Sentence
 
@@ -138,7 +137,7 @@ def import_source(
     cae : sequence of str
         Files in the source whose records are CAE runs, whatever the others are; or such records, by their ids.
     fmt : str, optional
-        A key of :data:`crashfuse.readers.formats.FORMATS`; by default detected from the file names in the source.
+        A key of :data:`crashfuse.readers.format.FORMATS`; by default detected from the file names in the source.
     record_id : str, optional
         Id for the one record in the source; columns of a table are then channels of one record.
     columns, conditions, travel

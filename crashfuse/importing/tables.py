@@ -11,12 +11,12 @@ import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable
-from crashfuse.readers.format import Travel
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_headers import ColumnRole, likelihood
 from crashfuse.readers.table_mapping import Mapping, apply_conditions, apply_mapping, mapping_steps, propose
 from crashfuse.readers.table_sheet import Sheet
 from crashfuse.readers.tables import read_sheets
+from crashfuse.readers.vocabulary import Travel
 
 _HEAD = 3  # rows
 

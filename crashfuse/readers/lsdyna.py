@@ -19,11 +19,11 @@ import numpy as np
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, glstat_text, matsum_text, quality_of, read_nodout
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.record import Record
+from crashfuse.readers.vocabulary import AXES, Travel
 
 _NAME = re.compile(
     r"(?:(?P<job>.+)\.)?(?P<kind>binout|nodouthf|nodout|glstat|matsum|d3hsp|messag|mes(?=\d))(?P<number>\d*)"

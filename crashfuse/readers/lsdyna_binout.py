@@ -16,11 +16,10 @@ import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers import lsdyna_histories
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, MOST_VALUES, Histories, States
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import History, axis_of_travel
-from crashfuse.readers.vocabulary import iso_date
+from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
 _CD, _DATA, _VARIABLE, _BEGIN_TABLE, _END_TABLE, _TABLE_OFFSET = 2, 3, 4, 5, 6, 7

@@ -14,10 +14,9 @@ import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.members import COPY_AGAIN
 from crashfuse.readers.solver_run import STAMP, Energies, History, axis_of_travel
-from crashfuse.readers.vocabulary import iso_date
+from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
 MOST_NODES = 200_000  # limit of the nodes listed in a file

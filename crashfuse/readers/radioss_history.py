@@ -11,9 +11,9 @@ import numpy as np
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers import solver_run
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import Record
 from crashfuse.readers.solver_run import FASTEST_MPS, LONGEST_S, Energies, History, Units
+from crashfuse.readers.vocabulary import AXES, Travel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 

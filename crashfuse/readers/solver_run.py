@@ -14,9 +14,8 @@ import numpy as np
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.readers.vocabulary import ACCELERATION_UNITS, iso_date, speed, weight
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, Travel, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
 from crashfuse.units import MS

@@ -8,8 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from crashfuse.readers.format import AXES
-from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
+from crashfuse.readers.vocabulary import AXES, UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
 from crashfuse.signals.pulse import FloatArray
 
 # reasons why an acceleration is not the pulse

@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
 from crashfuse.files.csv_text import MOST_ROWS
-from crashfuse.readers.format import Travel
 from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import (
     ColumnRole,
@@ -33,7 +32,7 @@ from crashfuse.readers.table_headers import (
     why_not_the_vehicle,
 )
 from crashfuse.readers.table_sheet import SAMPLE, Sheet, numbers_rows
-from crashfuse.readers.vocabulary import UNITS, is_simulated, unit_named
+from crashfuse.readers.vocabulary import UNITS, Travel, is_simulated, unit_named
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import read_out
 

@@ -23,10 +23,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
+from typing import Literal, get_args
 
 from crashfuse.errors import UsageError, printable
 from crashfuse.units import KPH, LB, MPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, Quantity
+
+AXES = "xyz"
+Travel = Literal["x", "-x", "y", "-y", "z", "-z"]
+"""A direction of travel in the file's own axes."""
+TRAVELS: tuple[Travel, ...] = get_args(Travel)
 
 # factors to m/s² of the units that occur in records; the last two are LS-DYNA's
 ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}

@@ -7,7 +7,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.importing import Reading, import_source, read_records
-from crashfuse.readers.format import Travel
+from crashfuse.readers.vocabulary import Travel
 from crashfuse.testing.readers import written
 from tests.conftest import Capture
 from tests.importing.crash_files import german
