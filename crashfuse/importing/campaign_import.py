@@ -95,7 +95,7 @@ def _which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list
     option = f"name those that are (--cae {shlex.join(found)})" if others else "say that they are (--as cae)"
     # what says of itself that it is simulated is no test
     is_open = not others or not any(label.is_simulated for label in records)
-    advice = f"{option}, or that all are tests (--as tests)" if is_open else option
+    advice = f"{option}, or give --as tests" if is_open else option
     beside = f" beside {others}" if others else ""
     return [Problem(source, "tests", f"what looks like CAE runs ({listed(found)}){beside}", advice)]
 
@@ -175,7 +175,7 @@ def import_source(
     except OneCrashOrSeveral as error:
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
         if role != "cae" and not cae and all(label.is_simulated for label in labels):
-            found, advice = "simulated ones, by their own account", "say as well that they are CAE runs (--as cae)"
+            found, advice = "simulated ones, by their own account", "import them as CAE runs (--as cae)"
             problems.append(Problem(source.name, "measured accelerations", found, advice))
     except DataError as error:
         problems = [*error.problems, *problems]
@@ -247,7 +247,7 @@ def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
     changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
     if not changes or max(changes) <= _ONE_SPEED * min(changes):
         return tuple(settled)
-    template = f"Careful: one speed was given for all {len(settled)} records, but their changes of velocity are {{}}."
+    template = f"Careful: one speed for all {len(settled)} records, but changes of velocity of {{}}."
     note = Sentence(template, speed(min(changes), max(changes)))
     return tuple(replace(one, steps=(*one.steps, note)) for one in settled)
 

@@ -55,27 +55,21 @@ _USUAL_REBOUND = 1.1  # change of velocity over impact speed
 _CLASSES = {"A": "CFC 1000", "B": "CFC 600", "C": "CFC 180", "D": "CFC 60", "0": "unfiltered", "P": "prefiltered"}
 
 
+_Class = float | Literal["none"] | None
+
+
 @dataclass(frozen=True, slots=True)
 class RatingChoices:
     """How the files of a rating are read, beyond what the import detects; a UsageError if there is no such choice.
 
-    Parameters
-    ----------
-    channels, comparison_channels : tuple of str
-        Channels of the reference to be averaged, and those of the comparison, if they are others.
-    channel_filter_class : float or "none", optional
-        Filter both with this class, or neither; by default as the import does, and tables in our own form not at all.
-    unit : str, optional
-        Unit of the acceleration in files of other formats; by default detected.
-    also : tuple of str
-        Measures beside the rating, each with columns of its own: ``sprague-geers``, ``anova``.
+    Without ``channel_filter_class`` both are filtered as the import does, and tables in our own form not at all.
     """
 
-    channels: tuple[str, ...] = ()
-    comparison_channels: tuple[str, ...] = ()
-    channel_filter_class: float | Literal["none"] | None = None
-    unit: str | None = None
-    also: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()  # of the reference, to be averaged
+    comparison_channels: tuple[str, ...] = ()  # of the comparison, if they are others
+    channel_filter_class: _Class = None
+    unit: str | None = None  # of the acceleration in files of other formats
+    also: tuple[str, ...] = ()  # measures beside the rating: sprague-geers, anova
 
     def __post_init__(self) -> None:
         Choices(unit=self.unit, channel_filter_class=self.channel_filter_class)  # refuses what there is not
@@ -91,7 +85,6 @@ class _Curve:
     filter_class: str
 
 
-_Class = float | Literal["none"] | None
 _Read = Callable[[Path, tuple[str, ...], _Class, str | None], _Curve]
 
 
@@ -218,7 +211,7 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None)
     records = read_records(Reading(path, fmt, together=bool(channels)))
     if len(records) != 1:
         ids = ", ".join(record.id for record in records[:10])
-        raise DataError(Problem(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one of them"))
+        raise DataError(Problem(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one"))
     record, given = records[0], Choices(channels, unit, channel_filter_class=cfc)
     if missing := missing_choices(record, given):
         raise DataError(missing)
@@ -265,7 +258,7 @@ def rate_channels(
     Of the choices only ``also`` counts; a UsageError refuses others.
     """
     if choices != RatingChoices(also=choices.also):
-        raise UsageError("Channels are rated as they are: leave out the choices of channel, unit and filter.")
+        raise UsageError("Channels are rated as they are: choose no channel, unit or filter.")
     reference, comparison = Path(reference), Path(comparison)
     sides = [_channels(path) for path in (reference, comparison)]
     if not set(sides[0]) & set(sides[1]):

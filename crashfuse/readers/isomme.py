@@ -235,7 +235,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     """The record of a test, its channels best placed and least filtered first."""
     on_vehicles = [(code, channel) for channel in test.channels if (code := _on_a_vehicle(channel))]
     if not on_vehicles:
-        expected = "an X acceleration of the vehicle (a code such as 10VEHC000000ACXD)"
+        expected = "an X acceleration of the vehicle (as 10VEHC000000ACXD)"
         raise DataError(Problem(source, expected, f"none in {len(test.channels)} channels", "export it too"))
     objects = {code.test_object for code, _ in on_vehicles}
     vehicle = min({code.test_object for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
@@ -271,12 +271,12 @@ def record_of(test: IsommeTest, source: str) -> Record:
     if objects != {"1"}:
         others = " and ".join(sorted(objects - {vehicle}))
         left_out = f"; those of test object {others} are left out" if others else ""
-        notes = (*notes, f"Channels, speed and weights are those of test object {vehicle}{left_out}.")
+        notes = (*notes, f"Channels, speed and weights of test object {vehicle}{left_out}.")
     if untimed:
         notes = (*notes, f"Left out for lack of an even time: {', '.join(untimed)}.")
-    zero = "0 is time zero of the test, by the format's definition"
+    zero = "0 is time zero, by the format's definition"
     if any(named[name][1].start_s is None for name in chosen or recorded):
-        notes = (*notes, "The file has no time of the first sample, so that time zero has to be found.")
+        notes = (*notes, "No time of the first sample; time zero has to be found.")
         zero = ""
     side = test.descriptor(f"Impact side test object {vehicle}") or ""
     other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")

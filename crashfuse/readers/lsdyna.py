@@ -74,7 +74,7 @@ class _RunFiles:
                 if (restarts, part) not in followers:
                     base, (before, lacking) = re.sub(r"_*(%\d+)?$", "", member.path.name), followers[0]
                     expected = f"{base}{'_' * before}{f'%{lacking:03d}' if lacking else ''} before it"
-                    advice = "copy it from the run too, as it holds a part of the time"
+                    advice = "copy it from the run too"
                     raise DataError(Problem(member.where, expected, "none", advice))
                 followers = [(restarts, part + 1), (restarts + 1, 0)]
             families.append([member for _, member in sorted(files.items())])
@@ -230,6 +230,6 @@ def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
     for chunk in file.chunks(budget):
         if content.tell() + len(chunk) > _MOST_UNZIPPED:
             expected = f"a binout of at most {_MOST_UNZIPPED >> 20} MiB in a zip"
-            raise DataError(Problem(file.where, expected, "more", "unpack the zip and import the folder"))
+            raise DataError(Problem(file.where, expected, "more", "import the unpacked folder"))
         content.write(chunk)
     return content

@@ -201,7 +201,7 @@ class _Nodout:
             found = f"one that cannot be read after state {whole}"
             raise DataError(Problem(self._where, "rows with all values of each node", found, COPY_AGAIN))
         if not whole:
-            expected = "the velocities and accelerations of nodes (x-vel, x-accl …)"
+            expected = "velocities and accelerations of nodes (x-vel, x-accl …)"
             raise DataError(Problem(self._where, expected, "none", "choose the nodout of a run"))
         time = np.array(self._times[:whole])
         nodes = tuple(

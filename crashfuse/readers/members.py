@@ -59,7 +59,7 @@ def files_below(folder: Path) -> Iterator[Path]:
     """Yield all files in a folder and its subfolders; a DataError for an unreadable one."""
 
     def refuse(error: OSError) -> None:
-        found, advice = error.strerror or str(error), "ask for the right to read it, or move it elsewhere"
+        found, advice = error.strerror or str(error), "ask for the right to read it"
         raise DataError(Problem(str(error.filename), "a folder that can be read", found, advice)) from error
 
     for home, _, names in os.walk(folder, onerror=refuse):

@@ -107,7 +107,7 @@ def condition_steps(speed_kph: float, mass_kg: float, where: str) -> Iterator[st
     sentence = Sentence("Speed {} from {}.", speed(speed_kph * KPH, form=".4g"), where)
     yield sentence if speed_kph else f"{where} has no speed of the vehicle."
     if mass_kg:
-        yield Sentence("Weight {} from {}, which does not say what each axle carried.", weight(mass_kg), where)
+        yield Sentence("Weight {} from {}, without axle weights.", weight(mass_kg), where)
 
 
 def other_configuration(setup: str, angle_deg: float) -> str:
@@ -301,7 +301,7 @@ def _condition(
     if has_axles:
         rear = mass * behind / wheelbase
         front = mass - rear
-        template = "Weight {} from {}: {} in front and {} at the rear, by wheelbase and centre of gravity."
+        template = "Weight {} from {}: front {}, rear {}, by wheelbase and centre of gravity."
         notes.append(Sentence(template, weight(mass), where, weight(front), weight(rear)))
     return PartialCondition(speed * KPH or None, mass or None, front, rear), tuple(notes)
 

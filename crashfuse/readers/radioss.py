@@ -438,7 +438,7 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
         parts = sorted(by_file[more], key=lambda part: (part[0], part[1].where))
         numbers, names = [number for number, _ in parts], [file.path.name for _, file in parts]
         if numbers != list(range(1, len(parts) + 1)):
-            expected, advice = "every part of the run once, from the first (T01) on", "add those that are missing"
+            expected, advice = "every part of the run once, from T01 on", "add those that are missing"
             raise DataError(Problem(names[0], expected, " and ".join(names), advice))
         read: list[TimeHistory] = []
         for (_, file), name in zip(parts, names, strict=True):

@@ -135,7 +135,7 @@ def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
         middle = np.nanmedian(travels)
         alike = [n for n, travel in zip(nodes, travels, strict=True) if abs(travel - middle) <= _ALIKE * middle]
         chosen = alike or nodes
-    why = f"No titles say which nodes are accelerometers; averaged are {len(chosen)} of {len(nodes)} that travel alike"
+    why = f"No title names an accelerometer; averaged are {len(chosen)} of {len(nodes)} that travel alike"
     return chosen, f"{why}: {_listed(chosen)}. Choose others if some lie in the crush."
 
 
@@ -207,7 +207,7 @@ def departure(
     is_aslant = bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
     if travel is None and (not moves or is_aslant):
         expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
-        advice = "choose the run of a vehicle in its own axes, or give axis and speed (--travel, --speed-kph)"
+        advice = "choose a run in the vehicle's axes, or give axis and speed (--travel, --speed-kph)"
         raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
     if travel is not None:
         if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
@@ -234,7 +234,7 @@ def _by_axis(speeds: FloatArray, per_mps: float | None) -> str:
 
 def note_of_kept(kept: int, total: int) -> list[str]:
     """That not all nodes are kept, if so."""
-    return [f"{kept} of {total} nodes are kept, those with a title first."] if kept < total else []
+    return [f"{kept} of {total} nodes are kept, titled ones first."] if kept < total else []
 
 
 def vehicle_mass_kg(mass: float) -> float | None:
@@ -260,7 +260,7 @@ def run_record(
     (speed_mps, no_speed), (mass_kg, mass_of) = speed_or_why, mass_and_source
     told = list(steps)
     if any(map(is_aliased, proposed)):
-        told.append("Accelerations that do not add up to the velocities are taken from the velocities.")
+        told.append("Accelerations that do not add up are taken from the velocities.")
     if speed_mps is not None:
         told.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
     if mass_kg is not None:
@@ -280,7 +280,7 @@ def run_record(
     condition = PartialCondition(speed_mps, mass_kg)
     force = None
     if wall is not None and unit is not None and wall[0].size > 1:
-        told.append("Force of the barrier: that of the rigid walls along the travel, summed.")
+        told.append("Force of the barrier: that of all rigid walls.")
         force = Wall(per_second * wall[0], _MASS_KG[unit] * ACCELERATION_UNITS[unit] * wall[1])
     found = (condition, tuple(channels), names, tuple(told))
     return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about, wall=force)

@@ -265,7 +265,7 @@ def axis_by_motion(
     best = max(accelerations, key=gains.__getitem__)
     if best == "x" or ("x" in accelerations and not gains[best] > _MANY_TIMES * gains["x"]):
         return "x", ""
-    return best, f"Careful: travel along {best}, by the change of velocity. Give --travel if that is wrong."
+    return best, f"Careful: travel along {best}, by the change of velocity; else give --travel."
 
 
 def _gain(values: FloatArray) -> float:

@@ -271,7 +271,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
 def _behind(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
     ahead = [column for column in columns if is_ahead(column)]
     behind = tuple(column for column in columns if column not in ahead)
-    left = f"Ahead of the passenger cell, not averaged unless chosen: {', '.join(map(printable, ahead))}."
+    left = f"Ahead of the passenger cell, not averaged: {', '.join(map(printable, ahead))}."
     return behind or tuple(ahead), left if ahead and behind else ""
 
 
@@ -349,14 +349,14 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
 def _refuse_disorder(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
     back = np.flatnonzero(np.diff(time[rows]) < 0)
     if back.size:
-        advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"
+        advice = "map the column of ids (--column COLUMN=id), or sort the rows by time"
         raise _misplaced(sheet, use, "time that increases from row to row", rows[back[0] : back[0] + 2], advice)
 
 
 def _refuse_duplicates(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
     twice = np.flatnonzero(np.diff(time[rows]) == 0)
     if twice.size:
-        advice = f"delete the duplicates ({twice.size} in all), or export time with more digits"
+        advice = f"delete the duplicates ({twice.size}), or export more digits"
         raise _misplaced(sheet, use, "each time once", rows[twice[0] : twice[0] + 2], advice)
 
 

@@ -112,7 +112,7 @@ class Sheet:
         if wrong.size:
             row = int(wrong[0])
             found = repr(printable(cells.iloc[row], 40))
-            advice = "correct the cell (export without thousands separators), or map the column otherwise"
+            advice = "correct the cell, or map the column otherwise"
             raise DataError(Problem(self.name, "a number", found, advice, printable(column), row + self.first_row))
         return numbers
 
@@ -161,7 +161,7 @@ def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form
     row_of_units = ", a row of units" if any(sheet.units) else ""
     names = ", ".join(printable(name, 40) for name in sheet.columns[:12]) + (" …" if len(sheet.columns) > 12 else "")
     layout = f"Data from row {sheet.first_row}{row_of_units}, columns: {names}."
-    left_out = ["Left out: the first column, which numbers the rows."] if numbered else []
+    left_out = ["Left out: the numbers of the rows."] if numbered else []
     return replace(sheet, steps=(*form, layout, *left_out))
 
 

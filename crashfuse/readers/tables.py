@@ -306,7 +306,7 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
     if broken:
         at, number = broken[0]
         expected, found = "a comma either between columns or in numbers", f"both, as in {number}"
-        advice = "export it with decimal points and no thousands separators, or with semicolons between the columns"
+        advice = "export it with decimal points and no thousands separators, or with semicolons"
         raise DataError(Problem(name, expected, found, advice, row=at))
 
 
@@ -334,7 +334,7 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
             best_width = width[0][0]
             best, best_score = (delimiter, decimal), score
     if best is None:
-        raise DataError(Problem(name, "a table of at least two columns with numbers", "none", _AGAIN))
+        raise DataError(Problem(name, "two columns of numbers", "none", _AGAIN))
     return best
 
 

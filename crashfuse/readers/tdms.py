@@ -112,7 +112,7 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
             if not (_text_of(one.properties, "unit_string") or table_headers.why_no_acceleration(one.channel.name, ""))
         ]
     if not found:
-        expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
+        expected = "accelerations along X, by units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: table_headers.likelihood(one.channel.name))
     channels, unread, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)

@@ -229,7 +229,7 @@ def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], 
     ordered = sorted(codes.items(), key=lambda pair: pair[1].order)
     rank = ordered[0][1].rank if ordered else UNPLACED
     if rank == UNPLACED:
-        return (), "No X acceleration is the vehicle's, at the rear seat, on tunnel, sills or B-pillars; choose one."
+        return (), "No X acceleration is at the rear seat, on tunnel, sills or B-pillars; choose one."
     there = [(name, code) for name, code in ordered if code.rank == rank]
     rawest: dict[str, ChannelCode] = {}
     for _, code in there:

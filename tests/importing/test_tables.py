@@ -130,7 +130,7 @@ def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) 
     path = table(tmp_path, f"t [ms];floor left ax [g];{engine}", TIME_S / MS, PULSE_G, 1.3 * PULSE_G)
     (one,) = import_source(path, tmp_path / "floor", GIVEN, record_id="T1")
     assert one.channels == ("floor left ax [g]",)
-    assert f"Ahead of the passenger cell, not averaged unless chosen: {engine}." in one.steps
+    assert f"Ahead of the passenger cell, not averaged: {engine}." in one.steps
     (chosen,) = import_source(path, tmp_path / "engine", replace(GIVEN, channels=(engine,)), record_id="T1")
     assert chosen.channels == (engine,)
     tunnel = table(

@@ -216,7 +216,7 @@ def test_of_too_many_nodes_those_with_a_title_are_kept_first(tmp_path: Path) -> 
         record = only(saved(tmp_path / form, **{form: content}))
         assert len(record.channels) == 200
         assert record.proposed == ("9999",)
-        assert "200 of 500 nodes are kept, those with a title first." in record.steps
+        assert "200 of 500 nodes are kept, titled ones first." in record.steps
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
