@@ -15,6 +15,8 @@ from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text
 
+NEAR_SPEED = "a change of velocity near the impact speed of {}"
+
 _LONGEST_GAP_M = 10.0  # at 56 km/h more than half a second
 _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below this leaves nothing for CFC 60 (100 Hz) to remove
@@ -133,10 +135,8 @@ def crash_advice(record: Record, doubtful: str) -> str:
 
 
 def _unlike(case: Case, time_s: FloatArray, change_mps: float, unit: str, advice: str) -> Problem:
-    expected = Sentence("a change of velocity near the impact speed of {}", speed(case.speed_mps))
-    lasts = time_text(time_s[-1] - time_s[0])
-    found = Sentence(f"a change of {{}} in {unit}, in {lasts}", speed(abs(change_mps)))
-    return Problem(case.record.source, expected, found, advice)
+    found = Sentence(f"a change of {{}} in {unit}, in {time_text(time_s[-1] - time_s[0])}", speed(abs(change_mps)))
+    return Problem(case.record.source, Sentence(NEAR_SPEED, speed(case.speed_mps)), found, advice)
 
 
 def stated_zero(record: Record, time_s: FloatArray) -> str:

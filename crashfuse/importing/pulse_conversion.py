@@ -208,9 +208,8 @@ class Settled:
 def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
     """Turn a record into a pulse of the campaign.
 
-    A CAE run starts at contact unless its time says otherwise, and may stop early or late. ``raw`` leaves filtering and
-    cutting to the campaign's own ``channel_filter_class``. A DataError says that something needed is neither in the
-    record nor in the choices, or that the pulse contradicts the speed; a UsageError that a choice does not exist.
+    A CAE run starts at contact unless its time says otherwise. ``raw`` leaves filtering and cutting to the campaign's
+    own ``channel_filter_class``. A DataError says what is lacking, or that the pulse contradicts the speed.
     """
     steps = list(record.steps)
     if record.other_setup and role == "tests":
@@ -301,7 +300,7 @@ def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
     low, high = STOPS[case.role]
     taken = (speed_mps - motion.velocity_mps.min()) / max(speed_mps, 1e-9)
     if case.is_moving and not low <= taken <= high:
-        template = "a change of velocity near the impact speed of {} from contact on"
-        found, advice = f"{100 * taken:.0f} % of it", detection.crash_advice(record, "time zero, unit and channels")
-        raise DataError(Problem(record.source, Sentence(template, speed(speed_mps)), found, advice))
+        expected = Sentence(f"{detection.NEAR_SPEED} from contact on", speed(speed_mps))
+        advice = detection.crash_advice(record, "time zero, unit and channels")
+        raise DataError(Problem(record.source, expected, f"{100 * taken:.0f} % of it", advice))
     case.steps.extend(sentences)

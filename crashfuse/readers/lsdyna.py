@@ -20,7 +20,7 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
 from crashfuse.readers.lsdyna_binout import read_binout
-from crashfuse.readers.lsdyna_histories import Histories, States, glstat_text, matsum_text, quality_of, read_nodout
+from crashfuse.readers.lsdyna_histories import Histories, States, energies_text, quality_of, read_nodout
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import AXES, Travel
@@ -84,8 +84,8 @@ class _RunFiles:
         files: dict[Any, Member] = self.binout[name.family] if name.kind == "binout" else self.text
         key = name.place if name.kind == "binout" else name.kind
         if key in files:
-            found, advice = f"{files[key].where} beside it", "keep each run in a folder of its own"
-            raise DataError(Problem(member.where, f"one {name.kind} of a run", found, advice))
+            expected, found = f"one {name.kind} of a run", f"{files[key].where} beside it"
+            raise DataError(Problem(member.where, expected, found, solver_run.KEEP_APART))
         files[key] = member
 
     @property
@@ -183,7 +183,7 @@ def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -
     for member in [files.text[kind] for kind in _LISTINGS if kind in files.text][:1]:
         listing = solver_run.read_listing(member.chunks(budget))
         if any(about.get(name) and listing.get(name, about[name]) != about[name] for name in ("title", "date")):
-            steps.append(solver_run.listed_elsewhere(member.where))
+            steps.append(f"Careful: {member.where} is the listing of another run; it is left out.")
             break
         about |= listing
         if (deck := files.decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
@@ -212,9 +212,9 @@ def _histories(
             else:
                 run = more
     if not glstat and (whole := files.text.get("glstat")) is not None:
-        glstat = glstat_text(whole.chunks(budget), whole.where)
+        glstat = energies_text(whole.chunks(budget), whole.where)
     if not matsum and (parts := files.text.get("matsum")) is not None:
-        matsum = matsum_text(parts.chunks(budget), parts.where)
+        matsum = energies_text(parts.chunks(budget), parts.where)
     if not run.nodes:
         advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
         raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", advice))

@@ -21,8 +21,7 @@ def opened_members(
 ) -> Iterator[tuple[list[Member], Budget]]:
     """Open the files of a folder, a zip, or beside a file that are ``wanted``; and the budget for reading them.
 
-    ``kind`` is the expected source in messages ("an ISO-MME folder or zip"). A DataError says that the path does not
-    exist, is a file of another kind, contains an unreadable folder, or has too many files.
+    ``kind`` is the expected source in messages ("an ISO-MME folder or zip").
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         with path.open("rb") as stream:

@@ -5,9 +5,8 @@
     v10146.EV5      the test's specification: sections of lines with fields between ``|``
     v10146.093      channel 93: time in s and value, one sample per line; 0 is first contact
 
-Fields are numbered as in NHTSA's Test Reference Guide, version 5, volume I: Vehicle Tests (2014). Speeds are in km/h,
-weights in kg, lengths in mm. ``VEHCG`` is the distance of the centre of gravity behind the front axle, so with the
-wheelbase it gives the axle weights.
+Fields are numbered as in NHTSA's Test Reference Guide, version 5, volume I: Vehicle Tests (2014); km/h, kg, mm.
+``VEHCG``, how far the centre of gravity is behind the front axle, gives the axle weights with the wheelbase.
 """
 
 import math
@@ -191,7 +190,11 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
     kind = "an NHTSA folder or zip with a .EV5 file"
-    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
+
+    def wanted(file: PurePath) -> bool:
+        return FORMATS["nhtsa"].has(file) or is_numbered(file)
+
+    with opened_members(path, wanted, kind, limits) as (members, budget):
         specification = _specification(members, path)
         sections = _sections(specification, budget)
         stem = specification.path.stem.lower()
@@ -312,7 +315,3 @@ def _field(fields: list[str], index: int) -> str:
 
 def _text(member: Member, budget: Budget) -> str:
     return member.content(budget).decode("latin-1")
-
-
-def _is_of_the_format(path: PurePath) -> bool:
-    return FORMATS["nhtsa"].has(path) or is_numbered(path)

@@ -107,8 +107,8 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
     whole = parts[0]
     for part, name in zip(parts[1:], names[1:], strict=True):
         if _watched_curves(part) != _watched_curves(whole):
-            expected, advice = f"nodes and accelerometers as in {names[0]}", "import each part from a folder of its own"
-            raise DataError(Problem(name, expected, "others", advice))
+            expected = f"nodes and accelerometers as in {names[0]}"
+            raise DataError(Problem(name, expected, "others", solver_run.KEEP_APART))
         start = float(part.time[0])
         early = whole.time < start
         last = whole.time[early][-3:]
@@ -125,9 +125,8 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
             key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in part.model
         }
         time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
-        whole = replace(
-            whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={}
-        )  # each may count anew
+        # impulses of walls may be counted anew
+        whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={})
     if len(parts) > 1:
         whole = replace(whole, notes=(f"Joined from {', '.join(names)}.", *whole.notes))
     return whole
@@ -296,7 +295,7 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
 
 
 def _may_be_the_pulse(node: History, initial: FloatArray | None) -> bool:
-    """An accelerometer must stop as a vehicle does, which crossed columns do not."""
+    """Crossed columns of an accelerometer do not stop as a vehicle does."""
     if not node.name.startswith(ACCELEROMETER) or initial is None or not initial.any():
         return True
     at_start = float(np.abs(node.velocity[0]))

@@ -254,11 +254,6 @@ class Record:
         stated = {**self.about, **texts}
         return tuple((f"{ABOUT}{name}", text) for name in stated if (text := printable(stated[name].strip(), _LONGEST)))
 
-    def in_unit(self, unit: str, unit_from: str) -> "Record":
-        """The record with the unit of the channels that state none."""
-        channels = (one if one.unit else replace(one, unit=unit, unit_from=unit_from) for one in self.channels)
-        return replace(self, channels=tuple(channels))
-
     def _named(self, name: str) -> RecordedChannel | None:
         """The channel of this name, else the only one that is shown or labelled so, runs of blanks aside."""
         if exact := [channel for channel in self.channels if channel.name == name]:

@@ -21,6 +21,9 @@ from crashfuse.signals.wall import Wall
 from crashfuse.units import MS
 from crashfuse.wording import Sentence, number
 
+CUT = "The last state is cut short and left out."
+KEEP_APART = "keep each run in a folder of its own"
+
 _ALIASED = 0.05  # of the velocity
 _ALIKE = 0.1  # of the median travel
 _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
@@ -71,11 +74,6 @@ def read_listing(chunks: Iterable[bytes]) -> dict[str, str]:
     return {**{name: text for name, text in stated.items() if text}, "termination": ended}
 
 
-def listed_elsewhere(name: str) -> str:
-    """That a listing beside a run is another's."""
-    return f"Careful: {name} is the listing of another run; it is left out."
-
-
 def sha256_of(chunks: Iterable[bytes]) -> str:
     """SHA-256 of a file."""
     digest = hashlib.sha256()
@@ -95,8 +93,8 @@ class History:
     velocity: FloatArray  # all NaN if the file has none
 
 
-def is_aliased(node: History) -> bool:
-    """Whether the accelerations, sampled once per output interval, fail to reproduce the velocity."""
+def _is_aliased(node: History) -> bool:
+    """Whether accelerations, sampled once per output interval, fail to reproduce the velocity."""
     change = node.velocity - node.velocity[0]
     if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
         return False
@@ -259,7 +257,7 @@ def run_record(
     per_second, unit, _ = units
     (speed_mps, no_speed), (mass_kg, mass_of) = speed_or_why, mass_and_source
     told = list(steps)
-    if any(map(is_aliased, proposed)):
+    if any(map(_is_aliased, proposed)):
         told.append("Accelerations that do not add up are taken from the velocities.")
     if speed_mps is not None:
         told.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
@@ -273,16 +271,15 @@ def run_record(
     told.append(f"Run quality: {', '.join(shares)}.")
     channels = []
     for node in nodes:
-        accel = np.gradient(node.velocity, node.time) if is_aliased(node) else node.acceleration
+        accel = np.gradient(node.velocity, node.time) if _is_aliased(node) else node.acceleration
         label = node.title or ("rigid body" if node.name.startswith("body") else "node")
         channels.append(RecordedChannel(node.name, label, per_second * node.time, accel, unit))
     names = tuple(node.name for node in proposed)
-    condition = PartialCondition(speed_mps, mass_kg)
     force = None
     if wall is not None and unit is not None and wall[0].size > 1:
         told.append("Force of the barrier: that of all rigid walls.")
         force = Wall(per_second * wall[0], _MASS_KG[unit] * ACCELERATION_UNITS[unit] * wall[1])
-    found = (condition, tuple(channels), names, tuple(told))
+    found = (PartialCondition(speed_mps, mass_kg), tuple(channels), names, tuple(told))
     return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about, wall=force)
 
 
@@ -302,16 +299,11 @@ class Energies:
         hourglass, internal, share = _largest(self.hourglass), _largest(self.internal), None
         if hourglass is not None and internal is not None and internal > 0:
             share = hourglass / internal
-        return RunQuality.of(self._energy_change(), share, _largest(self.added_mass))
-
-    def _energy_change(self) -> float | None:
-        """The deviation of the total energy, less the work, that is largest in size, over the energy at the start."""
-        if self.total is None or self.work is None or not self.total.size or not self.total[0] > 0:
-            return None
-        change = (self.total - self.work) - (self.total[0] - self.work[0])
-        if not np.isfinite(change).all():
-            return None
-        return float(change[np.abs(change).argmax()] / self.total[0])
+        gained = None
+        if self.total is not None and self.work is not None and self.total.size and self.total[0] > 0:
+            change = (self.total - self.work) - (self.total[0] - self.work[0])
+            gained = float(change[np.abs(change).argmax()] / self.total[0]) if np.isfinite(change).all() else None
+        return RunQuality.of(gained, share, _largest(self.added_mass))
 
 
 def _largest(values: FloatArray | None) -> float | None:

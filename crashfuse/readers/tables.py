@@ -3,9 +3,8 @@
 The delimiter and the decimal sign are those for which the most cells are numbers. Tables that stand side by side in one
 are split, so that each acceleration keeps its own time.
 
-A LabVIEW measurement file (.lvm) is a header, then segments, each with a header, names of channels, and samples. The
-rows of a segment's header give the unit, step and begin of each channel in its column. Times may also stand left of the
-samples: of all channels or of each. Source: NI, Specification for the LabVIEW Measurement File (.lvm).
+A LabVIEW measurement file (.lvm) has a header, then segments: unit, step and begin of each channel in its column, its
+name, samples; times may stand left of these, of all channels or of each (NI, LabVIEW Measurement File).
 """
 
 import csv

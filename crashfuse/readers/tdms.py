@@ -3,9 +3,8 @@
 NHTSA stores its ASCII specification (:mod:`crashfuse.readers.nhtsa`) as properties of each channel: ``Inst_SenAtt``
 FLLR, ``Veh_VehSpd`` …; 0 is first contact, and axle weights are not included.
 
-Of other laboratories, the vehicle's accelerations are found by names and units, as columns of a table are. The IIHS
-names channels by codes of ISO-MME, or in words with the unit (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time
-(sec)``). Channels whose recording began at different times (``wf_start_time``) are aligned.
+Of other laboratories, the vehicle's accelerations are found by names and units, as columns of a table are: the IIHS
+names channels by codes of ISO-MME, or in words (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time (sec)``).
 """
 
 import re
@@ -33,12 +32,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 from crashfuse.wording import time_text
 
-_OF_NHTSA = {
-    "laboratory": "test_tstprf",
-    "test_number": "test_tstno",
-    "reference": "test_tstref",
-    "date": "test_tstdat",
-}
+_OF_NHTSA = {"laboratory": "tstprf", "test_number": "tstno", "reference": "tstref", "date": "tstdat"}
 _ABOUT = {  # words in the names of properties
     "laboratory": r"lab(orator\w*|or)?([ _-]*name)?|test[ _-]*(facility|house|site)",
     "test_number": r"test[ _-]*(no|nr|num(ber)?|id|ref\w*)\.?",
@@ -275,7 +269,7 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     condition = PartialCondition(speed * KPH or None, mass or None)
     other = nhtsa.other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
-    about = {name: _text_of(test, key) for name, key in _OF_NHTSA.items()}
+    about = {name: _text_of(test, f"test_{key}") for name, key in _OF_NHTSA.items()}
     return nhtsa.nhtsa_record(stem, where, readers, condition, steps, other, about)
 
 

@@ -1,12 +1,10 @@
 """Reader of TDMS, National Instruments' container of measured channels, and of their scales; files are untrusted.
 
 A file is a sequence of segments: a lead-in, objects (file, groups, channels) with properties, and raw data in repeated
-chunks, channel after channel or interleaved. As in "TDMS File Format Internal Structure" (NI). Not supported are DAQmx
-raw data.
+chunks, channel after channel or interleaved ("TDMS File Format Internal Structure", NI). DAQmx is not supported.
 
 ``NI_Scale[n]_…`` are properties of a channel, its group or its file, the first that has any; the last scale gives the
-values, and each names its input: another scale, or the numbers as stored. Names, order and meaning as in the public
-package npTDMS.
+values, and each names its input: another scale, or the numbers as stored (as in the public package npTDMS).
 """
 
 import re

@@ -173,16 +173,6 @@ class ChannelCode:
         return cls(re.sub("[?_]", "0", code)) if _FORM.fullmatch(code) else None
 
     @property
-    def test_object(self) -> str:
-        """The vehicle or barrier."""
-        return self.text[0]
-
-    @property
-    def side(self) -> str:
-        """The first fine location: LE, RI, or another."""
-        return self.text[6:8]
-
-    @property
     def sensor(self) -> str:
         """All but the filter class: equal for raw and filtered signals."""
         return self.text[:15]
@@ -236,7 +226,7 @@ def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], 
         rawest.setdefault(code.sensor, code)
     chosen = tuple(name for name, code in there if rawest[code.sensor] == code)
     if rank:
-        sides = [next((name for name, code in there if code.side == side), None) for side in ("LE", "RI")]
+        sides = [next((name for name, code in there if code.text[6:8] == side), None) for side in ("LE", "RI")]
         chosen = tuple(side for side in sides if side is not None) or chosen[:1]
     return chosen, f"X acceleration {_PLACES[rank][1]}: {', '.join(chosen)}."
 

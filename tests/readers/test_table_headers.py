@@ -42,7 +42,7 @@ def test_the_axis_of_a_table_is_found_from_the_motion(tmp_path: Path, header: st
     assert run.channels == (header.split(";")["xyz".index(along)],)
     careful = [step for step in run.steps if "travel along" in step.lower()]
     assert len(careful) == (along != "x")
-    assert all(step.startswith(f"Careful: travel along {along}, by the change of velocity.") for step in careful)
+    assert all(step.startswith(f"Careful: travel along {along}, by the change of velocity; ") for step in careful)
     given: Travel = "x" if along == "x" else "y" if along == "y" else "z"
     (record,) = read_records(Reading(source, travel=given))
     assert record.proposed == run.channels
