@@ -88,15 +88,7 @@ def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[s
         starts = ", ".join(f"{one.name} from {time_text(t[0], 6)}" for one, t in zip(channels, times, strict=True))
         steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
     steps.append(f"Recorded at {(clock.size - 1) / (clock[-1] - clock[0]):.6g} Hz from {time_text(clock[0], 6)}.")
-    return clock, np.array([_at(clock, time, values, tolerance) for time, values, _ in evens])
-
-
-def _at(clock: FloatArray, time: FloatArray, values: FloatArray, tolerance: float) -> FloatArray:
-    start = int(np.searchsorted(time, clock[0] - tolerance))
-    same = time[start : start + clock.size]
-    if same.size == clock.size and np.abs(same - clock).max() <= tolerance:
-        return values[start : start + clock.size]
-    return np.interp(clock, time, values)
+    return clock, np.array([np.interp(clock, time, values) for time, values, _ in evens])
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:

@@ -251,18 +251,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
             untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
             continue
         time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
-        recorded[name] = RecordedChannel(
-            name,
-            printable(channel.name or name),
-            time_s,
-            channel.values,
-            vocabulary.unit_named(channel.unit, "acceleration"),
-            code.cutoff_hz,
-            origin=channel.source or origin,
-            status=channel.status,
-            sensor=channel.sensor,
-            prefilter=channel.prefilter,
-        )
+        label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
+        words = "the file", channel.source or origin, channel.status, channel.sensor, channel.prefilter
+        recorded[name] = RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
     if not recorded:
         raise DataError(list(untimed.values()))
     chosen, why = proposal(recorded, lambda names: vocabulary.propose_by_code({name: named[name][0] for name in names}))

@@ -55,7 +55,7 @@ _NAME = re.compile(
     r"(?P<run>.*[^.])T(?P<part>\d\d)(?P<more>[a-i]?)|(?P<new_run>.+)_(?P<new_part>\d{4})(_(?P<new_more>[a-i]))?\.thy",
     re.IGNORECASE | re.DOTALL,
 )
-_BESIDE = re.compile(r".+_(?:(?P<listing>(?!0000)\d{4}\.out)|0000\.(?:rad|k|key))", re.IGNORECASE | re.DOTALL)
+_BESIDE = re.compile(r".+_(?:(?!0000)\d{4}\.out|0000\.(?:rad|k|key))", re.IGNORECASE | re.DOTALL)
 _HEAD = 200  # bytes
 
 
@@ -363,13 +363,11 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
 def _with_listing(
     history: TimeHistory, first: PurePosixPath, others: Mapping[PurePosixPath, Member], budget: Budget
 ) -> TimeHistory:
-    beside = {path: _BESIDE.fullmatch(path.name) for path in sorted(others) if path.parent == first.parent}
     run, about = _parts_of_name(first.name)[0], dict(history.about)
-    listings = [path for path, match in beside.items() if match and match["listing"]]
-    mine = [path for path in listings if path.name.startswith(f"{run}_")]
-    if mine:
-        about |= read_listing(others[mine[-1]].chunks(budget))
-    for path in (path for path in beside if path not in listings and path.name.startswith(f"{run}_")):
+    mine = [path for path in sorted(others) if path.parent == first.parent and path.name.startswith(f"{run}_")]
+    if listings := [path for path in mine if path.suffix.lower() == ".out"]:
+        about |= read_listing(others[listings[-1]].chunks(budget))
+    for path in (path for path in mine if path not in listings):
         about |= {"deck": path.name, "deck_sha256": sha256_of(others[path].chunks(budget))}
     return replace(history, about=about)
 
