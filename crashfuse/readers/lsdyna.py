@@ -74,8 +74,7 @@ class _RunFiles:
                 if (restarts, part) not in followers:
                     base, (before, lacking) = re.sub(r"_*(%\d+)?$", "", member.path.name), followers[0]
                     expected = f"{base}{'_' * before}{f'%{lacking:03d}' if lacking else ''} before it"
-                    advice = "copy it from the run too"
-                    raise DataError(Problem(member.where, expected, "none", advice))
+                    raise DataError(Problem(member.where, expected, "none", "copy it from the run too"))
                 followers = [(restarts, part + 1), (restarts + 1, 0)]
             families.append([member for _, member in sorted(files.items())])
         return families
@@ -94,8 +93,7 @@ class _RunFiles:
 
     @property
     def first(self) -> str:
-        binout = (file for files in self.binout.values() for file in files.values())
-        return next(chain(binout, self.text.values())).where
+        return next(chain(*(files.values() for files in self.binout.values()), self.text.values())).where
 
 
 def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
