@@ -11,7 +11,7 @@ from crashfuse.cli.arguments import parser
 from crashfuse.cli.output import giving_back
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, DataError, UsageError, out_of_memory, printable
 from crashfuse.execution.process import share_one_heap
-from crashfuse.readers.format import TRAVELS
+from crashfuse.readers.vocabulary import TRAVELS
 
 __all__ = ["main", "parser"]
 

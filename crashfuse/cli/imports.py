@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 
 from crashfuse.cli.conditions import AXES, filter_class, in_si, number
-from crashfuse.readers.format import TRAVELS
-from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS
+from crashfuse.readers.format import BROKEN_FORMATS, FORMATS
+from crashfuse.readers.vocabulary import TRAVELS
 from crashfuse.units import LB, MS
 
 UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}

@@ -18,10 +18,9 @@ from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
 from crashfuse.importing.pulse_conversion import Lacking, Settled, joint_problems, missing_values, settle
 from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
-from crashfuse.readers.format import Travel
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.format import FORMATS
 from crashfuse.readers.record import Record
-from crashfuse.readers.vocabulary import names_a_simulation, speed
+from crashfuse.readers.vocabulary import Travel, names_a_simulation, speed
 from crashfuse.units import MS
 from crashfuse.wording import Sentence
 
@@ -62,7 +61,6 @@ class Label(NamedTuple):
 
 
 def _named_as(name: str) -> tuple[bool, bool]:
-    """Whether it is the name of a CAE run, and that of a test."""
     return _CAE.search(name) is not None or names_a_simulation(name), _TEST.search(name) is not None
 
 
@@ -96,16 +94,9 @@ def _which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list
     option = f"name those that are (--cae {shlex.join(found)})" if others else "say that they are (--as cae)"
     # what says of itself that it is simulated is no test
     is_open = not others or not any(label.is_simulated for label in records)
-    advice = f"{option}, or that all are tests (--as tests)" if is_open else option
+    advice = f"{option}, or give --as tests" if is_open else option
     beside = f" beside {others}" if others else ""
     return [Problem(source, "tests", f"what looks like CAE runs ({listed(found)}){beside}", advice)]
-
-
-def _check_names(names: Sequence[str], records: Sequence[Label]) -> None:
-    there = {name for label in records for name in (label.file, label.source, label.id)}
-    if absent := [name for name in names if name not in there]:
-        parts = dict.fromkeys([*(label.file for label in records), *parts_of(records)])
-        raise UsageError(f"There is no file {listed(absent)} with records; there are {listed(parts)}.")
 
 
 def import_source(
@@ -124,10 +115,13 @@ def import_source(
 ) -> tuple[Settled, ...]:
     """Add everything in a source to a campaign, or start a new one with it: all of it or, on any problem, nothing.
 
+    Returns the records added, with the steps that led to them; not those that were there already. A DataError has every
+    problem of every record.
+
     Parameters
     ----------
-    source : path
-        A file, a folder of one test or of several, or a zip.
+    source, fmt, columns, conditions, record_id, travel
+        See :class:`crashfuse.importing.sources.Reading`; with a ``record_id`` columns are channels of one record.
     out : path
         The campaign folder. If its ``campaign.toml`` sets ``channel_filter_class``, records are added raw and uncut, to
         be filtered with the others when the campaign is read; otherwise they are filtered here.
@@ -137,21 +131,8 @@ def import_source(
         What the records are. By default tests, which is asked if some files look like CAE runs, or all do.
     cae : sequence of str
         Files in the source whose records are CAE runs, whatever the others are; or such records, by their ids.
-    fmt : str, optional
-        A key of :data:`crashfuse.readers.formats.FORMATS`; by default detected from the file names in the source.
-    record_id : str, optional
-        Id for the one record in the source; columns of a table are then channels of one record.
-    columns, conditions, travel
-        See :class:`crashfuse.importing.sources.Reading`.
     cae_tuned : bool, optional
         Whether the CAE model was tuned to the tests; by default what a column ``cae_tuned`` says, if there is one.
-
-    Returns
-    -------
-    tuple of Settled
-        The records added, each with the steps that led to it, which ``campaign.toml`` also records. Those that were
-        there already, with the same condition and pulse, are not among them. A DataError has every problem of every
-        record, a UsageError says that a choice does not exist; the campaign is then unchanged.
     """
     source, out, conditions = Path(source), Path(out), None if conditions is None else Path(conditions)
     require_a(Choices, choices, "crashfuse.Choices()")
@@ -176,11 +157,14 @@ def import_source(
     except OneCrashOrSeveral as error:
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
         if role != "cae" and not cae and all(label.is_simulated for label in labels):
-            found, advice = "simulated ones, by their own account", "say as well that they are CAE runs (--as cae)"
+            found, advice = "simulated ones, by their own account", "import them as CAE runs (--as cae)"
             problems.append(Problem(source.name, "measured accelerations", found, advice))
     except DataError as error:
         problems = [*error.problems, *problems]
-    _check_names(cae, labels)
+    there = {name for label in labels for name in (label.file, label.source, label.id)}
+    if absent := [name for name in cae if name not in there]:
+        parts = dict.fromkeys([*(label.file for label in labels), *parts_of(labels)])
+        raise UsageError(f"There is no file {listed(absent)} with records; there are {listed(parts)}.")
     if role is None and not cae and labels:
         usual = FORMATS[fmt or format_of(source)].role
         # what each lacks as a test may be no question then
@@ -241,14 +225,16 @@ def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
     units = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
     if len(set(units)) != 1:
         return record
-    return record.in_unit(units[0], f"{len(units)} records beside it")
+    told = f"{len(units)} records beside it"
+    channels = (one if one.unit else replace(one, unit=units[0], unit_from=told) for one in record.channels)
+    return replace(record, channels=tuple(channels))
 
 
 def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
     changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
     if not changes or max(changes) <= _ONE_SPEED * min(changes):
         return tuple(settled)
-    template = f"Careful: one speed was given for all {len(settled)} records, but their changes of velocity are {{}}."
+    template = f"Careful: one speed for all {len(settled)} records, but changes of velocity of {{}}."
     note = Sentence(template, speed(min(changes), max(changes)))
     return tuple(replace(one, steps=(*one.steps, note)) for one in settled)
 

@@ -51,7 +51,7 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
-        advice = "sort the record by time, delete duplicates, or export time with more digits"
+        advice = "sort it by time, without duplicates, or export more digits"
         raise DataError(Problem(place, "time that increases from sample to sample", found, advice))
     step = float(np.median(steps))
     if steps.max() > _GAP * step:
@@ -61,7 +61,7 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     if clock.size == time.size and np.abs(steps - step).max() <= UNEVEN * step:
         return clock, values, ""
     lost = np.rint(steps / step).astype(int) - 1
-    note = f"{channel.name} was sampled unevenly and is interpolated to {1 / step:.0f} Hz."
+    note = f"{channel.name}, sampled unevenly, is interpolated to {1 / step:.0f} Hz."
     if lost.any() and np.abs(steps - (lost + 1) * step).max() <= UNEVEN * step:
         first_s = time[int(np.argmax(lost > 0))]
         lacking = f"{channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {time_text(first_s, 6)}"
@@ -88,15 +88,7 @@ def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[s
         starts = ", ".join(f"{one.name} from {time_text(t[0], 6)}" for one, t in zip(channels, times, strict=True))
         steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
     steps.append(f"Recorded at {(clock.size - 1) / (clock[-1] - clock[0]):.6g} Hz from {time_text(clock[0], 6)}.")
-    return clock, np.array([_at(clock, time, values, tolerance) for time, values, _ in evens])
-
-
-def _at(clock: FloatArray, time: FloatArray, values: FloatArray, tolerance: float) -> FloatArray:
-    start = int(np.searchsorted(time, clock[0] - tolerance))
-    same = time[start : start + clock.size]
-    if same.size == clock.size and np.abs(same - clock).max() <= tolerance:
-        return values[start : start + clock.size]
-    return np.interp(clock, time, values)
+    return clock, np.array([np.interp(clock, time, values) for time, values, _ in evens])
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:
@@ -105,13 +97,13 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     missing = []
     if not chosen:
         is_bad = all(channel.doubt == Doubt.FAILED or channel.is_simulated for channel in record.channels)
-        expected = "a sound channel of {}" if is_bad else "a channel of {} that is known to be the vehicle's pulse"
-        advice = f"choose the one that is, or several to be averaged (--channel {shlex.quote(record.channels[0].name)})"
+        expected = "a sound channel of {}" if is_bad else "the channel of {} that is the vehicle's pulse"
+        advice = f"choose one, or several to be averaged (--channel {shlex.quote(record.channels[0].name)})"
         missing.append(Problem(record.source, expected.format(record.id), record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
         expected = f"the unit of the acceleration of {record.id}"
-        missing.append(Problem(record.source, expected, "none", "give the unit if the speed does not tell it (--unit)"))
+        missing.append(Problem(record.source, expected, "none", "give it, unless the speed tells it (--unit)"))
     return missing
 
 
@@ -121,7 +113,7 @@ def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
     if not simulated:
         return []
     found = ", ".join(f"{channel.name} ({channel.remark})" for channel in simulated)
-    advice = "import it as a CAE run (--as cae; beside tests --cae FILE), or correct the file if it was measured"
+    advice = "import it as a CAE run (--as cae, or --cae FILE), or correct the file"
     return [Problem(record.source, f"measured channels of {record.id}", f"by its own account {found}", advice)]
 
 
@@ -132,7 +124,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
     if choices.channels:
         steps.append(f"Channels chosen by the user: {', '.join(channel.name for channel in chosen)}.")
         if remarks := [f"{channel.name} ({channel.remark})" for channel in chosen if channel.remark]:
-            steps.append(f"Careful: the file speaks against what was chosen: {', '.join(remarks)}.")
+            steps.append(f"Careful: chosen against the file's account: {', '.join(remarks)}.")
     else:
         chosen = _usable(record, chosen, steps)
     chosen = _in_one_unit(chosen, choices)
@@ -155,7 +147,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
         reference = min(signals, key=lambda signal: abs(signal.onset_s))
     factor = ACCELERATION_UNITS.get(units.pop() or "")
     texts = [signal.compared(reference, factor) for signal in signals]
-    careful = "Careful: the channels that are averaged differ, {}."
+    careful = "Careful: averaged channels differ, {}."
     if choices.channels and not near.all():
         steps.append(Sentence(careful, joined(texts, "; ")))
         return chosen

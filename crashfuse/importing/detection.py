@@ -15,6 +15,8 @@ from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text
 
+NEAR_SPEED = "a change of velocity near the impact speed of {}"
+
 _LONGEST_GAP_M = 10.0  # at 56 km/h more than half a second
 _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below this leaves nothing for CFC 60 (100 Hz) to remove
@@ -28,26 +30,14 @@ _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 class Choices:
     """User settings that replace detection; None or empty means detect. A UsageError refuses what cannot be.
 
-    Parameters
-    ----------
-    channels : tuple of str
-        Names of the channels to average.
-    unit : str, optional
-        Unit of the acceleration, as :func:`crashfuse.readers.vocabulary.acceleration_unit` takes it.
-    deceleration_sign : {"negative", "positive"}, optional
-        Whether the file writes deceleration as negative or as positive numbers.
-    time_zero_s : float, optional
-        Time of first contact in the file's own time.
-    gap_m : float, optional
-        Distance that CAE runs move before they meet the barrier; a run that decelerates before is left as it is.
-    front_share : float, optional
-        Share of the mass on the front axle, for files that state only the total mass.
+    ``gap_m`` is the distance that CAE runs move before they meet the barrier; a run that decelerates before is left as
+    it is. ``front_share`` is the front axle's of the mass, for files that state only the mass.
     """
 
-    channels: tuple[str, ...] = ()
-    unit: str | None = None
-    deceleration_sign: Literal["negative", "positive"] | None = None
-    time_zero_s: float | None = None
+    channels: tuple[str, ...] = ()  # names of those to average
+    unit: str | None = None  # of the acceleration, in any spelling
+    deceleration_sign: Literal["negative", "positive"] | None = None  # in the file
+    time_zero_s: float | None = None  # time of first contact in the file's time
     gap_m: float | None = None
     channel_filter_class: float | Literal["none"] | None = None
     condition: PartialCondition = field(default_factory=PartialCondition)
@@ -123,7 +113,7 @@ def unit_and_sign(
     found = "negative" if gain <= 0 or case.speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
     if moving and sign != found:
-        other, advice = Sentence("a change of {}", speed(change)), "let the record tell it (remove --deceleration-sign)"
+        other, advice = Sentence("a change of {}", speed(change)), "remove --deceleration-sign"
         raise DataError(Problem(case.record.source, f"{sign} deceleration, as chosen", other, advice))
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(Sentence(f"Sign {turned}: the file's change of velocity is {{}}.", speed(change)))
@@ -145,10 +135,8 @@ def crash_advice(record: Record, doubtful: str) -> str:
 
 
 def _unlike(case: Case, time_s: FloatArray, change_mps: float, unit: str, advice: str) -> Problem:
-    expected = Sentence("a change of velocity near the impact speed of {}", speed(case.speed_mps))
-    lasts = time_text(time_s[-1] - time_s[0])
-    found = Sentence(f"a change of {{}} in {unit}, in {lasts}", speed(abs(change_mps)))
-    return Problem(case.record.source, expected, found, advice)
+    found = Sentence(f"a change of {{}} in {unit}, in {time_text(time_s[-1] - time_s[0])}", speed(abs(change_mps)))
+    return Problem(case.record.source, Sentence(NEAR_SPEED, speed(case.speed_mps)), found, advice)
 
 
 def stated_zero(record: Record, time_s: FloatArray) -> str:
@@ -182,14 +170,14 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
         raise DataError(Problem(case.record.source, expected, found, "give the time of first contact (--time-zero-ms)"))
     steps.append(f"Time zero at {time_text(zero)} of the file: {why}; deceleration {began}.")
     if begins is not None and role == "tests" and abs(begins.calm_s - zero) > _SUSPICIOUS_S:
-        steps.append("Careful: deceleration begins far from time zero; check the time of first contact.")
+        steps.append("Careful: deceleration begins far from time zero; check it.")
     if begins is not None and role == "cae" and begins.is_sudden(zero):
         after = time_s >= zero
         free_m = speed_mps * free_travel_s(time_s[after], accel[after])
         if free_m > LEAST_M:
             steps.append(
-                f"Careful: the vehicle moves {free_m / MS:.0f} mm after time zero before it decelerates. "
-                f"Take out a gap before the barrier (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})."
+                f"Careful: the vehicle moves {free_m / MS:.0f} mm from time zero before it decelerates. "
+                f"Take out a gap (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})."
             )
     return zero
 
@@ -200,7 +188,7 @@ def filter_class(
     """The channel filter class to apply; None for no filter."""
     chosen = case.choices.channel_filter_class
     if chosen == "none":
-        case.steps.append("Not filtered, as chosen by the user.")
+        case.steps.append("Not filtered, as chosen.")
         return None
     if chosen is not None:
         return float(chosen)
@@ -214,7 +202,7 @@ def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, a
     """The evidence that a record was filtered to CFC 60 or below; empty if there is none."""
     cutoffs = [channel.cutoff_hz for channel in channels]
     if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):
-        return f"the file says that it has gone through {cutoffs[0]:g} Hz already"
+        return f"filtered at {cutoffs[0]:g} Hz already, by the file"
     level = np.linspace(accel[0], accel[-1], accel.size)  # unequal ends, as of a cut pulse, are not noise
     power = np.abs(np.fft.rfft(accel - level - (accel - level).mean())) ** 2
     share = power[np.fft.rfftfreq(accel.size, step_of(time_s)) > _BAND_HZ].sum() / max(power.sum(), 1e-300)

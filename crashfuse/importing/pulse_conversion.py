@@ -34,11 +34,11 @@ _GIVE_EACH = "add a row for each to a table of conditions (--conditions TABLE)"
 _GIVE_SPEED = "give the speed (--speed-kph V, or --speed-mph V)"
 _GIVE_WEIGHTS = (
     "give two of mass, front weight, rear weight and front share "
-    "(--mass-kg M, --front-weight-kg F, --rear-weight-kg R, --front-share S)"
+    "(--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
 )
 _LONGER = {
     "tests": "export the whole record; or check time zero",
-    "cae": "let the run go on to 100 ms, and copy all of its files; or check time zero",
+    "cae": "run it to 100 ms, and copy all files; or check time zero",
 }
 _LONGEST_S = 0.2
 
@@ -62,7 +62,7 @@ def complete_condition(
     if given != PartialCondition():
         steps.append("Of the condition, what the user gave overrules the file.")
     if contradiction := choices.weights.contradiction():
-        raise UsageError(Sentence("The given weights do not add up: {}; leave one of them out.", contradiction))
+        raise UsageError(Sentence("The given weights do not add up: {}; leave one out.", contradiction))
     weights = record.condition.weights.overruled(choices.weights)
     if contradiction := weights.contradiction():
         expected = f"weights of {record.id} that add up"
@@ -134,7 +134,7 @@ def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
         return [Problem(record.source, expected, Sentence("{}", weight(min(axles), form=".4g")), advice)]
     if front is not None and rear is not None and not _LEAST_SHARE <= (share := front / (front + rear)) <= _MOST_SHARE:
         carries = f"a front axle of {record.id} that carries 20 to 80 % of the mass"
-        return [Problem(record.source, carries, f"{100 * share:.0f} %", "check which axle is which, and the share")]
+        return [Problem(record.source, carries, f"{100 * share:.0f} %", "check which axle is which")]
     return []
 
 
@@ -148,7 +148,7 @@ def _refuse_short(case: Case, time_s: FloatArray) -> None:
 
 
 def _too_short(case: Case, end_s: float, advice: str) -> DataError:
-    expected = "a record of at least 60 ms from contact (100 ms is best)"
+    expected = "at least 60 ms from contact (100 ms is best)"
     return DataError(Problem(case.record.source, expected, time_text(end_s), advice))
 
 
@@ -208,9 +208,8 @@ class Settled:
 def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
     """Turn a record into a pulse of the campaign.
 
-    A CAE run starts at contact unless its time says otherwise, and may stop early or late. ``raw`` leaves filtering and
-    cutting to the campaign's own ``channel_filter_class``. A DataError says that something needed is neither in the
-    record nor in the choices, or that the pulse contradicts the speed; a UsageError that a choice does not exist.
+    A CAE run starts at contact unless its time says otherwise. ``raw`` leaves filtering and cutting to the campaign's
+    own ``channel_filter_class``. A DataError says what is lacking, or that the pulse contradicts the speed.
     """
     steps = list(record.steps)
     if record.other_setup and role == "tests":
@@ -301,7 +300,7 @@ def _check(case: Case, pulse: Pulse, unlike: Problem | None) -> None:
     low, high = STOPS[case.role]
     taken = (speed_mps - motion.velocity_mps.min()) / max(speed_mps, 1e-9)
     if case.is_moving and not low <= taken <= high:
-        template = "a change of velocity near the impact speed of {} from contact on"
-        found, advice = f"{100 * taken:.0f} % of it", detection.crash_advice(record, "time zero, unit and channels")
-        raise DataError(Problem(record.source, Sentence(template, speed(speed_mps)), found, advice))
+        expected = Sentence(f"{detection.NEAR_SPEED} from contact on", speed(speed_mps))
+        advice = detection.crash_advice(record, "time zero, unit and channels")
+        raise DataError(Problem(record.source, expected, f"{100 * taken:.0f} % of it", advice))
     case.steps.extend(sentences)

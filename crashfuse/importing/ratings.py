@@ -17,23 +17,14 @@ import pandas as pd
 
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
-from crashfuse.errors import (
-    CrashfuseError,
-    DataError,
-    Problem,
-    UsageError,
-    one_of,
-    printable,
-    require_a,
-    several,
-)
+from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError, one_of, printable, require_a, several
 from crashfuse.files.csv_text import CsvTable, read_rows
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.importing.channels import missing_choices, resample_evenly
 from crashfuse.importing.detection import Choices, delta_v
 from crashfuse.importing.pulse_conversion import settled_at
 from crashfuse.importing.sources import Reading, format_of, read_records
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.format import FORMATS
 from crashfuse.readers.isomme import Channel, read_isomme
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, doubt_of
@@ -55,27 +46,21 @@ _USUAL_REBOUND = 1.1  # change of velocity over impact speed
 _CLASSES = {"A": "CFC 1000", "B": "CFC 600", "C": "CFC 180", "D": "CFC 60", "0": "unfiltered", "P": "prefiltered"}
 
 
+_Class = float | Literal["none"] | None
+
+
 @dataclass(frozen=True, slots=True)
 class RatingChoices:
     """How the files of a rating are read, beyond what the import detects; a UsageError if there is no such choice.
 
-    Parameters
-    ----------
-    channels, comparison_channels : tuple of str
-        Channels of the reference to be averaged, and those of the comparison, if they are others.
-    channel_filter_class : float or "none", optional
-        Filter both with this class, or neither; by default as the import does, and tables in our own form not at all.
-    unit : str, optional
-        Unit of the acceleration in files of other formats; by default detected.
-    also : tuple of str
-        Measures beside the rating, each with columns of its own: ``sprague-geers``, ``anova``.
+    Without ``channel_filter_class`` both are filtered as the import does, and tables in our own form not at all.
     """
 
-    channels: tuple[str, ...] = ()
-    comparison_channels: tuple[str, ...] = ()
-    channel_filter_class: float | Literal["none"] | None = None
-    unit: str | None = None
-    also: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()  # of the reference, to be averaged
+    comparison_channels: tuple[str, ...] = ()  # of the comparison, if they are others
+    channel_filter_class: _Class = None
+    unit: str | None = None  # of the acceleration in files of other formats
+    also: tuple[str, ...] = ()  # measures beside the rating: sprague-geers, anova
 
     def __post_init__(self) -> None:
         Choices(unit=self.unit, channel_filter_class=self.channel_filter_class)  # refuses what there is not
@@ -85,13 +70,7 @@ class RatingChoices:
             one_of("measure", name, FURTHER_METRICS)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Curve:
-    pulse: Pulse
-    filter_class: str
-
-
-_Class = float | Literal["none"] | None
+_Curve = tuple[Pulse, str]  # and its filter class, in words
 _Read = Callable[[Path, tuple[str, ...], _Class, str | None], _Curve]
 
 
@@ -104,8 +83,7 @@ def rate_files(
 ) -> pd.DataFrame:
     """Rate one file against another, the test first, by ISO/TS 18571: columns :data:`COLUMNS`, one row a window.
 
-    Files are of any kind that the import reads. A DataError says that one cannot be read as one pulse, or that a window
-    reaches beyond a record; a UsageError that a channel, unit or measure does not exist.
+    A DataError says that one cannot be read as one pulse, or that a window reaches beyond a record.
     """
     return _pair_table(Path(reference), Path(comparison), windows_ms, choices, _curve)
 
@@ -118,8 +96,8 @@ def explain_files(
     choices: RatingChoices = RatingChoices(),
 ) -> list[RatingExplanation]:
     """Explain how two files rate, over each window: as :func:`rate_files`, with what each rating is made of."""
-    one, other = _curves(Path(reference), Path(comparison), choices, _curve)
-    return [explain_rating(one.pulse, other.pulse, window_ms) for window_ms in windows_ms]
+    (one, _), (other, _) = _curves(Path(reference), Path(comparison), choices, _curve)
+    return [explain_rating(one, other, window_ms) for window_ms in windows_ms]
 
 
 def rate_pairs(
@@ -183,13 +161,12 @@ def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Re
 def _rated_rows(
     reference: _Curve, comparison: _Curve, windows_ms: Sequence[float], also: Sequence[str] = ()
 ) -> Iterator[dict[str, object]]:
-    filtering = reference.filter_class
-    if comparison.filter_class != filtering:
-        filtering = f"reference {filtering}, comparison {comparison.filter_class}"
-    for window, rating in rate_windows(reference.pulse, comparison.pulse, windows_ms).items():
+    (one, filtering), (other, others) = reference, comparison
+    filtering = filtering if others == filtering else f"reference {filtering}, comparison {others}"
+    for window, rating in rate_windows(one, other, windows_ms).items():
         row = {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
         if also:
-            curves = rated_curves(reference.pulse, comparison.pulse, window)
+            curves = rated_curves(one, other, window)
             row |= {column: value for name in also for column, value in FURTHER_METRICS[name](*curves).items()}
         yield row
 
@@ -211,20 +188,19 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None)
     if not channels and _is_own(path):
         pulse = read_pulse(path)
         if cfc is None or isinstance(cfc, str):
-            return _Curve(pulse, filter_class_text(None))
-        filtered = cfc_filter(pulse.accel_mps2, cfc=cfc, dt_s=pulse.dt_s)
-        return _Curve(Pulse(pulse.time_s, filtered), filter_class_text(cfc))
+            return pulse, filter_class_text(None)
+        return Pulse(pulse.time_s, cfc_filter(pulse.accel_mps2, cfc=cfc, dt_s=pulse.dt_s)), filter_class_text(cfc)
     fmt = format_of(path)
     records = read_records(Reading(path, fmt, together=bool(channels)))
     if len(records) != 1:
         ids = ", ".join(record.id for record in records[:10])
-        raise DataError(Problem(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one of them"))
+        raise DataError(Problem(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one"))
     record, given = records[0], Choices(channels, unit, channel_filter_class=cfc)
     if missing := missing_choices(record, given):
         raise DataError(missing)
     condition = Condition.of_vector([_speed(record, given), 1.0, 1.0])  # weights do not matter to a pulse
     settled = settled_at(record, given, condition, FORMATS[fmt].role, [], raw=False)
-    return _Curve(settled.pulse, filter_class_text(settled.channel_filter_class))
+    return settled.pulse, filter_class_text(settled.channel_filter_class)
 
 
 def _is_own(path: Path) -> bool:
@@ -259,13 +235,12 @@ def rate_channels(
 ) -> pd.DataFrame:
     """Rate every channel of one ISO-MME test against the channel of the other that has the same code.
 
-    Of several channels with one code, the n-th is rated against the n-th. The table is as that of :func:`rate_files`,
-    with one row for each channel and window; a channel that cannot be rated has one row, with a note. Tests are given
-    by their folder, ``.mme`` file or zip; a DataError says that one is none, or that they have no channel in common.
-    Of the choices only ``also`` counts; a UsageError refuses others.
+    Of several channels with one code, the n-th is rated against the n-th; one that cannot be rated has one row, with a
+    note. Tests are given by their folder, ``.mme`` file or zip. Of the choices only ``also`` counts; a UsageError
+    refuses others.
     """
     if choices != RatingChoices(also=choices.also):
-        raise UsageError("Channels are rated as they are: leave out the choices of channel, unit and filter.")
+        raise UsageError("Channels are rated as they are: choose no channel, unit or filter.")
     reference, comparison = Path(reference), Path(comparison)
     sides = [_channels(path) for path in (reference, comparison)]
     if not set(sides[0]) & set(sides[1]):
@@ -314,4 +289,4 @@ def _signal(channel: Channel) -> _Curve:
     if channel.interval_s is None or channel.values.size < 2:
         raise DataError(Problem(channel.code, "an evenly sampled signal", "no sampling interval", "export it again"))
     time_s = (channel.start_s or 0.0) + np.arange(channel.values.size) * channel.interval_s
-    return _Curve(Pulse(time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown"))
+    return Pulse(time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown")

@@ -17,11 +17,11 @@ from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collect
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, ENDINGS, Budget, Limits, Member
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral, read_tables
-from crashfuse.readers.format import Travel
-from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of
+from crashfuse.readers.format import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
 from crashfuse.readers.radioss import is_time_history_csv
 from crashfuse.readers.record import Record
+from crashfuse.readers.vocabulary import Travel
 
 _ARCHIVE = re.compile(f"(.*)({'|'.join(map(re.escape, ('.zip', *ENDINGS)))})", re.IGNORECASE | re.DOTALL)
 _MOST_FILES = 100_000  # examined in a folder

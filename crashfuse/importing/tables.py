@@ -11,12 +11,12 @@ import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable
-from crashfuse.readers.format import Travel
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_headers import ColumnRole, likelihood
 from crashfuse.readers.table_mapping import Mapping, apply_conditions, apply_mapping, mapping_steps, propose
 from crashfuse.readers.table_sheet import Sheet
 from crashfuse.readers.tables import read_sheets
+from crashfuse.readers.vocabulary import Travel
 
 _HEAD = 3  # rows
 
@@ -115,7 +115,7 @@ class _TableSet:
 def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, parted: bool) -> Problem:
     if len(without) < len(records):  # crashes, as the conditions of the others say
         found = f"those of {listed(record.id for record in records if record.id not in without)}"
-        advice = "add a row for each to the table of conditions, or leave its column out (--column COLUMN=ignored)"
+        advice = "add a row for each, or leave its column out (--column COLUMN=ignored)"
         return Problem(table, f"conditions for {listed(without)}", found, advice)
     best_first = sorted(records, key=lambda record: likelihood(record.channels[0].name))
     one = f"average them (--id ID) or choose (--channel {shlex.quote(best_first[0].channels[0].name)})"

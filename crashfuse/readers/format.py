@@ -1,60 +1,48 @@
-"""A foreign format: the names of its files, its reader, and the axes along which it may hold motion."""
+"""The foreign formats: file names, label and reader of each.
+
+A new format needs a module with a function that reads a path into records, and one line in :data:`FORMATS`; detection,
+``crashfuse import --format``, the messages and the page use that line.
+"""
 
 import importlib
 import re
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING
 
 from crashfuse.errors import CrashfuseError, DataError, Problem
-from crashfuse.extensions import NO_FAULTS, said
+from crashfuse.extensions import NO_FAULTS, Broken, load, said
+from crashfuse.readers.vocabulary import Travel
 
 if TYPE_CHECKING:
     from crashfuse.campaign_folder.condition_tables import Role
     from crashfuse.readers.record import Record
 
-AXES = "xyz"
-Travel = Literal["x", "-x", "y", "-y", "z", "-z"]
-"""A direction of travel in the file's own axes."""
-TRAVELS: tuple[Travel, ...] = get_args(Travel)
+_HERE = "crashfuse.readers"
+
+TABLES = "csv"
+"""The format whose files may accompany those of any other format."""
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
     """A foreign format.
 
-    Parameters
-    ----------
-    label : str
-        Its name on the page and in messages.
-    files : str
-        Its files, as named in messages.
-    names : str
-        Regular expression for the whole file name, case ignored. For a test with many files it matches the file that
-        represents the test.
-    reader : str
-        ``module:function``, imported on first use. The function takes the path of a file, folder or zip, returns a
-        tuple of :class:`~crashfuse.readers.record.Record`, and raises a DataError for unusable input.
-        Empty for tables: :mod:`crashfuse.importing.tables` reads them, because a user may assign columns.
-    one_a_file : bool
-        Whether each of these files is one test and the reader takes only one.
-    role : {"tests", "cae"}
-        The most likely role of its records.
-    package : str
-        The package that adds it; empty for ours.
-    axes : bool
-        Whether its files may hold motion along any axis. The reader, if there is one, then takes the direction of
-        travel (:data:`~crashfuse.readers.format.Travel`) as a second argument; None: to be found.
+    ``names`` is a regular expression for the whole file name, case ignored; for a test with many files it matches the
+    one that represents the test. ``reader`` is ``module:function``, imported on first use: the function takes the path
+    of a file, folder or zip (and with ``axes`` the direction of travel, or None), returns a tuple of
+    :class:`~crashfuse.readers.record.Record`, and raises a DataError for unusable input.
     """
 
-    label: str
-    files: str
+    label: str  # on the page and in messages
+    files: str  # its files, as named in messages
     names: str
-    reader: str = ""
-    one_a_file: bool = False
-    role: "Role" = "tests"
-    axes: bool = False
-    package: str = ""
+    reader: str = ""  # empty for tables, which crashfuse.importing.tables reads
+    one_a_file: bool = False  # each of these files is one test, and the reader takes only one
+    role: "Role" = "tests"  # the likeliest of its records
+    axes: bool = False  # its files may hold motion along any axis
+    package: str = ""  # that adds it; empty for ours
 
     def has(self, path: PurePath) -> bool:
         """Whether the name of a file is of this format."""
@@ -72,3 +60,59 @@ class Format:
             found = f"the reader of the package {self.package} failed: {said(error)}"
             raise DataError(Problem(path.name, self.label, found.rstrip("."), "use another format")) from error
         return records
+
+
+FORMATS = {
+    "nhtsa": Format("NHTSA", ".EV5", r".*\.ev5", f"{_HERE}.nhtsa:read_nhtsa", one_a_file=True),
+    "isomme": Format("ISO-MME", ".mme", r".*\.mme", f"{_HERE}.isomme:read_isomme_record", one_a_file=True),
+    "lsdyna": Format(
+        "LS-DYNA",
+        "binout, nodout",
+        r"(.+\.)?(binout[^.]*|nodout[^.]*(\.(txt|asc))?)",
+        f"{_HERE}.lsdyna:read_lsdyna",
+        role="cae",
+        axes=True,
+    ),
+    "radioss": Format(
+        "Radioss",
+        "T01 or its .csv",
+        r"(?!.*(nodout|binout|glstat)).*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
+        f"{_HERE}.radioss:read_radioss",
+        role="cae",
+        axes=True,
+    ),
+    "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
+    TABLES: Format("tables", ".csv, .txt, .lvm, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|lvm|xls[xm]?)", axes=True),
+}
+"""The formats by their command-line names; those that other packages add (``crashfuse.readers``) come last."""
+
+
+def _checked(name: str, found: object) -> Format:
+    if not isinstance(found, Format):
+        raise ValueError("expected a crashfuse.readers.format.Format")
+    if name in FORMATS:
+        raise ValueError("crashfuse has a format of this name")
+    re.compile(found.names)
+    return found
+
+
+BROKEN_FORMATS: dict[str, str] = {}
+"""Formats of other packages that cannot be used: whose fault that is, and why."""
+
+for _loaded in load("crashfuse.readers", "reader", _checked):
+    if isinstance(_loaded, Broken):
+        BROKEN_FORMATS[_loaded.name] = _loaded.sentence
+    else:
+        FORMATS[_loaded[0]] = replace(_loaded[1], package=_loaded[2])
+
+
+def formats_of(paths: Iterable[PurePath]) -> list[str]:
+    """The formats found among files, judged by file name; tables last."""
+    files = list(paths)
+    found = [name for name, each in FORMATS.items() if any(map(each.has, files))]
+    return sorted(found, key=TABLES.__eq__)
+
+
+def all_formats() -> str:
+    """All formats in one line, for display: NHTSA (.EV5), ISO-MME (.mme), ...."""
+    return ", ".join(f"{each.label} ({each.files})" for each in FORMATS.values())

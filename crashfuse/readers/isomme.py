@@ -92,16 +92,15 @@ def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
         return _read(members, path.name, budget)
 
 
-def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
-    files = [member for member in members if _is_text(member.path)]
-    headers = [member for member in files if member.path.suffix.lower() == ".mme"]
+def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
+    headers = [member for member in members if member.path.suffix.lower() == ".mme"]
     if len(headers) != 1:
         found = f"{len(headers)} of them" if headers else "none"
         raise DataError(Problem(name, "one .mme file", found, "choose the folder of one test"))
     home = headers[0].path.parent
     near = [
         member
-        for member in files
+        for member in members
         if (folder := member.path.parent) == home or (folder.parent == home and folder.name.lower() == "channel")
     ]
     listed: list[tuple[str, str]] = []
@@ -152,9 +151,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
         source=_first_of(header, "Data source") or "",
         status=status,
         sensor=" ".join(filter(None, (_first_of(header, f"Transducer {what}") for what in ("type", "id")))),
-        prefilter=" ".join(
-            filter(None, (_first_of(header, name) for name in ("Pre-filter type", "Cut off frequency")))
-        ),
+        prefilter=" ".join(filter(None, (_first_of(header, of) for of in ("Pre-filter type", "Cut off frequency")))),
     )
     implicit = (_first_of(header, "Reference channel") or "").lower() == "implicit"
     return channel, None if implicit else _first_of(header, "Reference channel name")
@@ -233,13 +230,15 @@ def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Reco
 
 def record_of(test: IsommeTest, source: str) -> Record:
     """The record of a test, its channels best placed and least filtered first."""
-    on_vehicles = [(code, channel) for channel in test.channels if (code := _on_a_vehicle(channel))]
+    coded = [(code, channel) for channel in test.channels if (code := ChannelCode.parsed(channel.code))]
+    along_x = [(code, channel) for code, channel in coded if code.is_acceleration and code.is_along_x]
+    on_vehicles = [pair for pair in along_x if pair[0].text[0].isdigit() and not pair[0].is_of_a_dummy]
     if not on_vehicles:
-        expected = "an X acceleration of the vehicle (a code such as 10VEHC000000ACXD)"
+        expected = "an X acceleration of the vehicle (as 10VEHC000000ACXD)"
         raise DataError(Problem(source, expected, f"none in {len(test.channels)} channels", "export it too"))
-    objects = {code.test_object for code, _ in on_vehicles}
-    vehicle = min({code.test_object for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
-    named = _named([(code, channel) for code, channel in on_vehicles if code.test_object == vehicle])
+    objects = {code.text[0] for code, _ in on_vehicles}
+    vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
+    named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])
     texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
     origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(
         value for _, value in test.descriptors
@@ -252,18 +251,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
             untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
             continue
         time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
-        recorded[name] = RecordedChannel(
-            name,
-            printable(channel.name or name),
-            time_s,
-            channel.values,
-            vocabulary.unit_named(channel.unit, "acceleration"),
-            code.cutoff_hz,
-            origin=channel.source or origin,
-            status=channel.status,
-            sensor=channel.sensor,
-            prefilter=channel.prefilter,
-        )
+        label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
+        words = "the file", channel.source or origin, channel.status, channel.sensor, channel.prefilter
+        recorded[name] = RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
     if not recorded:
         raise DataError(list(untimed.values()))
     chosen, why = proposal(recorded, lambda names: vocabulary.propose_by_code({name: named[name][0] for name in names}))
@@ -271,12 +261,12 @@ def record_of(test: IsommeTest, source: str) -> Record:
     if objects != {"1"}:
         others = " and ".join(sorted(objects - {vehicle}))
         left_out = f"; those of test object {others} are left out" if others else ""
-        notes = (*notes, f"Channels, speed and weights are those of test object {vehicle}{left_out}.")
+        notes = (*notes, f"Channels, speed and weights of test object {vehicle}{left_out}.")
     if untimed:
         notes = (*notes, f"Left out for lack of an even time: {', '.join(untimed)}.")
-    zero = "0 is time zero of the test, by the format's definition"
+    zero = "0 is time zero, by the format's definition"
     if any(named[name][1].start_s is None for name in chosen or recorded):
-        notes = (*notes, "The file has no time of the first sample, so that time zero has to be found.")
+        notes = (*notes, "No time of the first sample; time zero has to be found.")
         zero = ""
     side = test.descriptor(f"Impact side test object {vehicle}") or ""
     other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
@@ -287,10 +277,8 @@ def record_of(test: IsommeTest, source: str) -> Record:
     cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]
     rawest = {code.sensor: one for code, one in sorted(cells, key=lambda pair: pair[0].order, reverse=True)}
     wall = summed_wall([_force(one) for one in rawest.values()], told := list(steps))
-    record = Record(
-        test.name, source, condition, channels, chosen, tuple(told), zero, unread=untimed, other_setup=other
-    )
-    return replace(record, about=about, wall=wall)
+    found = test.name, source, condition, channels, chosen, tuple(told), zero
+    return Record(*found, unread=untimed, other_setup=other, about=about, wall=wall)
 
 
 def _force(cell: Channel) -> tuple[FloatArray, FloatArray] | None:
@@ -299,13 +287,6 @@ def _force(cell: Channel) -> tuple[FloatArray, FloatArray] | None:
     if not is_sound or cell.values.size < 2 or not np.isfinite(cell.values).all():
         return None
     return (cell.start_s or 0.0) + (cell.interval_s or 0.0) * np.arange(cell.values.size), (factor or 1.0) * cell.values
-
-
-def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
-    code = ChannelCode.parsed(channel.code)
-    if code is None or code.is_of_a_dummy or not (code.is_acceleration and code.is_along_x):
-        return None
-    return code if code.test_object.isdigit() else None
 
 
 def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[ChannelCode, Channel]]:
@@ -329,13 +310,8 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
     told = Sentence("Speed {} from the .mme file.", vocabulary.speed(speed_mps or 0.0, form=".4g"))
     notes.append(told if speed_mps else f"The .mme file has no speed of {its}.")
     if front and rear:
-        notes.append(
-            Sentence(
-                "Front weight {} and rear weight {} from the .mme file.",
-                vocabulary.weight(front),
-                vocabulary.weight(rear),
-            )
-        )
+        weights = vocabulary.weight(front), vocabulary.weight(rear)
+        notes.append(Sentence("Front weight {} and rear weight {} from the .mme file.", *weights))
     elif mass:
         notes.append(Sentence("Mass {} from the .mme file, without axle weights.", vocabulary.weight(mass)))
     return PartialCondition(speed_mps, mass, front, rear), tuple(notes)

@@ -19,11 +19,11 @@ import numpy as np
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.lsdyna_binout import read_binout
-from crashfuse.readers.lsdyna_histories import Histories, States, glstat_text, matsum_text, quality_of, read_nodout
+from crashfuse.readers.lsdyna_histories import Histories, States, energies_text, quality_of, read_nodout
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.record import Record
+from crashfuse.readers.vocabulary import AXES, Travel
 
 _NAME = re.compile(
     r"(?:(?P<job>.+)\.)?(?P<kind>binout|nodouthf|nodout|glstat|matsum|d3hsp|messag|mes(?=\d))(?P<number>\d*)"
@@ -74,8 +74,7 @@ class _RunFiles:
                 if (restarts, part) not in followers:
                     base, (before, lacking) = re.sub(r"_*(%\d+)?$", "", member.path.name), followers[0]
                     expected = f"{base}{'_' * before}{f'%{lacking:03d}' if lacking else ''} before it"
-                    advice = "copy it from the run too, as it holds a part of the time"
-                    raise DataError(Problem(member.where, expected, "none", advice))
+                    raise DataError(Problem(member.where, expected, "none", "copy it from the run too"))
                 followers = [(restarts, part + 1), (restarts + 1, 0)]
             families.append([member for _, member in sorted(files.items())])
         return families
@@ -84,8 +83,8 @@ class _RunFiles:
         files: dict[Any, Member] = self.binout[name.family] if name.kind == "binout" else self.text
         key = name.place if name.kind == "binout" else name.kind
         if key in files:
-            found, advice = f"{files[key].where} beside it", "keep each run in a folder of its own"
-            raise DataError(Problem(member.where, f"one {name.kind} of a run", found, advice))
+            expected, found = f"one {name.kind} of a run", f"{files[key].where} beside it"
+            raise DataError(Problem(member.where, expected, found, solver_run.KEEP_APART))
         files[key] = member
 
     @property
@@ -94,8 +93,7 @@ class _RunFiles:
 
     @property
     def first(self) -> str:
-        binout = (file for files in self.binout.values() for file in files.values())
-        return next(chain(binout, self.text.values())).where
+        return next(chain(*(files.values() for files in self.binout.values()), self.text.values())).where
 
 
 def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
@@ -183,7 +181,7 @@ def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -
     for member in [files.text[kind] for kind in _LISTINGS if kind in files.text][:1]:
         listing = solver_run.read_listing(member.chunks(budget))
         if any(about.get(name) and listing.get(name, about[name]) != about[name] for name in ("title", "date")):
-            steps.append(solver_run.listed_elsewhere(member.where))
+            steps.append(f"Careful: {member.where} is the listing of another run; it is left out.")
             break
         about |= listing
         if (deck := files.decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
@@ -212,9 +210,9 @@ def _histories(
             else:
                 run = more
     if not glstat and (whole := files.text.get("glstat")) is not None:
-        glstat = glstat_text(whole.chunks(budget), whole.where)
+        glstat = energies_text(whole.chunks(budget), whole.where)
     if not matsum and (parts := files.text.get("matsum")) is not None:
-        matsum = matsum_text(parts.chunks(budget), parts.where)
+        matsum = energies_text(parts.chunks(budget), parts.where)
     if not run.nodes:
         advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
         raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
@@ -230,6 +228,6 @@ def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
     for chunk in file.chunks(budget):
         if content.tell() + len(chunk) > _MOST_UNZIPPED:
             expected = f"a binout of at most {_MOST_UNZIPPED >> 20} MiB in a zip"
-            raise DataError(Problem(file.where, expected, "more", "unpack the zip and import the folder"))
+            raise DataError(Problem(file.where, expected, "more", "import the unpacked folder"))
         content.write(chunk)
     return content

@@ -16,11 +16,10 @@ import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers import lsdyna_histories
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, MOST_VALUES, Histories, States
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND
-from crashfuse.readers.solver_run import History, axis_of_travel
-from crashfuse.readers.vocabulary import iso_date
+from crashfuse.readers.solver_run import KEEP_APART, History, axis_of_travel
+from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
 _CD, _DATA, _VARIABLE, _BEGIN_TABLE, _END_TABLE, _TABLE_OFFSET = 2, 3, 4, 5, 6, 7
@@ -319,8 +318,8 @@ def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
         for other in others:
             at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
             if part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size:
-                found, advice = f"the same nodes as in {part.where}", "put each run into a folder of its own"
-                raise DataError(Problem(other.where, f"{part.database} of one run in a folder", found, advice))
+                expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
+                raise DataError(Problem(other.where, expected, found, KEEP_APART))
 
 
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:

@@ -14,10 +14,9 @@ import numpy as np
 
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.members import COPY_AGAIN
-from crashfuse.readers.solver_run import STAMP, Energies, History, axis_of_travel
-from crashfuse.readers.vocabulary import iso_date
+from crashfuse.readers.solver_run import CUT, STAMP, Energies, History, axis_of_travel
+from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
 MOST_NODES = 200_000  # limit of the nodes listed in a file
@@ -30,9 +29,7 @@ GLSTAT |= {"percent_increase", "time"}
 # variables of a state in a binout, of the whole model and of each part
 MATSUM = frozenset({"time", "internal_energy", "hourglass_energy"})
 
-_GLSTAT_LINE = re.compile(rb" *([a-z/ ]*[a-z]) *\.{2,} *([-+.\dEeDd]+)")
-_MATSUM_PART = re.compile(rb"(inten|hgeng)= *([-+.\dEeDd]+)")
-_MATSUM_TIME = re.compile(rb" *time *= *([-+.\dEeDd]+)")
+_ENERGY = re.compile(rb"([a-z/ ]*[a-z]) *(?:\.{2,}|=) *([-+.\dEeDd]+)")
 _AS_TEXT = {"percentage increase": "percent_increase", "inten": "internal_energy", "hgeng": "hourglass_energy"}
 _AS_TEXT |= {name.replace("_", " "): name for name in GLSTAT if name.endswith(("energy", "work"))}
 
@@ -48,16 +45,13 @@ _WANTED = [f"{axis}-{kind}".encode() for kind in ("accl", "vel") for axis in AXE
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Histories:
-    """The nodal histories of a run.
-
-    ``start`` are velocities at the first state, shape (3, n_nodes), ``fastest`` the largest speeds of any node along
-    each axis; of the start alone where nodes set out with a speed.
-    """
+    """The nodal histories of a run."""
 
     title: str
     nodes: tuple[History, ...]
     total: int  # nodes in the files
-    start: FloatArray = field(default_factory=lambda: np.zeros((3, 1)))
+    start: FloatArray = field(default_factory=lambda: np.zeros((3, 1)))  # velocities at the first state, (3, n_nodes)
+    # the largest speeds of any node along each axis; of the start alone where nodes set out with a speed
     fastest: FloatArray = field(default_factory=lambda: np.zeros(3))
     notes: tuple[str, ...] = ()  # what was joined or left out
     about: Mapping[str, str] = field(default_factory=dict)  # version and date
@@ -96,30 +90,17 @@ def _number(cell: bytes, where: str) -> float:
         raise DataError(Problem(where, "numbers", repr(printable(text, 40)), COPY_AGAIN)) from None
 
 
-def glstat_text(chunks: Iterable[bytes], where: str) -> States:
-    """The states of a ``glstat`` as text."""
-    states: States = {}
-    now: dict[str, float] = {}
-    for line in _lines_of(chunks, where):
-        if (match := _GLSTAT_LINE.match(line)) is None:
-            continue
-        name, value = match.group(1).decode(), _number(match.group(2), where)
-        if name == "time" and len(states) < _MOST_STATES:
-            now = states.setdefault(value, {})
-        elif name in _AS_TEXT:
-            now[_AS_TEXT[name]] = value
-    return states
-
-
-def matsum_text(chunks: Iterable[bytes], where: str) -> States:
-    """The states of a ``matsum`` as text, summed over the parts."""
+def energies_text(chunks: Iterable[bytes], where: str) -> States:
+    """The states of a ``glstat`` as text, or of a ``matsum``, summed over the parts."""
     states: States = {}
     now: dict[str, float] = defaultdict(float)
     for line in _lines_of(chunks, where):
-        if (match := _MATSUM_TIME.match(line)) is not None and len(states) < _MOST_STATES:
-            now = states[_number(match.group(1), where)] = defaultdict(float)
-        for name, value in _MATSUM_PART.findall(line):
-            now[_AS_TEXT[name.decode()]] += _number(value, where)
+        for found, number in _ENERGY.findall(line):
+            name = found.decode().strip()
+            if name == "time" and len(states) < _MOST_STATES:
+                now = states[_number(number, where)] = defaultdict(float)
+            elif name in _AS_TEXT:
+                now[_AS_TEXT[name]] += _number(number, where)
     return states
 
 
@@ -202,14 +183,14 @@ class _Nodout:
             found = f"one that cannot be read after state {whole}"
             raise DataError(Problem(self._where, "rows with all values of each node", found, COPY_AGAIN))
         if not whole:
-            expected = "the velocities and accelerations of nodes (x-vel, x-accl …)"
+            expected = "velocities and accelerations of nodes (x-vel, x-accl …)"
             raise DataError(Problem(self._where, expected, "none", "choose the nodout of a run"))
         time = np.array(self._times[:whole])
         nodes = tuple(
             History(name, self._titles.get(name, ""), time, np.array(accel[:whole]), np.array(velocity[:whole]))
             for name, (accel, velocity) in self._series.items()
         )
-        notes = ("Its last state is incomplete and left out.",) if whole < states else ()
+        notes = (CUT,) if whole < states else ()
         return Histories(title, nodes, len(self._first), self._start, self._fastest, notes)
 
     def _begin_state(self, columns: list[bytes]) -> None:

@@ -21,8 +21,7 @@ def opened_members(
 ) -> Iterator[tuple[list[Member], Budget]]:
     """Open the files of a folder, a zip, or beside a file that are ``wanted``; and the budget for reading them.
 
-    ``kind`` is the expected source in messages ("an ISO-MME folder or zip"). A DataError says that the path does not
-    exist, is a file of another kind, contains an unreadable folder, or has too many files.
+    ``kind`` is the expected source in messages ("an ISO-MME folder or zip").
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         with path.open("rb") as stream:
@@ -59,7 +58,7 @@ def files_below(folder: Path) -> Iterator[Path]:
     """Yield all files in a folder and its subfolders; a DataError for an unreadable one."""
 
     def refuse(error: OSError) -> None:
-        found, advice = error.strerror or str(error), "ask for the right to read it, or move it elsewhere"
+        found, advice = error.strerror or str(error), "ask for the right to read it"
         raise DataError(Problem(str(error.filename), "a folder that can be read", found, advice)) from error
 
     for home, _, names in os.walk(folder, onerror=refuse):

@@ -5,9 +5,8 @@
     v10146.EV5      the test's specification: sections of lines with fields between ``|``
     v10146.093      channel 93: time in s and value, one sample per line; 0 is first contact
 
-Fields are numbered as in NHTSA's Test Reference Guide, version 5, volume I: Vehicle Tests (2014). Speeds are in km/h,
-weights in kg, lengths in mm. ``VEHCG`` is the distance of the centre of gravity behind the front axle, so with the
-wheelbase it gives the axle weights.
+Fields are numbered as in NHTSA's Test Reference Guide, version 5, volume I: Vehicle Tests (2014); km/h, kg, mm.
+``VEHCG``, how far the centre of gravity is behind the front axle, gives the axle weights with the wheelbase.
 """
 
 import math
@@ -21,7 +20,7 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.format import FORMATS
 from crashfuse.readers.members import is_numbered, opened_members
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import Doubt, doubt_of, iso_date, speed, weight
@@ -107,7 +106,7 @@ def condition_steps(speed_kph: float, mass_kg: float, where: str) -> Iterator[st
     sentence = Sentence("Speed {} from {}.", speed(speed_kph * KPH, form=".4g"), where)
     yield sentence if speed_kph else f"{where} has no speed of the vehicle."
     if mass_kg:
-        yield Sentence("Weight {} from {}, which does not say what each axle carried.", weight(mass_kg), where)
+        yield Sentence("Weight {} from {}, without axle weights.", weight(mass_kg), where)
 
 
 def other_configuration(setup: str, angle_deg: float) -> str:
@@ -191,7 +190,11 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
     kind = "an NHTSA folder or zip with a .EV5 file"
-    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
+
+    def wanted(file: PurePath) -> bool:
+        return FORMATS["nhtsa"].has(file) or is_numbered(file)
+
+    with opened_members(path, wanted, kind, limits) as (members, budget):
         specification = _specification(members, path)
         sections = _sections(specification, budget)
         stem = specification.path.stem.lower()
@@ -302,7 +305,7 @@ def _condition(
     if has_axles:
         rear = mass * behind / wheelbase
         front = mass - rear
-        template = "Weight {} from {}: {} in front and {} at the rear, by wheelbase and centre of gravity."
+        template = "Weight {} from {}: front {}, rear {}, by wheelbase and centre of gravity."
         notes.append(Sentence(template, weight(mass), where, weight(front), weight(rear)))
     return PartialCondition(speed * KPH or None, mass or None, front, rear), tuple(notes)
 
@@ -313,7 +316,3 @@ def _field(fields: list[str], index: int) -> str:
 
 def _text(member: Member, budget: Budget) -> str:
     return member.content(budget).decode("latin-1")
-
-
-def _is_of_the_format(path: PurePath) -> bool:
-    return FORMATS["nhtsa"].has(path) or is_numbered(path)

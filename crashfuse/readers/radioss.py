@@ -5,9 +5,8 @@ for each state its time, the global histories, those of parts and subsets, and t
 and codes are those of the solver's own writer (``hist1.F``, ``hist2.F``, ``hm_read_thgrou.F``) and converter. Forces
 are written as impulses since the start of the run: those of rigid walls are read, others not.
 
-The CSV misleads: its labels of global histories are those of one version of the solver, whatever was written, so labels
-are counted from the right. Variables of a node are called ``var 33``, unless the run wrote its titles. Labels may hold
-control characters, and the last row may be cut.
+The CSV misleads: its labels of global histories are those of one version of the solver, so labels are counted from the
+right. Variables of a node are called ``var 33``, unless the run wrote its titles. The last row may be cut.
 """
 
 import csv
@@ -27,13 +26,12 @@ import pandas as pd
 from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.readers import radioss_history
-from crashfuse.readers.format import Travel
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.format import FORMATS
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND, opened_members, read_all
 from crashfuse.readers.radioss_history import ACCELEROMETER, GLOBAL, MOST_VALUES, TimeHistory, Watched
 from crashfuse.readers.record import Record
-from crashfuse.readers.solver_run import listed_elsewhere, read_listing, sha256_of
-from crashfuse.readers.vocabulary import iso_date
+from crashfuse.readers.solver_run import CUT, read_listing, sha256_of
+from crashfuse.readers.vocabulary import Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
 _KIND = "a time history of Radioss (T01), or the CSV of it"
@@ -44,7 +42,7 @@ _VARIABLES: Mapping[int, Mapping[int, str]] = {
 }  # names of the variables that are read, by the kind of a group and their codes
 _FORCES = {101: "interfaces", 102: "rigid walls", 103: "rigid bodies", 104: "sections", 105: "joints"}
 _MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
-_DEFAULT = "write it in Radioss's default form (/TFILE, or /TFILE/4), or convert it to CSV (th_to_csv)"
+_AGAIN = f"{COPY_AGAIN}, write it in Radioss's default form (/TFILE/4), or convert it to CSV (th_to_csv)"
 _BEGINS = re.compile(rb'\s*"?time"?\s*,\s*"?INTERNAL ENERGY"?\s*,\s*"?KINETIC ENERGY', re.IGNORECASE)
 _UNNAMED = re.compile(r"(.*\S)\s+var\s+(\d{1,9})")
 _NAMED = re.compile(r"(.*\S)\s+(\S+)")
@@ -57,20 +55,12 @@ _NAME = re.compile(
     r"(?P<run>.*[^.])T(?P<part>\d\d)(?P<more>[a-i]?)|(?P<new_run>.+)_(?P<new_part>\d{4})(_(?P<new_more>[a-i]))?\.thy",
     re.IGNORECASE | re.DOTALL,
 )
-_BESIDE = re.compile(r".+_(?:(?P<listing>(?!0000)\d{4}\.out)|0000\.(?:rad|k|key))", re.IGNORECASE | re.DOTALL)
+_BESIDE = re.compile(r".+_(?:(?!0000)\d{4}\.out|0000\.(?:rad|k|key))", re.IGNORECASE | re.DOTALL)
 _HEAD = 200  # bytes
-_CUT = "The last state is cut short and left out."
 
 
 def read_binary(content: bytes, where: str) -> TimeHistory:
     """Read a binary time history; a DataError if it is none, is in another of Radioss's forms, or is damaged."""
-    other_forms = {
-        "Fortran's own binary (/TFILE/1)": content[:4] in (struct.pack("<i", 84), struct.pack("<i", 164)),
-        "text (/TFILE/3)": b" FORMAT" in content[:120] and b"ZZZZZEOR" in content[:300],
-        "a compressed file": content[:2] == b"\x1f\x8b",
-    }
-    if form := next((form for form, is_it in other_forms.items() if is_it), ""):
-        raise DataError(Problem(where, _KIND, form, _DEFAULT))
     return _BinaryFile(content, where).time_history()
 
 
@@ -107,6 +97,8 @@ class _BinaryFile:
         self._groups = [self._group(records) for _ in range(groups)]
         sizes += [group.elements * len(group.codes) for group in self._groups]
         self._blocks = [size for size in sizes if size]
+        written = [group for group in self._groups if group.elements and group.codes]
+        self._written = list(enumerate(written, start=len(self._blocks) - len(written)))  # groups and their blocks
         self._places = [0, *accumulate(size + 2 for size in self._blocks)]  # of each record in a state, in words
         self._states, self._left_over = self._data(content)
 
@@ -118,15 +110,15 @@ class _BinaryFile:
             f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES and one.kind != _WALLS
         )
         factors = self._factors if all(0 < factor < 1e6 for factor in self._factors) else ()
-        notes = (_CUT,) if self._left_over else ()
+        notes = (CUT,) if self._left_over else ()
         return TimeHistory(
             self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about, self._walls()
         )
 
     def _walls(self) -> dict[str, FloatArray]:
         """Impulses of all rigid walls, normal (codes 1 to 3) and tangential (4 to 6), by axis."""
-        groups, found = [group for group in self._groups if group.elements and group.codes], dict[str, FloatArray]()
-        for at, group in enumerate(groups, start=len(self._blocks) - len(groups)):
+        found: dict[str, FloatArray] = {}
+        for at, group in self._written:
             for column, code in enumerate(group.codes if group.kind == _WALLS else ()):
                 axis = "XYZ"[(code - 1) % 3] if 1 <= code <= 6 else ""
                 values = self._block(at)[:, column :: len(group.codes)].sum(axis=1, dtype=np.float64)
@@ -136,8 +128,8 @@ class _BinaryFile:
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
         found: dict[str, dict[str, FloatArray]] = {}
         titles: dict[str, str] = {}
-        groups, curves = [group for group in self._groups if group.elements and group.codes], 0
-        for at, group in enumerate(groups, start=len(self._blocks) - len(groups)):
+        curves = 0
+        for at, group in self._written:
             names = _VARIABLES.get(group.kind, {})
             columns = {name: group.codes.index(code) for code, name in names.items() if code in group.codes}
             curves += len(columns) * group.elements
@@ -158,7 +150,6 @@ class _BinaryFile:
         return self._states[:, start : start + self._blocks[number]]
 
     def _data(self, content: bytes) -> tuple[npt.NDArray[np.float32], bool]:
-        """All whole states with the frames of their records, and whether there is more."""
         words = self._places[-1]
         states, left_over = divmod(len(content) - self._at, 4 * words)
         if not states:
@@ -223,11 +214,10 @@ class _BinaryFile:
         return found
 
     def _damaged(self, found: str) -> DataError:
-        return DataError(Problem(self._where, _KIND, found, COPY_AGAIN))
+        return DataError(Problem(self._where, _KIND, found, _AGAIN))
 
 
 def _about(text: str) -> dict[str, str]:
-    """Of the date and the solver as a time history has them."""
     date, is_there, solver = text.partition(" RADIOSS ")
     words = solver.split(",", 1)
     name = words[0].strip() if is_there else ""
@@ -262,12 +252,7 @@ def read_converted(content: bytes, where: str) -> TimeHistory:
         raise DataError(Problem(where, "a time that increases", f"{time[row]:g}", _IMPORT, "time", row + 2))
     model = {name: table[:, 1 + i] for i, name in enumerate(GLOBAL[:count])}
     watched, unread = _watched_of_csv(table, others, 1 + count, where)
-    notes = [_CUT] if cut else []
-    if count != first - 1:
-        notes.insert(
-            0, f"{first - 1} labels of global histories for {count} columns: labels are counted from the right."
-        )
-    return TimeHistory("", time, model, watched, unread, notes=tuple(notes))
+    return TimeHistory("", time, model, watched, unread, notes=(CUT,) if cut else ())
 
 
 def _watched_of_csv(
@@ -358,7 +343,8 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
     """Read Radioss runs (a time history, its CSV, a folder of one or of many, a zip), their parts joined."""
 
     def wanted(file: PurePath) -> bool:
-        return _belongs(file) or (file != path and _BESIDE.fullmatch(file.name) is not None)
+        is_beside = file != path and _BESIDE.fullmatch(file.name) is not None
+        return is_beside or FORMATS["radioss"].has(file) or (isinstance(file, Path) and is_time_history_csv(file))
 
     with opened_members(path, wanted, _KIND, limits) as (members, budget):
         others = {member.path: member for member in members if _BESIDE.fullmatch(member.path.name)}
@@ -368,27 +354,22 @@ def read_radioss(path: Path, travel: Travel | None = None, limits: Limits = DEFA
 
         def record(run_id: str) -> Record:
             first = runs[run_id][0].path
-            history = _with_listing(_read(runs[run_id], budget), first, others, budget, alone=len(runs) == 1)
+            history = _with_listing(_read(runs[run_id], budget), first, others, budget)
             return radioss_history.record_of(history, run_id, first.name, travel)
 
         return read_all(runs, record, path.name)
 
 
 def _with_listing(
-    history: TimeHistory, first: PurePosixPath, others: Mapping[PurePosixPath, Member], budget: Budget, *, alone: bool
+    history: TimeHistory, first: PurePosixPath, others: Mapping[PurePosixPath, Member], budget: Budget
 ) -> TimeHistory:
-    """With what the listing of the run's last part says, and its deck (``run_0000.rad``)."""
-    beside = {path: _BESIDE.fullmatch(path.name) for path in sorted(others) if path.parent == first.parent}
-    run, about, notes = _parts_of_name(first.name)[0], dict(history.about), list(history.notes)
-    listings = [path for path, match in beside.items() if match and match["listing"]]
-    mine = [path for path in listings if path.name.startswith(f"{run}_")]
-    if mine:
-        about |= read_listing(others[mine[-1]].chunks(budget))
-    elif listings and alone:
-        notes.append(listed_elsewhere(listings[-1].name))
-    for path in (path for path in beside if path not in listings and path.name.startswith(f"{run}_")):
+    run, about = _parts_of_name(first.name)[0], dict(history.about)
+    mine = [path for path in sorted(others) if path.parent == first.parent and path.name.startswith(f"{run}_")]
+    if listings := [path for path in mine if path.suffix.lower() == ".out"]:
+        about |= read_listing(others[listings[-1]].chunks(budget))
+    for path in (path for path in mine if path not in listings):
         about |= {"deck": path.name, "deck_sha256": sha256_of(others[path].chunks(budget))}
-    return replace(history, about=about, notes=tuple(notes))
+    return replace(history, about=about)
 
 
 def is_time_history_csv(path: Path) -> bool:
@@ -397,10 +378,6 @@ def is_time_history_csv(path: Path) -> bool:
         return False
     with path.open("rb") as stream:
         return _is_converted(path, stream.read(_HEAD))
-
-
-def _belongs(path: PurePath) -> bool:
-    return FORMATS["radioss"].has(path) or (isinstance(path, Path) and is_time_history_csv(path))
 
 
 def _parts_of_name(name: str) -> tuple[str, int, str]:
@@ -439,12 +416,12 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
         parts = sorted(by_file[more], key=lambda part: (part[0], part[1].where))
         numbers, names = [number for number, _ in parts], [file.path.name for _, file in parts]
         if numbers != list(range(1, len(parts) + 1)):
-            expected, advice = "every part of the run once, from the first (T01) on", "add those that are missing"
+            expected, advice = "every part of the run once, from T01 on", "add those that are missing"
             raise DataError(Problem(names[0], expected, " and ".join(names), advice))
-        read: list[TimeHistory] = []
-        for (_, file), name in zip(parts, names, strict=True):
+        read = []
+        for _, file in parts:
             content = file.content(budget)
-            is_csv = _is_converted(file.path, content[:_HEAD])
-            read.append(read_converted(content, name) if is_csv else read_binary(content, name))
+            reader = read_converted if _is_converted(file.path, content[:_HEAD]) else read_binary
+            read.append(reader(content, file.path.name))
         histories.append(radioss_history.join_parts(read, names))
     return radioss_history.with_names(radioss_history.join_files(histories))

@@ -11,9 +11,9 @@ import numpy as np
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers import solver_run
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import Record
 from crashfuse.readers.solver_run import FASTEST_MPS, LONGEST_S, Energies, History, Units
+from crashfuse.readers.vocabulary import AXES, Travel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
@@ -107,8 +107,8 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
     whole = parts[0]
     for part, name in zip(parts[1:], names[1:], strict=True):
         if _watched_curves(part) != _watched_curves(whole):
-            expected, advice = f"nodes and accelerometers as in {names[0]}", "import each part from a folder of its own"
-            raise DataError(Problem(name, expected, "others", advice))
+            expected = f"nodes and accelerometers as in {names[0]}"
+            raise DataError(Problem(name, expected, "others", solver_run.KEEP_APART))
         start = float(part.time[0])
         early = whole.time < start
         last = whole.time[early][-3:]
@@ -125,9 +125,8 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
             key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in part.model
         }
         time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
-        whole = replace(
-            whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={}
-        )  # each may count anew
+        # impulses of walls may be counted anew
+        whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={})
     if len(parts) > 1:
         whole = replace(whole, notes=(f"Joined from {', '.join(names)}.", *whole.notes))
     return whole
@@ -161,7 +160,7 @@ def with_names(history: TimeHistory) -> TimeHistory:
             watched.append(replace(one, name=one.name if is_node else f"{ACCELEROMETER}{one.name}", curves=curves))
         else:
             unread.append(f"unnamed columns of {one.title or 'node'} ({one.name})")
-    note = "The file does not name the variables of its nodes; the initial velocity and integrals tell them."
+    note = "Variables that the file does not name are told by initial velocity and integrals."
     notes = (*history.notes, note) if guessed else history.notes
     return replace(history, watched=tuple(watched), unread=tuple(unread), notes=notes)
 
@@ -229,7 +228,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     units = _units(run, chosen, source)
     steps = [f"Radioss run{f', {run.title}' if run.title else ''}.", *run.notes, units[2]]
     set_out = solver_run.initial_speed(chosen)  # in the units of the run
-    speed_mps, no_speed = None, "accelerometers alone, whose initial velocity the file does not tell"
+    speed_mps, no_speed = None, "accelerometers alone, without an initial velocity"
     if np.isfinite(set_out):
         speed_mps, no_speed, travels = solver_run.departure(chosen, units, (start, fastest), travel, source)
         steps.append(travels)
@@ -291,14 +290,12 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
     node = max([node for node in stopping if not solver_run.is_on_a_dummy(node)] or stopping, key=_behind)
     name = node.name if node.name.startswith(ACCELEROMETER) else f"node {node.name}"
     left = f"; {len(nodes) - len(stopping)} left out, whose ΔV is no vehicle's" if len(stopping) < len(nodes) else ""
-    why = (
-        f"{name.capitalize()} of {len(nodes)} stops last and rebounds least, as what lies behind the crush does{left}."
-    )
+    why = f"{name.capitalize()} of {len(nodes)} stops last and rebounds least, as behind the crush{left}."
     return [node], why
 
 
 def _may_be_the_pulse(node: History, initial: FloatArray | None) -> bool:
-    """An accelerometer must stop as a vehicle does, which crossed columns do not."""
+    """Crossed columns of an accelerometer do not stop as a vehicle does."""
     if not node.name.startswith(ACCELEROMETER) or initial is None or not initial.any():
         return True
     at_start = float(np.abs(node.velocity[0]))
@@ -338,7 +335,7 @@ def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, 
             mass, what = moving, f"of what moves at the start (2 × kinetic energy / speed²), of {mass:.5g} in all"
     mass_kg = solver_run.vehicle_mass_kg(mass)
     if mass_kg is None:
-        expected, found = "a vehicle of 300 kg to 60 t", f"a model of {mass:.4g}, which is none in t, kg or g"
+        expected, found = "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g"
         raise DataError(Problem(source, expected, found, "choose the run of a whole vehicle"))
     return mass_kg, what
 

@@ -96,17 +96,13 @@ def _other_axle(mass: float | None, one: float, share: float | None) -> float | 
 
 @dataclass(frozen=True, slots=True)
 class PartialCondition:
-    """The condition as far as a file states it; None where it does not.
-
-    ``mass_kg`` is that of the whole vehicle, for files without axle weights; ``factors`` are what else is worth
-    keeping (make, model, barrier).
-    """
+    """The condition as far as a file states it; None where it does not."""
 
     speed_mps: float | None = None
-    mass_kg: float | None = None
+    mass_kg: float | None = None  # of the whole vehicle, for files without axle weights
     front_weight_kg: float | None = None
     rear_weight_kg: float | None = None
-    factors: tuple[tuple[str, str], ...] = ()
+    factors: tuple[tuple[str, str], ...] = ()  # what else is worth keeping: make, model, barrier
 
     def overruled(self, by: "PartialCondition") -> "PartialCondition":
         """Return the condition with the values of ``by`` taking precedence; for weights see :class:`AxleWeights`."""
@@ -126,40 +122,21 @@ class PartialCondition:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordedChannel:
-    """One signal of a record that could be the pulse.
+    """One signal of a record that could be the pulse, as found: unit, sign and filter are the file's.
 
-    Parameters
-    ----------
-    name : str
-        Name to choose it by, unique in its record: a channel's number or code, a node, a column's header.
-    label : str
-        The file's own description, for display.
-    time_s, values : ndarray, shape (n,)
-        As found: the file's own time in s, increasing in even steps, with any zero; no filter, sign and unit as there.
-    unit : str or None
-        As :func:`crashfuse.readers.vocabulary.acceleration_unit` takes it; None if the file does not state it.
-    cutoff_hz : float, optional
-        −3 dB frequency of the low pass already applied, according to the file; None if it does not say.
-    unit_from : str
-        What states the unit, in words.
-    origin : str
-        What the file says of its source ("transducer", "simulation"), else its label if that says so; empty if nothing.
-    status : str
-        What the file says of its quality ("ok", "channel failed", "questionable data"); empty if nothing.
-    sensor, prefilter : str
-        Maker, model and number of the sensor, and its filter, in the file's words.
+    ``time_s`` and ``values`` have the shape (n,); time increases in even steps and has any zero.
     """
 
-    name: str
-    label: str
+    name: str  # to choose it by, unique in its record: a channel's number or code, a node, a column's header
+    label: str  # the file's description, for display
     time_s: FloatArray
     values: FloatArray
-    unit: str | None
-    cutoff_hz: float | None = None
+    unit: str | None  # as acceleration_unit takes it; None if the file does not state it
+    cutoff_hz: float | None = None  # −3 dB frequency of the low pass already applied, if the file says it
     unit_from: str = "the file"
-    origin: str = ""
-    status: str = ""
-    sensor: str = ""
+    origin: str = ""  # what the file says of its source (transducer, simulation), else its label if that says so
+    status: str = ""  # what the file says of its quality (ok, channel failed, questionable data)
+    sensor: str = ""  # maker, model and number
     prefilter: str = ""
 
     def __post_init__(self) -> None:
@@ -228,49 +205,21 @@ def summed_wall(cells: Sequence[tuple[FloatArray, FloatArray] | None], steps: li
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Record:
-    """One crash as recorded in a foreign file.
+    """One crash as recorded in a foreign file; ``channels`` are all that could be its pulse, the likeliest first."""
 
-    Parameters
-    ----------
-    id : str
-        Proposed id of the test or run in the campaign.
-    source : str
-        Name of the file or folder, without its path.
-    channels : tuple of RecordedChannel
-        All channels that could be the pulse, at least one; the likeliest first.
-    proposed : tuple of str
-        Names of the channels that the reader would average into the pulse.
-    steps : tuple of str
-        Sentences: what was found and where, why these channels are proposed, what was joined or left out.
-    own_time_zero : str, optional
-        Why 0 in the file's time is first contact; empty if the file does not say so.
-    no_speed : str, optional
-        Why no speed could be read although the file has something like one.
-    unread : mapping of str to Problem, optional
-        Channels that could be the pulse but are damaged, with the problem of each.
-    quality : RunQuality
-        What the solver says of a CAE run.
-    other_setup : str
-        What the file calls the test, if that is no full-frontal barrier crash ("VEHICLE INTO VEHICLE").
-    about : mapping of str to str
-        Where it comes from, in the file's words: laboratory, date; solver, deck, termination.
-    wall : Wall, optional
-        The force of the barrier, in the file's own time.
-    """
-
-    id: str
-    source: str
+    id: str  # proposed for the campaign
+    source: str  # name of the file or folder, without its path
     condition: PartialCondition
     channels: tuple[RecordedChannel, ...]
-    proposed: tuple[str, ...]
-    steps: tuple[str, ...] = ()
-    own_time_zero: str = ""
-    no_speed: str = ""
-    unread: Mapping[str, Problem] = field(default_factory=dict)
-    quality: RunQuality = field(default_factory=RunQuality)
-    other_setup: str = ""
-    about: Mapping[str, str] = field(default_factory=dict)
-    wall: Wall | None = None
+    proposed: tuple[str, ...]  # names of the channels that the reader would average into the pulse
+    steps: tuple[str, ...] = ()  # sentences: what was found, why these channels, what was joined or left out
+    own_time_zero: str = ""  # why 0 in the file's time is first contact; empty if the file does not say so
+    no_speed: str = ""  # why no speed could be read although the file has something like one
+    unread: Mapping[str, Problem] = field(default_factory=dict)  # channels that could be the pulse but are damaged
+    quality: RunQuality = field(default_factory=RunQuality)  # what the solver says of a CAE run
+    other_setup: str = ""  # what the file calls the test, if that is no full-frontal barrier crash
+    about: Mapping[str, str] = field(default_factory=dict)  # where it comes from: laboratory, date; solver, deck
+    wall: Wall | None = None  # in the file's time
 
     def __repr__(self) -> str:
         return f"<Record {self.id!r} of {printable(self.source)}: channels {self.listed}>"
@@ -304,11 +253,6 @@ class Record:
         texts = {name: "; ".join(dict.fromkeys(filter(None, of))) for name, of in words.items()}
         stated = {**self.about, **texts}
         return tuple((f"{ABOUT}{name}", text) for name in stated if (text := printable(stated[name].strip(), _LONGEST)))
-
-    def in_unit(self, unit: str, unit_from: str) -> "Record":
-        """The record with the unit of the channels that state none."""
-        channels = (one if one.unit else replace(one, unit=unit, unit_from=unit_from) for one in self.channels)
-        return replace(self, channels=tuple(channels))
 
     def _named(self, name: str) -> RecordedChannel | None:
         """The channel of this name, else the only one that is shown or labelled so, runs of blanks aside."""

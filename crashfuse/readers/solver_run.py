@@ -14,13 +14,15 @@ import numpy as np
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
-from crashfuse.readers.format import AXES, Travel
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.readers.vocabulary import ACCELERATION_UNITS, iso_date, speed, weight
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, Travel, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.wall import Wall
 from crashfuse.units import MS
 from crashfuse.wording import Sentence, number
+
+CUT = "The last state is cut short and left out."
+KEEP_APART = "keep each run in a folder of its own"
 
 _ALIASED = 0.05  # of the velocity
 _ALIKE = 0.1  # of the median travel
@@ -72,11 +74,6 @@ def read_listing(chunks: Iterable[bytes]) -> dict[str, str]:
     return {**{name: text for name, text in stated.items() if text}, "termination": ended}
 
 
-def listed_elsewhere(name: str) -> str:
-    """That a listing beside a run is another's."""
-    return f"Careful: {name} is the listing of another run; it is left out."
-
-
 def sha256_of(chunks: Iterable[bytes]) -> str:
     """SHA-256 of a file."""
     digest = hashlib.sha256()
@@ -96,8 +93,8 @@ class History:
     velocity: FloatArray  # all NaN if the file has none
 
 
-def is_aliased(node: History) -> bool:
-    """Whether the accelerations, sampled once per output interval, fail to reproduce the velocity."""
+def _is_aliased(node: History) -> bool:
+    """Whether accelerations, sampled once per output interval, fail to reproduce the velocity."""
     change = node.velocity - node.velocity[0]
     if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
         return False
@@ -136,7 +133,7 @@ def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
         middle = np.nanmedian(travels)
         alike = [n for n, travel in zip(nodes, travels, strict=True) if abs(travel - middle) <= _ALIKE * middle]
         chosen = alike or nodes
-    why = f"No titles say which nodes are accelerometers; averaged are {len(chosen)} of {len(nodes)} that travel alike"
+    why = f"No title names an accelerometer; averaged are {len(chosen)} of {len(nodes)} that travel alike"
     return chosen, f"{why}: {_listed(chosen)}. Choose others if some lie in the crush."
 
 
@@ -208,7 +205,7 @@ def departure(
     is_aslant = bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
     if travel is None and (not moves or is_aslant):
         expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
-        advice = "choose the run of a vehicle in its own axes, or give axis and speed (--travel, --speed-kph)"
+        advice = "choose a run in the vehicle's axes, or give axis and speed (--travel, --speed-kph)"
         raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
     if travel is not None:
         if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
@@ -235,7 +232,7 @@ def _by_axis(speeds: FloatArray, per_mps: float | None) -> str:
 
 def note_of_kept(kept: int, total: int) -> list[str]:
     """That not all nodes are kept, if so."""
-    return [f"{kept} of {total} nodes are kept, those with a title first."] if kept < total else []
+    return [f"{kept} of {total} nodes are kept, titled ones first."] if kept < total else []
 
 
 def vehicle_mass_kg(mass: float) -> float | None:
@@ -260,8 +257,8 @@ def run_record(
     per_second, unit, _ = units
     (speed_mps, no_speed), (mass_kg, mass_of) = speed_or_why, mass_and_source
     told = list(steps)
-    if any(map(is_aliased, proposed)):
-        told.append("Accelerations that do not add up to the velocities are taken from the velocities.")
+    if any(map(_is_aliased, proposed)):
+        told.append("Accelerations that do not add up are taken from the velocities.")
     if speed_mps is not None:
         told.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
     if mass_kg is not None:
@@ -274,16 +271,15 @@ def run_record(
     told.append(f"Run quality: {', '.join(shares)}.")
     channels = []
     for node in nodes:
-        accel = np.gradient(node.velocity, node.time) if is_aliased(node) else node.acceleration
+        accel = np.gradient(node.velocity, node.time) if _is_aliased(node) else node.acceleration
         label = node.title or ("rigid body" if node.name.startswith("body") else "node")
         channels.append(RecordedChannel(node.name, label, per_second * node.time, accel, unit))
     names = tuple(node.name for node in proposed)
-    condition = PartialCondition(speed_mps, mass_kg)
     force = None
     if wall is not None and unit is not None and wall[0].size > 1:
-        told.append("Force of the barrier: that of the rigid walls along the travel, summed.")
+        told.append("Force of the barrier: that of all rigid walls.")
         force = Wall(per_second * wall[0], _MASS_KG[unit] * ACCELERATION_UNITS[unit] * wall[1])
-    found = (condition, tuple(channels), names, tuple(told))
+    found = (PartialCondition(speed_mps, mass_kg), tuple(channels), names, tuple(told))
     return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about, wall=force)
 
 
@@ -303,16 +299,11 @@ class Energies:
         hourglass, internal, share = _largest(self.hourglass), _largest(self.internal), None
         if hourglass is not None and internal is not None and internal > 0:
             share = hourglass / internal
-        return RunQuality.of(self._energy_change(), share, _largest(self.added_mass))
-
-    def _energy_change(self) -> float | None:
-        """The deviation of the total energy, less the work, that is largest in size, over the energy at the start."""
-        if self.total is None or self.work is None or not self.total.size or not self.total[0] > 0:
-            return None
-        change = (self.total - self.work) - (self.total[0] - self.work[0])
-        if not np.isfinite(change).all():
-            return None
-        return float(change[np.abs(change).argmax()] / self.total[0])
+        gained = None
+        if self.total is not None and self.work is not None and self.total.size and self.total[0] > 0:
+            change = (self.total - self.work) - (self.total[0] - self.work[0])
+            gained = float(change[np.abs(change).argmax()] / self.total[0]) if np.isfinite(change).all() else None
+        return RunQuality.of(gained, share, _largest(self.added_mass))
 
 
 def _largest(values: FloatArray | None) -> float | None:

@@ -8,8 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from crashfuse.readers.format import AXES
-from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
+from crashfuse.readers.vocabulary import AXES, UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
 from crashfuse.signals.pulse import FloatArray
 
 # reasons why an acceleration is not the pulse
@@ -266,7 +265,7 @@ def axis_by_motion(
     best = max(accelerations, key=gains.__getitem__)
     if best == "x" or ("x" in accelerations and not gains[best] > _MANY_TIMES * gains["x"]):
         return "x", ""
-    return best, f"Careful: travel along {best}, by the change of velocity. Give --travel if that is wrong."
+    return best, f"Careful: travel along {best}, by the change of velocity; else give --travel."
 
 
 def _gain(values: FloatArray) -> float:

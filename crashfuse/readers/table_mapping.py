@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
 from crashfuse.files.csv_text import MOST_ROWS
-from crashfuse.readers.format import Travel
 from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import (
     ColumnRole,
@@ -33,7 +32,7 @@ from crashfuse.readers.table_headers import (
     why_not_the_vehicle,
 )
 from crashfuse.readers.table_sheet import SAMPLE, Sheet, numbers_rows
-from crashfuse.readers.vocabulary import UNITS, is_simulated, unit_named
+from crashfuse.readers.vocabulary import UNITS, Travel, is_simulated, unit_named
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import read_out
 
@@ -246,7 +245,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     def channel(use: ColumnUse, rows: _Rows) -> RecordedChannel:
         column, unit = use.column, use.unit if use.unit in UNITS["acceleration"] else None
         kept = rows[np.isfinite(values[column][rows])]
-        _refuse_duplicates(sheet, times[0], time, kept)
+        _check_order(sheet, times[0], time, kept, once=True)
         origin, accel = _origin(sheet, column), values[column][kept]
         return RecordedChannel(column, bare_name(column), time[kept], accel, unit, cutoff_of(column), origin=origin)
 
@@ -263,7 +262,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
         for row in rows.tolist():
             groups.setdefault(names[row], []).append(row)
         return tuple(record(name, accelerations, np.array(of)) for name, of in groups.items() if name)
-    _refuse_disorder(sheet, times[0], time, rows)
+    _check_order(sheet, times[0], time, rows, once=False)
     if together or len(accelerations) == 1:
         return (record(record_id, accelerations, rows),)
     return tuple(record(bare_name(use.column), (use,), rows) for use in accelerations)
@@ -272,7 +271,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
 def _behind(columns: Sequence[str]) -> tuple[tuple[str, ...], str]:
     ahead = [column for column in columns if is_ahead(column)]
     behind = tuple(column for column in columns if column not in ahead)
-    left = f"Ahead of the passenger cell, not averaged unless chosen: {', '.join(map(printable, ahead))}."
+    left = f"Ahead of the passenger cell, not averaged: {', '.join(map(printable, ahead))}."
     return behind or tuple(ahead), left if ahead and behind else ""
 
 
@@ -347,25 +346,19 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
     return numbers
 
 
-def _refuse_disorder(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
-    back = np.flatnonzero(np.diff(time[rows]) < 0)
-    if back.size:
-        advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"
-        raise _misplaced(sheet, use, "time that increases from row to row", rows[back[0] : back[0] + 2], advice)
-
-
-def _refuse_duplicates(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows) -> None:
-    twice = np.flatnonzero(np.diff(time[rows]) == 0)
-    if twice.size:
-        advice = f"delete the duplicates ({twice.size} in all), or export time with more digits"
-        raise _misplaced(sheet, use, "each time once", rows[twice[0] : twice[0] + 2], advice)
-
-
-def _misplaced(sheet: Sheet, use: ColumnUse, expected: str, pair: _Rows, advice: str) -> DataError:
-    texts = sheet.text(use.column)
-    before, after = (printable(texts[row], 20) for row in pair.tolist())
-    row, column = int(pair[1]) + sheet.first_row, printable(use.column)
-    return DataError(Problem(sheet.name, expected, f"{after} after {before}", advice, column, row))
+def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: _Rows, *, once: bool) -> None:
+    """Of rows of one record, in which each time stands ``once``, or of several, which must not go back."""
+    steps = np.diff(time[rows])
+    places = np.flatnonzero(steps == 0 if once else steps < 0)
+    if not places.size:
+        return
+    expected, advice = "time that increases", "map the column of ids (--column COLUMN=id), or sort the rows by time"
+    if once:
+        expected, advice = "each time once", f"delete the duplicates ({places.size}), or export more digits"
+    texts, pair = sheet.text(use.column), rows[places[0] : places[0] + 2].tolist()
+    before, after = (printable(texts[row], 20) for row in pair)
+    column, row = printable(use.column), pair[1] + sheet.first_row
+    raise DataError(Problem(sheet.name, expected, f"{after} after {before}", advice, column, row))
 
 
 def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:

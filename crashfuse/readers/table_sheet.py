@@ -112,7 +112,7 @@ class Sheet:
         if wrong.size:
             row = int(wrong[0])
             found = repr(printable(cells.iloc[row], 40))
-            advice = "correct the cell (export without thousands separators), or map the column otherwise"
+            advice = "correct the cell, export without thousands separators, or map the column otherwise"
             raise DataError(Problem(self.name, "a number", found, advice, printable(column), row + self.first_row))
         return numbers
 
@@ -161,7 +161,7 @@ def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form
     row_of_units = ", a row of units" if any(sheet.units) else ""
     names = ", ".join(printable(name, 40) for name in sheet.columns[:12]) + (" …" if len(sheet.columns) > 12 else "")
     layout = f"Data from row {sheet.first_row}{row_of_units}, columns: {names}."
-    left_out = ["Left out: the first column, which numbers the rows."] if numbered else []
+    left_out = ["Left out: the numbers of the rows."] if numbered else []
     return replace(sheet, steps=(*form, layout, *left_out))
 
 
@@ -331,13 +331,9 @@ def _examined(member: Member, budget: Budget) -> bool:
             continue
         marks = {mark: count + chunk.count(mark) for mark, count in marks.items()}
         joined = end + chunk
-        faults = {
-            f"more than {most // 2} elements or {most} attributes": max(marks.values()) > most,
-            "an element without an end": _ENDLESS.search(joined),
-            "a document type or an encoding of its own": _FOREIGN.search(joined),
-        }
-        if fault := next((fault for fault, is_there in faults.items() if is_there), ""):
-            raise DataError(Problem(member.where, "the XML of a workbook", fault, "save the sheets as CSV"))
+        if max(marks.values()) > most or _ENDLESS.search(joined) or _FOREIGN.search(joined):
+            found = f"more than {most // 2} elements, or what no workbook has"
+            raise DataError(Problem(member.where, "the XML of a workbook", found, "save the sheets as CSV"))
         uncalculated = uncalculated or _NO_VALUE.search(joined) is not None
         end = joined[-_LONGEST_TAG:]
     return uncalculated
@@ -347,7 +343,7 @@ def _grid(rows: Iterator[tuple[object, ...]], name: str, most: int) -> list[list
     grid: list[list[str]] = []
     cells = width = 0
     for row in rows:
-        shown = [_shown_cell(cell) for cell in row]
+        shown = ["" if cell is None else repr(cell) if isinstance(cell, float) else str(cell).strip() for cell in row]
         while shown and not shown[-1]:
             shown.pop()
         grid.append(shown)
@@ -378,9 +374,3 @@ def _explained(problem: Problem, rows: list[list[str]], uncalculated: list[bool]
     if any(uncalculated):
         return replace(problem, found="formulas whose values are not in the file", advice=advice)
     return problem
-
-
-def _shown_cell(cell: object) -> str:
-    if cell is None:
-        return ""
-    return repr(cell) if isinstance(cell, float) else str(cell).strip()

@@ -3,9 +3,8 @@
 The delimiter and the decimal sign are those for which the most cells are numbers. Tables that stand side by side in one
 are split, so that each acceleration keeps its own time.
 
-A LabVIEW measurement file (.lvm) is a header, then segments, each with a header, names of channels, and samples. The
-rows of a segment's header give the unit, step and begin of each channel in its column. Times may also stand left of the
-samples: of all channels or of each. Source: NI, Specification for the LabVIEW Measurement File (.lvm).
+A LabVIEW measurement file (.lvm) has a header, then segments: unit, step and begin of each channel in its column, its
+name, samples; times may stand left of these, of all channels or of each (NI, LabVIEW Measurement File).
 """
 
 import csv
@@ -306,7 +305,7 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
     if broken:
         at, number = broken[0]
         expected, found = "a comma either between columns or in numbers", f"both, as in {number}"
-        advice = "export it with decimal points and no thousands separators, or with semicolons between the columns"
+        advice = "export it with decimal points and no thousands separators, or with semicolons"
         raise DataError(Problem(name, expected, found, advice, row=at))
 
 
@@ -334,7 +333,7 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
             best_width = width[0][0]
             best, best_score = (delimiter, decimal), score
     if best is None:
-        raise DataError(Problem(name, "a table of at least two columns with numbers", "none", _AGAIN))
+        raise DataError(Problem(name, "two columns of numbers", "none", _AGAIN))
     return best
 
 

@@ -3,9 +3,8 @@
 NHTSA stores its ASCII specification (:mod:`crashfuse.readers.nhtsa`) as properties of each channel: ``Inst_SenAtt``
 FLLR, ``Veh_VehSpd`` …; 0 is first contact, and axle weights are not included.
 
-Of other laboratories, the vehicle's accelerations are found by names and units, as columns of a table are. The IIHS
-names channels by codes of ISO-MME, or in words with the unit (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time
-(sec)``). Channels whose recording began at different times (``wf_start_time``) are aligned.
+Of other laboratories, the vehicle's accelerations are found by names and units, as columns of a table are: the IIHS
+names channels by codes of ISO-MME, or in words (``IIWPG Acceleration (g)``, with a channel ``IIWPG Time (sec)``).
 """
 
 import re
@@ -22,7 +21,7 @@ import numpy as np
 from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import nhtsa, table_headers, vocabulary
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.format import FORMATS
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
@@ -33,12 +32,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 from crashfuse.wording import time_text
 
-_OF_NHTSA = {
-    "laboratory": "test_tstprf",
-    "test_number": "test_tstno",
-    "reference": "test_tstref",
-    "date": "test_tstdat",
-}
+_OF_NHTSA = {"laboratory": "tstprf", "test_number": "tstno", "reference": "tstref", "date": "tstdat"}
 _ABOUT = {  # words in the names of properties
     "laboratory": r"lab(orator\w*|or)?([ _-]*name)?|test[ _-]*(facility|house|site)",
     "test_number": r"test[ _-]*(no|nr|num(ber)?|id|ref\w*)\.?",
@@ -112,7 +106,7 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
             if not (_text_of(one.properties, "unit_string") or table_headers.why_no_acceleration(one.channel.name, ""))
         ]
     if not found:
-        expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
+        expected = "accelerations along X, by units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: table_headers.likelihood(one.channel.name))
     channels, unread, began_s = _read_channels(file, found[:_MOST_CHANNELS], every, where)
@@ -275,7 +269,7 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     condition = PartialCondition(speed * KPH or None, mass or None)
     other = nhtsa.other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}
-    about = {name: _text_of(test, key) for name, key in _OF_NHTSA.items()}
+    about = {name: _text_of(test, f"test_{key}") for name, key in _OF_NHTSA.items()}
     return nhtsa.nhtsa_record(stem, where, readers, condition, steps, other, about)
 
 

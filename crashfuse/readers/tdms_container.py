@@ -1,12 +1,10 @@
 """Reader of TDMS, National Instruments' container of measured channels, and of their scales; files are untrusted.
 
 A file is a sequence of segments: a lead-in, objects (file, groups, channels) with properties, and raw data in repeated
-chunks, channel after channel or interleaved. As in "TDMS File Format Internal Structure" (NI). Not supported are DAQmx
-raw data.
+chunks, channel after channel or interleaved ("TDMS File Format Internal Structure", NI). DAQmx is not supported.
 
 ``NI_Scale[n]_…`` are properties of a channel, its group or its file, the first that has any; the last scale gives the
-values, and each names its input: another scale, or the numbers as stored. Names, order and meaning as in the public
-package npTDMS.
+values, and each names its input: another scale, or the numbers as stored (as in the public package npTDMS).
 """
 
 import re
@@ -93,7 +91,7 @@ class _Scales:
                 inputs, outputs = numbers("pre_scaled_values"), numbers("scaled_values")
                 order = -1 if inputs[0] > inputs[-1] else 1
                 if inputs.shape != outputs.shape or not (order * np.diff(inputs) > 0).all():
-                    raise _UnusableScale("a table of unlike columns, or one that neither rises nor falls")
+                    raise _UnusableScale("a table that neither rises nor falls")
                 return np.interp(source(), inputs[::order], outputs[::order])
             case "Add":
                 return source("left_operand_input_source") + source("right_operand_input_source")
@@ -234,7 +232,7 @@ class _Reader:
             size = self._unpack("Q")[0]
             return _Layout(kind, count, size // max(count, 1), size)
         if dimensions != 1 or (kind not in _NUMBERS and kind not in _OTHERS):
-            raise self._damaged("a type of data that is not known", "export it as float")
+            raise self._damaged("an unknown type of data", "export it as float")
         width = struct.calcsize(f"={_NUMBERS[kind]}") if kind in _NUMBERS else _OTHERS[kind]
         return _Layout(kind, count, width, count * width)
 
@@ -261,7 +259,7 @@ class _Reader:
             fractions, seconds = parts[::-1] if self._order == ">" else parts
             return seconds + fractions * 2.0**-64
         if kind not in _OTHERS:
-            raise self._damaged("a property of a type that is not known")
+            raise self._damaged("a property of an unknown type")
         self._bytes(_OTHERS[kind])
         return None
 

@@ -23,10 +23,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
+from typing import Literal, get_args
 
 from crashfuse.errors import UsageError, printable
 from crashfuse.units import KPH, LB, MPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, Quantity
+
+AXES = "xyz"
+Travel = Literal["x", "-x", "y", "-y", "z", "-z"]
+"""A direction of travel in the file's own axes."""
+TRAVELS: tuple[Travel, ...] = get_args(Travel)
 
 # factors to m/s² of the units that occur in records; the last two are LS-DYNA's
 ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
@@ -167,16 +173,6 @@ class ChannelCode:
         return cls(re.sub("[?_]", "0", code)) if _FORM.fullmatch(code) else None
 
     @property
-    def test_object(self) -> str:
-        """The vehicle or barrier."""
-        return self.text[0]
-
-    @property
-    def side(self) -> str:
-        """The first fine location: LE, RI, or another."""
-        return self.text[6:8]
-
-    @property
     def sensor(self) -> str:
         """All but the filter class: equal for raw and filtered signals."""
         return self.text[:15]
@@ -223,14 +219,14 @@ def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], 
     ordered = sorted(codes.items(), key=lambda pair: pair[1].order)
     rank = ordered[0][1].rank if ordered else UNPLACED
     if rank == UNPLACED:
-        return (), "No X acceleration is the vehicle's, at the rear seat, on tunnel, sills or B-pillars; choose one."
+        return (), "No X acceleration is at the rear seat, on tunnel, sills or B-pillars; choose one."
     there = [(name, code) for name, code in ordered if code.rank == rank]
     rawest: dict[str, ChannelCode] = {}
     for _, code in there:
         rawest.setdefault(code.sensor, code)
     chosen = tuple(name for name, code in there if rawest[code.sensor] == code)
     if rank:
-        sides = [next((name for name, code in there if code.side == side), None) for side in ("LE", "RI")]
+        sides = [next((name for name, code in there if code.text[6:8] == side), None) for side in ("LE", "RI")]
         chosen = tuple(side for side in sides if side is not None) or chosen[:1]
     return chosen, f"X acceleration {_PLACES[rank][1]}: {', '.join(chosen)}."
 

@@ -12,8 +12,8 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem, one_of, require_a
 from crashfuse.importing import ColumnChoice, Reading, Settled, read_records, settle_each
 from crashfuse.importing.detection import Choices
-from crashfuse.readers.format import Travel
 from crashfuse.readers.record import Record
+from crashfuse.readers.vocabulary import Travel
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.pulses import imported_pulse

@@ -15,12 +15,11 @@ from crashfuse.files.csv_text import without_formulas
 from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
 from crashfuse.importing.sources import tables_of
 from crashfuse.importing.tables import TableForm
-from crashfuse.readers.format import TRAVELS, Travel
-from crashfuse.readers.formats import FORMATS, TABLES
+from crashfuse.readers.format import FORMATS, TABLES
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_headers import ColumnRole
 from crashfuse.readers.table_mapping import QUANTITIES
-from crashfuse.readers.vocabulary import ACCELERATION_UNITS, UNITS
+from crashfuse.readers.vocabulary import ACCELERATION_UNITS, TRAVELS, UNITS, Travel
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.text import chosen_units, plain
 from crashfuse.ui.kit.uploads import Source, forms_of

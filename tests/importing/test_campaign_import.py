@@ -178,7 +178,7 @@ def test_one_speed_for_records_of_several_is_told_with_care(tmp_path: Path) -> N
         crash(tmp_path / "alike", name, (1 - 0.02 * slower) * SPEED_MPS, scatter)
     told = [one.steps[-1] for one in import_source(tmp_path / "in", tmp_path / "a", GIVEN)]
     assert len(told) == 2
-    assert all("one speed was given for all 2 records" in step for step in told)
+    assert all("one speed for all 2 records" in step for step in told)
     alike = import_source(tmp_path / "alike", tmp_path / "b", GIVEN)
     assert not any("one speed" in step for one in alike for step in one.steps)
 

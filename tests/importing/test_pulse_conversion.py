@@ -180,7 +180,7 @@ def test_channels_are_averaged_chosen_or_left_out() -> None:
         settle(record(left, channel("R", rate_hz=5000)))
     with pytest.raises(DataError, match="channels of one unit"):
         settle(record(left, channel("R", unit=None)))
-    with pytest.raises(DataError, match="known to be the vehicle's pulse"):
+    with pytest.raises(DataError, match="that is the vehicle's pulse"):
         settle(replace(record(left), proposed=()))
 
 
@@ -336,7 +336,7 @@ def test_a_record_too_short_in_itself_is_told_whatever_else_is_lacking(
     one = record(RecordedChannel("X", "X", time_s, half_sine_g(time_s - lead_s), "g"), condition=condition)
     *lacking, short = problems_of(lambda: settle(one))
     assert len(lacking) == (condition.speed_mps is None) + (condition.mass_kg is None)
-    assert short.expected.startswith("a record of at least 60 ms from contact")
+    assert short.expected.startswith("at least 60 ms from contact")
     assert float(short.found.split()[0]) == pytest.approx(40, abs=2)
 
 

@@ -260,7 +260,7 @@ def test_channels_speed_and_weights_are_of_one_vehicle(
     assert {one.name[0] for one in record.channels} == {vehicle}
     expected = {"1": (pytest.approx(SPEED_MPS), 1700.0), "2": (10.0, 1200.0)}[vehicle]
     assert (record.condition.speed_mps, record.condition.mass_kg) == expected
-    assert any(f"are those of test object {vehicle}" in step for step in record.steps)
+    assert any(f"weights of test object {vehicle}" in step for step in record.steps)
 
 
 def test_without_a_time_of_the_first_sample_time_zero_is_looked_for() -> None:

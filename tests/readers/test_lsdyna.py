@@ -10,7 +10,7 @@ import pytest
 
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, import_source, settle
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.format import FORMATS
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.testing.readers import written
@@ -128,7 +128,7 @@ def test_where_no_title_says_so_nodes_that_travel_alike_are_proposed(tmp_path: P
     run = Run(nodes={number: ("", scale) for number, scale in scales.items()})
     record = only(saved(tmp_path, binout=run.binout()))
     assert record.proposed == ("1", "2", "3", "4")
-    assert any("No titles say" in step for step in record.steps)
+    assert any("No title names" in step for step in record.steps)
     named = Run(nodes={7: ("Vehicle C.G.", 1.0), 8: ("B-Pillar left", 1.0), 9: ("Passenger rear seat pelvis", 0.8)})
     assert only(saved(tmp_path / "named", binout=named.binout())).proposed == ("7",)
 
@@ -160,7 +160,7 @@ def test_a_run_killed_while_writing_is_read_up_to_its_last_whole_state(tmp_path:
     text = SHORT.nodout()
     last = text.rindex(b"x-accl")
     half = only(saved(tmp_path / "text", nodout=text[: last + 220]))
-    assert "Its last state is incomplete and left out." in half.steps
+    assert "The last state is cut short and left out." in half.steps
     assert np.array_equal(half.channels[0].values, whole.channels[0].values[:-1])
     binary = SHORT.binout(Layout(folders_a_table=1)) + SHORT.binout()[200:400]
     assert same(only(saved(tmp_path / "binary", binout=binary)), only(saved(tmp_path / "b", binout=SHORT.binout())))
@@ -216,7 +216,7 @@ def test_of_too_many_nodes_those_with_a_title_are_kept_first(tmp_path: Path) -> 
         record = only(saved(tmp_path / form, **{form: content}))
         assert len(record.channels) == 200
         assert record.proposed == ("9999",)
-        assert "200 of 500 nodes are kept, those with a title first." in record.steps
+        assert "200 of 500 nodes are kept, titled ones first." in record.steps
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
@@ -326,7 +326,7 @@ def test_a_state_that_lacks_its_nodes_is_refused(tmp_path: Path) -> None:
 def test_two_runs_in_one_folder_are_never_mixed(tmp_path: Path) -> None:
     """Numbered like processors they are refused; named by job they are two runs, and so are nodouts."""
     said = problem(saved(tmp_path / "mixed", binout0000=RUN.binout(), binout0001=Run(direction=-1).binout()))
-    assert "nodout of one run in a folder, found the same nodes as in binout0000; put each run into" in said
+    assert "nodout of one run in a folder, found the same nodes as in binout0000; keep each run in" in said
     other = Run(direction=-1, end_s=0.15, step_s=1e-3)
     named = {"a.binout0000": RUN.binout(), "b.binout0000": other.binout()}
     assert [record.id for record in read_lsdyna(saved(tmp_path / "jobs", **named))] == ["a", "b"]

@@ -99,14 +99,14 @@ def test_an_accelerometer_that_does_not_stop_is_not_the_pulse(tmp_path: Path) ->
     record = only(tmp_path, hc1T01=RadiossRun((), ("AY", "AZ")).binary())
     assert record.proposed == ()
     assert "No accelerometer's ΔV is that of a vehicle that stops; are its columns crossed?" in record.steps
-    with pytest.raises(DataError, match="known to be the vehicle's pulse"):
+    with pytest.raises(DataError, match="that is the vehicle's pulse"):
         settle(record, WEIGHTS, role="cae")
 
 
 def test_an_accelerometer_alone_needs_a_speed(tmp_path: Path) -> None:
     """In an additional file without global histories nothing tells at which speed it sets out."""
     record = only(tmp_path, hc1T01a=RadiossRun((), ("AX", "AY", "AZ"), globals_=0).binary())
-    assert record.no_speed == "accelerometers alone, whose initial velocity the file does not tell"
+    assert record.no_speed == "accelerometers alone, without an initial velocity"
     known = replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS))
     assert settle(record, known, role="cae").pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)
 
@@ -149,9 +149,8 @@ def test_a_barrier_that_does_not_move_is_no_mass_of_the_vehicle(tmp_path: Path) 
         (lambda content: content[:1200], "found "),
         (lambda content: content[:-40_000] + b"\1" * 20_000, "states that are not alike"),
         (lambda content: content[:8] + b"\xff" * 80 + content[88:184] + b"\x7f" * 24 + content[208:], "makes no sense"),
-        (lambda content: b"\x54\0\0\0" + content[4:], r"Fortran's own binary \(/TFILE/1\); write .* \(/TFILE, or"),
-        (lambda _: b"hc1T01 FORMAT\nZZZZZEOR    1I   72C\n 3040Nova\n", r"text \(/TFILE/3\)"),
-        (lambda _: b"\x1f\x8b" + bytes(100), "a compressed file"),
+        (lambda content: b"\x54\0\0\0" + content[4:], r"another kind of file; .* default form \(/TFILE/4\)"),
+        (lambda _: b"hc1T01 FORMAT\nZZZZZEOR    1I   72C\n 3040Nova\n", "another kind of file"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[bytes], bytes], found: str) -> None:
@@ -191,11 +190,11 @@ def test_a_run_with_a_part_missing_is_refused(tmp_path: Path) -> None:
     late = replace(RUN, begin_ms=80.0).binary()
     early = replace(RUN, end_ms=60.0).binary()
     said = refusal(tmp_path / "a", hc1T01=early, hc1T03=late)
-    assert "expected every part of the run once, from the first (T01) on, found hc1T01 and hc1T03" in said
+    assert "expected every part of the run once, from T01 on, found hc1T01 and hc1T03" in said
     assert "found hc1T02" in refusal(tmp_path / "b", hc1T02=late)
     assert "expected states from 59.9 on, found the first at 80" in refusal(tmp_path / "c", hc1T01=early, hc1T02=late)
     other = replace(RUN, curves=("VX",), begin_ms=60.0).binary()
-    assert "found others; import each part" in refusal(tmp_path / "d", hc1T01=early, hc1T02=other)
+    assert "found others; keep each run" in refusal(tmp_path / "d", hc1T01=early, hc1T02=other)
 
 
 def test_nodes_may_lie_in_an_additional_file(tmp_path: Path) -> None:
@@ -235,10 +234,6 @@ def test_the_csv_gives_the_original_numbers(tmp_path: Path, version: Converter, 
         assert (mine.name, mine.unit) == (its.name, its.unit)
         np.testing.assert_allclose(mine.time_s, its.time_s, rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(mine.values, its.values, rtol=0, atol=1e-6 * np.abs(its.values).max())
-    shifted = {("2022", 18): 12, ("2022", 22): 12, ("doubled", 18): 19, ("doubled", 22): 23}
-    labels = shifted.get((version, written), 15 if version != "2022" and written == 12 else written)
-    told = f"{labels} labels of global histories for {written} columns"
-    assert any(step.startswith(told) for step in converted.steps) == (labels != written)
     is_the_crash(converted)
 
 
@@ -354,7 +349,7 @@ def test_an_accelerometer_of_openradioss_is_the_same_in_both_forms() -> None:
     [
         ("ACCELEROT01", "expected nodes that are fastest when they set out"),
         ("ACCELEROT01.csv", "found a model at rest when the run begins"),
-        ("BOX1BLT01", "expected a vehicle of 300 kg to 60 t, found a model of 240, which is none in t, kg or g"),
+        ("BOX1BLT01", "expected a vehicle of 300 kg to 60 t, found 240, be it t, kg or g"),
     ],
 )
 def test_runs_without_a_vehicle_are_fairly_refused(name: str, found: str) -> None:

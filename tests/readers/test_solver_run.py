@@ -11,11 +11,11 @@ from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, import_source, settle
-from crashfuse.readers.format import TRAVELS, Travel
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition
 from crashfuse.readers.solver_run import Energies as Histories
 from crashfuse.readers.solver_run import History, axis_of_travel, departure
+from crashfuse.readers.vocabulary import TRAVELS, Travel
 from crashfuse.testing.readers import written
 from tests.conftest import SHARED, Capture, needs_shared
 from tests.importing.crash_files import isomme

@@ -7,7 +7,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.importing import Reading, import_source, read_records
-from crashfuse.readers.format import Travel
+from crashfuse.readers.vocabulary import Travel
 from crashfuse.testing.readers import written
 from tests.conftest import Capture
 from tests.importing.crash_files import german
@@ -42,7 +42,7 @@ def test_the_axis_of_a_table_is_found_from_the_motion(tmp_path: Path, header: st
     assert run.channels == (header.split(";")["xyz".index(along)],)
     careful = [step for step in run.steps if "travel along" in step.lower()]
     assert len(careful) == (along != "x")
-    assert all(step.startswith(f"Careful: travel along {along}, by the change of velocity.") for step in careful)
+    assert all(step.startswith(f"Careful: travel along {along}, by the change of velocity; ") for step in careful)
     given: Travel = "x" if along == "x" else "y" if along == "y" else "z"
     (record,) = read_records(Reading(source, travel=given))
     assert record.proposed == run.channels

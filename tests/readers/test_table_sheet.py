@@ -75,10 +75,13 @@ HOSTILE: dict[str, tuple[Callable[[], str], str]] = {
     ),
     "entities": (
         lambda: f'<!DOCTYPE l [<!ENTITY a "{"x" * 10_000}"><!ENTITY b "{"&a;" * 10_000}">]>{sheet("&b;")}',
-        "expected the XML of a workbook, found a document type",
+        "expected the XML of a workbook, found more than",
     ),
-    "elements within elements": (lambda: sheet("<a>" * 4_100_000), "more than 2000000 elements or 4000000 attributes"),
-    "attributes": (lambda: sheet("<a " + 'b="" ' * 99_999 + "/>"), "an element without an end"),
+    "elements within elements": (
+        lambda: sheet("<a>" * 4_100_000),
+        "more than 2000000 elements, or what no workbook has",
+    ),
+    "attributes": (lambda: sheet("<a " + 'b="" ' * 99_999 + "/>"), "more than"),
 }
 
 
