@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import certification, data, history, imports, models, outgoing, ratings, studies
+from crashfuse.cli import certification, data, imports, models, outgoing, ratings, studies
 from crashfuse.cli.conditions import AXES, add_axes, number, whole
 from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
@@ -141,9 +141,11 @@ def parser() -> argparse.ArgumentParser:
     outgoing.add_figure_options(
         commands.add_parser("figures", help="write the figures of a report as SVG, PNG, CSV or slides")
     )
-    history.add_options(commands.add_parser("compare", help="say which of two studies rates better, and by how much"))
+    studies.add_comparison_options(
+        commands.add_parser("compare", help="say which of two studies rates better, and by how much")
+    )
     listing = commands.add_parser("studies", help="list the studies and predictions of this machine")
-    listing.set_defaults(run=history.studies)
+    listing.set_defaults(run=studies.past_studies)
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
 
