@@ -106,10 +106,7 @@ def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str
     if record.fingerprint != campaign.fingerprint:
         differing.append("the campaign's data")
     if differing:
-        raise UsageError(
-            f"The study in {resumed} was begun with other settings ({', '.join(differing)}); "
-            "resume it with its own, or start another without --resume."
-        )
+        raise UsageError(f"{resumed} was begun with other settings: {', '.join(differing)}; leave out --resume.")
     return StudyPlan(campaign, record.config, record.held_out)
 
 
@@ -138,10 +135,8 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     with writing(run.out) as folder:
         begin_study(folder, plan)
     with watching() as watch:
-        study = run_study(
-            plan.campaign, plan.config, held_out=plan.held_out, watch=watch, workers=arguments.workers,
-            scheduler=arguments.scheduler,
-        )  # fmt: skip
+        where = {"workers": arguments.workers, "scheduler": arguments.scheduler}
+        study = run_study(plan.campaign, plan.config, held_out=plan.held_out, watch=watch, **where)
     display = display_of(arguments, plan.campaign)
     with replacing(run.out, "study"), writing(run.out) as folder:
         study.write(folder, report=run.report, display=display)
@@ -261,9 +256,7 @@ def compare(arguments: argparse.Namespace) -> None:
 def add_comparison_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the comparison to its parser."""
     for name in ("first", "second"):
-        parser.add_argument(
-            name, metavar=name.upper(), help="a folder written by crashfuse study, or an id from crashfuse studies"
-        )
+        parser.add_argument(name, metavar=name.upper(), help="a study's folder, or its id in crashfuse studies")
     instead = parser.add_mutually_exclusive_group()
     instead.add_argument("--csv", action="store_true", help="print every rating as CSV instead")
     instead.add_argument("--report", type=Path, metavar="FILE.html", help="write a report of both instead")
