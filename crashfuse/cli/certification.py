@@ -76,9 +76,7 @@ def make_key(arguments: argparse.Namespace) -> None:
     """Make a pair of keys."""
     from crashfuse.certification.seal import make_keys
 
-    print(
-        f"{arguments.key} is the private key {make_keys(arguments.key)}; reviewers get {arguments.key}.pub."
-    )
+    print(f"{arguments.key} is the private key {make_keys(arguments.key)}; reviewers get {arguments.key}.pub.")
 
 
 def verify(arguments: argparse.Namespace) -> None:
