@@ -42,7 +42,7 @@ def check_tests_differ(
     doubtful = []
     for (one, other), share in similar_tests(records).items():
         if share < ONE_RECORD:
-            found = f"the same for {table.ids[one]} and {table.ids[other]}, shifted, scaled or filtered at most"
+            found = f"the same record for {table.ids[one]} and {table.ids[other]}, shifted, scaled or filtered at most"
             place = f"id {table.ids[other]}", table.rows[other]
             problems.append(Problem("tests.csv", "a record of its own for each test", found, "remove one", *place))
         else:

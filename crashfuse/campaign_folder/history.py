@@ -291,7 +291,7 @@ def _require_inside(folder: Path, path: Path) -> None:
     """Raise a DataError if a file of the folder lies behind a link to another one, which may be anybody's."""
     if not path.parent.resolve().is_relative_to(folder.resolve()):
         where = path.parent.relative_to(folder).as_posix()
-        raise DataError(Problem(where, "a folder in the campaign's", "a link elsewhere", "put the files there"))
+        raise DataError(Problem(where, "a folder in the campaign's", "a link to one elsewhere", "put files there"))
 
 
 def _digest(path: Path) -> str | None:

@@ -116,9 +116,8 @@ def read_folder(folder: str | Path) -> Campaign:
         warnings += _shortened([line for line in findings(tables, pulses) if line.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
-    cae = CaeLibrary(
-        runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, failed, runs.about
-    )
+    runs_accel = pulses["cae"].astype(np.float32, copy=False)
+    cae = CaeLibrary(runs.ids, runs.conditions, runs_accel, runs.quality, failed, runs.about)
     check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
     table = tables["tests"]
@@ -196,7 +195,7 @@ def _check_pulses(
         gap = plausibility.find_gap(table.speeds_mps, accel, *tests, taken_m=taken_m)
         reader.warnings += [gap.warning] if gap else []
     plausibility.check_physics(role, table, accel, reader.faults, reader.problems, gap.advice if gap else "")
-    plausibility.check_ends(role, table, accel, reader.ends_s, reader.faults, reader.problems)
+    reader.problems += plausibility.check_ends(role, table, accel, reader.ends_s, reader.faults)
     plausibility.check_band(role, accel, reader.warnings)
     if role == "tests":
         check_tests_differ(table, accel, reader.ends_s, reader.problems, reader.warnings)
@@ -342,7 +341,9 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Pro
         homes = [role for role, table in tables.items() if table and path.stem in table.ids] or unread[:1]
         if len(homes) != 1:
             found = "an id of both" if homes else "another name"
-            problems.append(Problem(path.name, "the id of a test or a run", found, "zip it in tests/ or cae/"))
+            problems.append(
+                Problem(path.name, "a pulse named after an id of one table", found, "zip it in tests/ or cae/")
+            )
         elif (home := folder / homes[0] / path.name).exists():
             problems.append(Problem(path.name, "each pulse once", f"one in {homes[0]}/ too", "keep one"))
         else:

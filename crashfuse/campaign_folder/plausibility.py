@@ -1,10 +1,7 @@
 """Plausibility of pulses: against their conditions, a gap before the barrier, and records unlike the others.
 
-A gap lets the vehicle move freely before it decelerates, over one distance in all CAE runs. Its length over the speed
-is the time at which a run begins to decelerate, but for a constant: a filter brings an onset forward by up to 4 ms, a
-soft bumper delays it.
-
-Records are compared with the CAE runs at a test's speed, less what the other tests differ from theirs.
+A gap lets the vehicle move freely over one distance in all CAE runs. Its length over the speed is when a run begins to
+decelerate, but for a constant: a filter brings an onset forward by up to 4 ms, a soft bumper delays it.
 """
 
 import shlex
@@ -71,8 +68,8 @@ def check_physics(
     moving = speed > CREEP_MPS
     typical = float(np.median(ratio[moving])) if moving.any() else 1.0
     if role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
-        found, expected = f"{typical:.2f} times it", "changes of velocity near the impact speed, in most runs"
-        problems.append(Problem("cae.csv", expected, found, advice or _likely_cause(typical, *_LIBRARY_STOPS)))
+        expected, cause = "changes of velocity near the impact speed", _likely_cause(typical, *_LIBRARY_STOPS)
+        problems.append(Problem("cae.csv", expected, f"{typical:.2f} times it in most runs", advice or cause))
         return
     turned = np.isnan(speed) & (biggest > CREEP_MPS)
     for row in np.flatnonzero(turned | (((ratio < low) | (ratio > high)) & moving)):
@@ -98,9 +95,8 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
         if speed > CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
             unit, ending = ("km/h", "_mph") if share < 1 else ("mph", "_kph")
             warnings.append(
-                f"tests.csv, {test_id}: over its impact speed its change of velocity is {share:.2f} times that of CAE "
-                f"runs near {_speed_text(speed)}; check its speed ({unit} under a name that ends in {ending}?) and the "
-                "scale and zero of its acceleration."
+                f"tests.csv, {test_id}: its change of velocity is {share:.2f} times that of CAE runs near "
+                f"{_speed_text(speed)}; check its speed ({unit} under …{ending}?), scale and zero of its acceleration."
             )
     return warnings
 
@@ -128,24 +124,18 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
 
 
 def check_ends(
-    role: str,
-    table: ConditionTable,
-    accel: FloatArray,
-    ends_s: Mapping[str, float],
-    faults: Faults,
-    problems: list[Problem],
-) -> None:
-    """Reject a record that ends while the vehicle is still moving."""
+    role: str, table: ConditionTable, accel: FloatArray, ends_s: Mapping[str, float], faults: Faults
+) -> list[Problem]:
+    """Records that end while the vehicle is still moving."""
+    problems = []
     for row, run_id in enumerate(table.ids):
-        if run_id not in ends_s:
-            continue
-        speed, end = table.conditions[row].speed_mps, ends_s[run_id]
-        velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
+        speed, end = table.conditions[row].speed_mps, ends_s.get(run_id, np.inf)
+        velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps) if run_id in ends_s else 0.0
         if velocity > MOVING * speed:
             found = f"{_speed_text(velocity)} at its end, {time_text(end)}"
-            place, number = f"id {run_id}", table.rows[row]
             advice = fault_advice(run_id, faults.get(run_id, ())) or "export a longer record"
-            problems.append(Problem(f"{role}.csv", LONG_ENOUGH, found, advice, place, number))
+            problems.append(Problem(f"{role}.csv", LONG_ENOUGH, found, advice, f"id {run_id}", table.rows[row]))
+    return problems
 
 
 def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
@@ -160,7 +150,7 @@ def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
     if share > _HIGH_SHARE:
         finding = f"{100 * share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled"
     elif noise > CFC60_NOISE:
-        finding = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more noise than CFC 60 leaves"
+        finding = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more than CFC 60 leaves"
     else:
         return
     warnings.append(f"{role}: {finding}; set channel_filter_class = 60 in campaign.toml if they are not filtered.")
@@ -212,7 +202,7 @@ class Gap:
 
     @property
     def hides_tests(self) -> bool:
-        """Whether tests cannot be compared with the CAE runs near their speed."""
+        """Whether tests cannot be compared with CAE runs."""
         return self.share >= _FEW
 
     @property
@@ -242,7 +232,7 @@ def find_gap(
     tests: npt.NDArray[np.float32],
     taken_m: float = 0.0,
 ) -> Gap | None:
-    """The gap of CAE runs that have one, or begin late, where the tests do not; pulses have shape (n, 1250)."""
+    """The gap of CAE runs that have one, or begin late, where the tests do not."""
     speed, free_s, sudden = _free_travel(speeds_mps, accel)
     late = sudden & (free_s >= _LEAST_S) & (speed * free_s >= LEAST_M)
     if not late.any():
