@@ -35,9 +35,8 @@ Rows = tuple[tuple[Verdict, ...], ...]
 Answer = Literal[
     "run", "need not be run", "to be tested", "would miss", "test or redesign", "record for longer", "outside"
 ]
-"""A test was made for it; it would meet all criteria at once; each is met, but all at once not with the confidence; it
-would miss one; one is open, and only a test or another design can tell; one is open as records end too early; one lies
-beyond what the campaign's tests check. The first that is true."""
+"""The first that is true: a test was made for it; it would meet all criteria at once; each is met, but all at once not
+with the confidence; it would miss one; one is open; one is open as records end too early; one was not checked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,16 +124,12 @@ class Certification:
     @property
     def run_first(self) -> str | None:
         """The fastest of two or more conditions that a test can settle, after which others may need none; or None."""
-        unsettled = [
-            (row[0].condition.speed_mps, i)
-            for i, row in self.rows.items()
-            if self.answers[i] == "to be tested"
-            or (
-                self.answers[i] == "test or redesign"
-                and all(v.word != "open" or v.probability is not None for v in row)
-            )
-        ]
-        return max(unsettled)[1] if len(unsettled) > 1 else None
+        speeds = {}
+        for i, answer in self.answers.items():
+            can_tell = all(v.word != "open" or v.probability is not None for v in self.rows[i])
+            if answer == "to be tested" or (answer == "test or redesign" and can_tell):
+                speeds[i] = self.rows[i][0].condition.speed_mps
+        return max(speeds, key=lambda i: (speeds[i], i)) if len(speeds) > 1 else None
 
 
 def _answer(row: tuple[Verdict, ...], confidence: float) -> Answer:
@@ -164,14 +159,13 @@ def certify_matrix(
 ) -> Certification:
     """Judge every criterion at every condition of a matrix, and keep the record of the tests, left out in turn.
 
-    The first approach of the settings is judged. Forecasts are kept in the cache: other limits then take no time.
-    Raises a UsageError without tests, a DataError if a record is shorter than the window of a rating.
+    The first approach is judged. Forecasts are kept in the cache: other limits then take no time. Raises a UsageError
+    without tests, a DataError if a record is shorter than the window of a rating.
     """
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")
-    config = replace(
-        config, approaches=config.approaches[:1], windows_ms=criteria.windows_ms or (WINDOW_MS,), leave_out="both"
-    )
+    windows_ms = criteria.windows_ms or (WINDOW_MS,)
+    config = replace(config, approaches=config.approaches[:1], windows_ms=windows_ms, leave_out="both")
     config.check()
     for window in criteria.windows_ms:
         for test in campaign.tests:
@@ -240,11 +234,7 @@ def _record(
 
 
 def hold(
-    judged: Rows,
-    campaign: Campaign,
-    criteria: Criteria,
-    record: TrackRecord,
-    removed: Sequence[RemovedTest] = (),
+    judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord, removed: Sequence[RemovedTest] = ()
 ) -> Rows:
     """Verdicts held against the record and the tests at each condition: run there, apart there, or removed since."""
     supports = {criterion: record.support(criterion) for criterion in criteria.items}
@@ -284,10 +274,7 @@ def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | 
 
 
 def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
-    """The verdict beside what tests at its condition measured; open if one of them contradicts it.
-
-    ``off`` are the conditions of those that were not quite there.
-    """
+    """The verdict beside what tests there (or ``off`` it a little) measured; open if one of them contradicts it."""
     criterion, contradicted, told = verdict.criterion, False, []
     did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
     for test, value in run.items():
@@ -295,18 +282,14 @@ def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping
             met = criterion.is_met_by(value)
             where = Sentence("for it, at {},", off[test]) if test in off else "there"
             does = "meets" if met else "misses"
-            told.append(
-                Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, criterion.shown(value), does)
-            )
+            shown = criterion.shown(value)
+            told.append(Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, shown, does))
             contradicted |= met is not (verdict.word == "met")
     return replace(_with_reason(verdict, *told, contradicted=contradicted), run=run)
 
 
 def _beside_removed(verdict: Verdict, removed: Sequence[RemovedTest]) -> Verdict:
-    """The verdict beside what tests that are not used any more had shown there; open if one of them contradicts it.
-
-    A rating had been that of another prediction, and says nothing of this one.
-    """
+    """Likewise beside what tests that are gone had shown there; of metrics, as a rating was of another prediction."""
     criterion = verdict.criterion
     for test in removed if criterion.window_ms is None else ():
         value = test.measured.get(quantity(criterion)) if test.condition.is_at(verdict.condition) else None

@@ -80,7 +80,7 @@ def make_key(arguments: argparse.Namespace) -> None:
 
 
 def verify(arguments: argparse.Namespace) -> None:
-    """Hold a certification against its seal, and sign it as its reviewer if that is asked for."""
+    """Hold a certification against its seal, and sign it as reviewer if asked to."""
     from crashfuse.certification import seal
     from crashfuse.certification.earlier import FILE
 

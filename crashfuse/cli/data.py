@@ -16,14 +16,8 @@ def app(arguments: argparse.Namespace) -> None:
     for folder in (arguments.campaign, *arguments.root):
         if folder is not None and not folder.is_dir():
             raise UsageError(f"There is no folder {folder}.")
-    launch(
-        arguments.port,
-        arguments.campaign,
-        roots=arguments.root,
-        hosts=arguments.allow_host,
-        secrets=arguments.login,
-        log=arguments.log,
-    )
+    places = {"secrets": arguments.login, "log": arguments.log}
+    launch(arguments.port, arguments.campaign, roots=arguments.root, hosts=arguments.allow_host, **places)
 
 
 def sample(arguments: argparse.Namespace) -> None:

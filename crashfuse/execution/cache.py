@@ -175,7 +175,7 @@ class Cache:
         return path.relative_to(self.folder).as_posix()
 
     def _checksum(self, path: Path, payload: bytes) -> bytes:
-        """Of content and name: an entry that was moved to the place of another is damaged."""
+        """Of content and name: one in the place of another is damaged."""
         return hashlib.sha256(self._name(path).encode() + b"\n" + payload).hexdigest().encode()
 
     def _write(self, path: Path, content: bytes) -> None:
