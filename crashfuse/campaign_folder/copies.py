@@ -74,17 +74,15 @@ def similar_tests(records: Sequence[FloatArray]) -> dict[tuple[int, int], float]
 
 
 def copied_runs(speeds_mps: FloatArray, accel: npt.NDArray[np.float32]) -> Pairs:
-    """Pairs of runs with the same pulse, at any condition, or with one that is scaled, at another speed.
-
-    Runs of one speed may differ in a weight that hardly matters; between speeds 2 % apart 1.7 % of a pulse differs.
-    """
+    """Pairs of runs with the same pulse; at another speed (2 % apart, 1.7 % of a pulse differs) also a scaled one."""
     fast = np.flatnonzero(speeds_mps > _SLOWEST_MPS)
     if fast.size < 2:
         return []
     parts = (accel[fast[at : at + 4000]] for at in range(0, fast.size, 4000))
     coarse = np.concatenate([part.reshape(len(part), -1, 10).mean(axis=2, dtype=np.float64) for part in parts])
     shapes = coarse / np.maximum(np.linalg.norm(coarse, axis=1, keepdims=True), 1e-12)
-    axes = _main_axes(shapes)
+    centred = shapes - shapes.mean(axis=0)  # its eight main axes hold nearly all, and bring no two rows further apart
+    axes = centred @ np.linalg.eigh(centred.T @ centred)[1][:, -8:]
     pairs = cKDTree(axes).query_pairs(_RUNS_DIFFER, output_type="ndarray")
     is_apart = np.abs(np.log(speeds_mps[fast[pairs[:, 0]]] / speeds_mps[fast[pairs[:, 1]]])) > _OTHER_SPEED
     limits = np.where(is_apart, _RUNS_DIFFER, _IDENTICAL)
@@ -152,12 +150,6 @@ def _alike(records: Sequence[FloatArray]) -> Pairs:
             rows, columns = np.nonzero(np.abs(late[start : start + _ROWS_AT_ONCE] @ early.T) > least)
             pairs |= {(min(i, j), max(i, j)) for i, j in zip((rows + start).tolist(), columns.tolist(), strict=True)}
     return sorted((one, other) for one, other in pairs if one != other)
-
-
-def _main_axes(rows: FloatArray) -> FloatArray:
-    """Rows in their eight main axes: they hold nearly all, and bring no two rows further apart; shape (n, 8)."""
-    centred = rows - rows.mean(axis=0)
-    return np.asarray(centred @ np.linalg.eigh(centred.T @ centred)[1][:, -8:])
 
 
 def _unit(rows: FloatArray) -> FloatArray:

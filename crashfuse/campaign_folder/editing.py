@@ -289,10 +289,7 @@ def _is_same(one: Pulse, other: Pulse) -> bool:
 
 
 def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
-    """The text of the condition table, ready for rows to be appended, and its columns.
-
-    Further columns that it lacks are added to its header; its rows are then short, which counts as empty cells.
-    """
+    """The condition table with the further columns (rows are then short: their cells are empty), and all columns."""
     further = writer.further_columns([addition.further for addition in additions])
     if table is None:
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))

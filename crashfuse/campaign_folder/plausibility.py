@@ -96,7 +96,7 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
             unit, ending = ("km/h", "_mph") if share < 1 else ("mph", "_kph")
             warnings.append(
                 f"tests.csv, {test_id}: its change of velocity is {share:.2f} times that of CAE runs near "
-                f"{_speed_text(speed)}; check its speed ({unit} under …{ending}?), scale and zero of its acceleration."
+                f"{_speed_text(speed)}; check its speed ({unit} in a column …{ending}?), its scale and zero."
             )
     return warnings
 
@@ -113,8 +113,8 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
     for test_id, stated_kg in zip(tests.ids, _weights(tests), strict=True):
         might_be = {
             "": stated_kg,
-            "check their unit (kilograms under a name that ends in _lb?)": stated_kg / LB,
-            "check their unit (pounds under a name that ends in _kg?)": stated_kg * LB,
+            "check their unit (kilograms in a column …_lb?)": stated_kg / LB,
+            "check their unit (pounds in a column …_kg?)": stated_kg * LB,
             "check which axle is which": stated_kg[::-1],
         }
         fitting = [advice for advice, kg in might_be.items() if ((low <= kg) & (kg <= high)).all()]
@@ -166,10 +166,10 @@ def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
 def _likely_cause(ratio: float, low: float, high: float) -> str:
     causes = {
         "flip the sign of the acceleration (deceleration is negative)": -1.0,
-        "check the unit of the acceleration (m/s² under a name that ends in _g?)": G,
-        "check the unit of the acceleration (g under a name that ends in _mps2?)": 1 / G,
-        "check the unit of the speed (km/h under a name that ends in _mph?)": KPH / MPH,
-        "check the unit of the speed (mph under a name that ends in _kph?)": MPH / KPH,
+        "check the unit of the acceleration (m/s² in a column …_g?)": G,
+        "check the unit of the acceleration (g in a column …_mps2?)": 1 / G,
+        "check the unit of the speed (km/h in a column …_mph?)": KPH / MPH,
+        "check the unit of the speed (mph in a column …_kph?)": MPH / KPH,
     }
     likely = [advice for advice, factor in causes.items() if low <= ratio / factor <= high]
     return likely[0] if likely else "check the speed, the units and time zero of this pulse"
@@ -190,12 +190,9 @@ def _changes(accel: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """How far and how long CAE runs move freely, what share of them, and how much of a gap is taken out already.
+    """How far and how long CAE runs move freely, what share of them, and how much of a gap is taken out already."""
 
-    The distance, in m, is None if it is not one: records of a late trigger, or of models with different gaps.
-    """
-
-    distance_m: float | None
+    distance_m: float | None  # None if it is not one: a late trigger, or models with different gaps
     lasts_s: tuple[float, float]
     share: float
     taken_m: float = 0.0

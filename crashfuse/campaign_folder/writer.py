@@ -144,10 +144,7 @@ def write_walls(path: Path, to: Path, walls: Mapping[str, Wall | None]) -> None:
 
 
 def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:
-    """Write ``<role>_pulses.parquet`` or ``.csv`` with more pulses, and without those of some ids, to another path.
-
-    Rows with the ids of added pulses are replaced. A DataError says what the table lacks.
-    """
+    """Write ``<role>_pulses.parquet`` or ``.csv`` with more pulses (or others of an id), without some, elsewhere."""
     left_out = {*without, *(run_id for run_id, _ in pulses)}
     try:
         (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, to, pulses, left_out)

@@ -152,10 +152,7 @@ def _reason(verdict: Verdict, confidence: float) -> str:
 
 
 def with_decided(curve: LearningCurve, criteria: Criteria) -> LearningCurve:
-    """Add the column ``decided``: the share of criteria on metrics that each prediction decides for its held-out test.
-
-    What a rating would be is not part of a learning curve; without criteria on metrics the column is NaN.
-    """
+    """Add the column ``decided``: the share of criteria on metrics that each prediction decides; NaN without any."""
     limits = [criterion for criterion in criteria.items if criterion.metric != RATING]
 
     def decides(own: Distribution | None, criterion: Criterion) -> bool:

@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     app.add_argument("--login", type=Path, metavar="FILE.toml", help="require the log-in of [auth] in FILE")
 
     sample = command("sample", data.sample, "write the synthetic sample campaign", None)
-    sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")
+    sample.add_argument("folder", type=Path, metavar="DIR", help="a new or empty folder")
 
     command("check", data.check, "show what a campaign holds and what is wrong with it")
     data.add_edit_options(command("edit", data.edit, "leave tests out of use, take them out, undo the last change"))
@@ -59,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
     _add_report(study)
     _add_workers(study)
     _add_units(study)
-    study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
+    study.add_argument("--resume", action="store_true", help="continue the study in DIR")
 
     certify = command("certify", certification.certify, "say which criteria a test at each condition would meet")
     _add_out(certify)

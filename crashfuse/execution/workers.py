@@ -63,10 +63,7 @@ class Workers(ABC):
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> AbstractContextManager[dict[int, Any]]:
-        """Submit tasks; returns joblib's or Dask's futures, which are cancelled when the context ends.
-
-        A future's result is what the work returned, and files for the caller's cache.
-        """
+        """Context of submitted tasks: futures of what the work returns, and of files for the caller's cache."""
 
     def are_elsewhere(self, tasks: Sequence[object]) -> bool:  # noqa: ARG002 - others look at their number
         """Whether this process only waits for these tasks, and can compute something else meanwhile."""
@@ -78,10 +75,7 @@ class Workers(ABC):
     def completed(
         self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], cache: Cache, watch: Watch
     ) -> Generator[list[R]]:
-        """Yield the results of each task once it is done, in any order; occasionally an empty list.
-
-        The watch is told about tasks computed in this process only. Raises if workers die repeatedly.
-        """
+        """Yield the results of each task once it is done, in any order; occasionally an empty list."""
         if not self.are_elsewhere(tasks):
             yield from (work(campaign, task, cache, watch) for task in tasks)
             return

@@ -90,10 +90,7 @@ class ParquetTable:
 
 
 def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
-    """Raise a DataError if decoding would take far more memory than pulses need, by the headers of the pages.
-
-    Returns the columns that pyarrow cannot read as dictionaries.
-    """
+    """The columns that pyarrow cannot read as dictionaries; a DataError if decoding would take far too much memory."""
     written_out: set[str] = set()
     with pq.ParquetFile(path) as file, path.open("rb") as stream:
         for at in range(file.metadata.num_columns):

@@ -292,7 +292,7 @@ def test_a_fault_of_every_run_is_shown_twenty_times_and_counted(campaign_folder:
     assert f"found {many - 20} more like these; correct them too." in str(of_one_kind[-1])
 
 
-@pytest.mark.parametrize(("factor", "advice"), [(KPH / MPH, "mph under a name"), (MPH / KPH, "km/h under a name")])
+@pytest.mark.parametrize(("factor", "advice"), [(KPH / MPH, "mph in a column"), (MPH / KPH, "km/h in a column")])
 def test_a_speed_in_the_other_unit_is_warned_of_where_its_change_of_velocity_is_possible(
     campaign_folder: Path, factor: float, advice: str
 ) -> None:
