@@ -41,19 +41,15 @@ with the confidence; it would miss one; one is open; one is open as records end 
 
 @dataclass(frozen=True, eq=False)
 class Certification:
-    """Verdicts on a matrix of conditions.
-
-    Verdicts are by condition, then by criterion: ``judged`` as the prediction alone has them, ``verdicts`` held against
-    the record and against tests at the condition, open where these contradict.
-    """
+    """Verdicts on a matrix, by condition, then by criterion."""
 
     campaign: Campaign
     criteria: Criteria
     matrix: Matrix
     config: StudyConfig  # with one approach, whose predictions were judged, and the windows of the criteria
     domain: Domain
-    judged: Rows
-    verdicts: Rows
+    judged: Rows  # as the prediction alone has them
+    verdicts: Rows  # held against the record and against tests at the condition, open where these contradict
     record: TrackRecord
     seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
     since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it

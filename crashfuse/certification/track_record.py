@@ -129,18 +129,14 @@ _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """The verdict on one criterion of a test that was left out, or only planned, and what was measured.
-
-    *Planned*: an earlier certification gave the verdict before the test was run, and no raw CAE is beside it. Its
-    ``shift`` is what the test showed beyond ``measured`` as it was not quite at the condition, by the CAE model.
-    """
+    """The verdict on one criterion of a test that was left out, or only planned, and what was measured."""
 
     held_out: str
-    left_out: LeftOut
+    left_out: LeftOut  # planned: an earlier certification gave the verdict before the test was run
     verdict: Verdict
     measured: float
     cae_probability: float | None  # by the raw CAE model, with its error in the other tests as band; None for ratings
-    shift: float = 0.0
+    shift: float = 0.0  # what it showed beyond ``measured`` as it was not quite at the condition, by the CAE model
     given: tuple[str, str] = ("", "")  # when it was given if planned, and the key that sealed it, as far as known
 
     @property

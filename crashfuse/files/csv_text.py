@@ -256,7 +256,7 @@ def unreadable(where: str, error: OSError) -> Problem:
 
 def _too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem:
     found = f"{len(cells)} in the line {printable(','.join(cells), 60)!r}"
-    return Problem(where, f"{width} cells as in the header", found, "quote text with commas, write 1.5", row=row)
+    return Problem(where, f"{width} cells as in the header", found, "write decimal points, quote commas", row=row)
 
 
 def _refuse_nul(text: str, where: str) -> None:
