@@ -131,8 +131,8 @@ def read_folder(folder: str | Path) -> Campaign:
     accused += [(f"cae.csv, {i}", walls_of_runs[i], accel, at) for i, accel, at in of_runs if i in walls_of_runs]
     for kind in WALLS:
         rows = ((who, wall.beside(accel), at) for who, wall, accel, at in accused if wall and who.startswith(kind))
-        found = ((who, one.findings(at.mass_kg, at.speed_mps)) for who, one, at in rows)
-        warnings += _shortened([f"{who}: {text}." for who, texts in found for text in texts])
+        findings_of = ((who, one.findings(at.mass_kg, at.speed_mps)) for who, one, at in rows)
+        warnings += _shortened([f"{who}: {text}." for who, texts in findings_of for text in texts])
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
     return Campaign(
@@ -304,8 +304,8 @@ def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Prob
         elif root in member.path.parents and _in_a_campaign(member.path.relative_to(root).with_suffix(ending)):
             targets[member] = member.path.relative_to(root).with_suffix(ending)
         elif ending not in _NOTES:
-            trouble = "a file of one campaign folder", "a file elsewhere", "put pulses into tests/ or cae/"
-            problems.append(Problem(member.where, *trouble))
+            wrong = "a file of one campaign folder", "a file elsewhere", "put pulses into tests/ or cae/"
+            problems.append(Problem(member.where, *wrong))
     times = Counter(folded(str(target)) for target in targets.values())
     for member in [member for member, target in targets.items() if times[folded(str(target))] > 1]:
         problems.append(Problem(member.where, "names that differ by more than capitals", "two alike", "keep one"))
