@@ -245,7 +245,7 @@ def require_file(path: Path, where: str) -> None:
     """Raise a DataError if the path is not a regular file but, say, a folder or a pipe that never ends."""
     if not path.is_file():
         found = "a folder" if path.is_dir() else "a link to nothing, a pipe or a device"
-        raise DataError(Problem(where, "a file", found, "put it there"))
+        raise DataError(Problem(where, "a file", found, "put the file there"))
 
 
 def unreadable(where: str, error: OSError) -> Problem:
