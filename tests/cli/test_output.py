@@ -37,7 +37,7 @@ def test_a_folder_that_another_command_writes_to_is_refused(
         assert [path.name for path in out.iterdir() if not path.name.startswith(".")] == ["begun"]
     line, _ = capsys.readouterr().err.splitlines()
     assert line.startswith(f"{out}: expected a folder that nobody writes to, found process ")
-    assert line.endswith("writing to it; wait until that has ended, or name another folder.")
+    assert line.endswith("writing to it; wait until that has ended, or name another.")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process is not stopped for a while there")
