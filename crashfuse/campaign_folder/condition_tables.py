@@ -72,10 +72,9 @@ class ConditionTable:
 
 
 def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
-    """Read a condition table, converting units by the endings of the column names.
+    """Read a condition table, in units by the endings of its columns; a DataError has every problem of it.
 
-    A CAE run may start at rest, a test may not. A list made ``by_hand`` may have a spreadsheet's decimal commas. Raises
-    a DataError with every problem of the table.
+    A CAE run may start at rest, a test may not. A list made ``by_hand`` may have a spreadsheet's decimal commas.
     """
     problems: list[Problem] = []
     table = read_lenient(path, role, problems, by_hand=by_hand)
@@ -102,8 +101,7 @@ def read_lenient(path: Path, role: Role, problems: list[Problem], *, by_hand: bo
         frame["id"] = frame["id"].str.strip()
         sound = _check_ids(frame["id"], where, problems)
     else:
-        found, advice = f"the columns {listed(names)}", "name each row in a column id"
-        problems.append(Problem(where, "a column id", found, advice))
+        problems.append(Problem(where, "a column id", f"the columns {listed(names)}", "name each row in one"))
         sound = []
     values = {name: np.full(len(frame), np.nan) for name in _QUANTITIES}
     rows_of = frame.index.to_numpy()
@@ -137,8 +135,7 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
     conditions = read_conditions(path, by_hand=True).conditions
     if (count := len(conditions)) > _MOST_CANDIDATES:
-        expected, advice = f"at most {_MOST_CANDIDATES} candidates", "leave out those that are like others"
-        raise DataError(Problem(path.name, expected, f"{count}", advice))
+        raise DataError(Problem(path.name, f"at most {_MOST_CANDIDATES} candidates", f"{count}", "leave some out"))
     return conditions
 
 
@@ -174,8 +171,7 @@ def numbers_in(
         expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[bad[start]]) else "a number"
         found, advice = repr(printable(str(wrong.iloc[start]).strip(), 60)), CORRECT_CELL
         if empty[start]:
-            found = f"rows {row}–{last}, empty" if last > row else "an empty cell"
-            advice = "fill it in"
+            found, advice = f"rows {row}–{last}, empty" if last > row else "an empty cell", "fill it in"
         problems.append(Problem(where, expected, found, advice, column, row))
     if bad.size and (more := bad.size - int(stops[-1])):
         problems.append(Problem(where, "numbers", f"{more} more cells that are none", "correct them too", column))
@@ -210,8 +206,8 @@ def folded(name: str) -> str:
 def safe_id(name: str) -> str:
     """An id as near as can be to a foreign name, such as that of a file."""
     plain = "".join(char if char.isprintable() else "_" for char in unicodedata.normalize("NFC", name))
-    short = _UNSAFE.sub("_", plain).encode("utf-8", "replace")[:_LONGEST_ID].decode("utf-8", "ignore")
-    plain = short.strip(" ").rstrip(". ")
+    plain = _UNSAFE.sub("_", plain).encode("utf-8", "replace")[:_LONGEST_ID].decode("utf-8", "ignore")
+    plain = plain.strip(" ").rstrip(". ")
     if plain.startswith(_FORMULA):
         plain = f"_{plain[1:]}"
     if plain and id_trouble(plain) is not None:  # the name of a device
@@ -247,7 +243,7 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]
         trouble, name = id_trouble(run_id), folded(run_id)
         if trouble is None and name in seen:
             alike = "" if seen[name] == run_id else f", as {printable(seen[name], 60)!r}, to some systems"
-            trouble = "each id once", f"{printable(run_id, 60)!r} a second time{alike}", "rename or remove one of them"
+            trouble = "each id once", f"{printable(run_id, 60)!r} a second time{alike}", "rename or remove one"
         if trouble is None:
             sound.append(place)
         else:
@@ -272,7 +268,7 @@ def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> t
     values: dict[str, list[float | None]] = {}
     for name in columns:
         least, shares = -1 if name == "energy_change" else 0, _as_numbers(frame[name])
-        expected, is_given = f"a share from {least} to 1 (5 % is 0.05), or an empty cell", frame[name].str.strip() != ""
+        expected, is_given = f"a share from {least} to 1 (5 % is 0.05), or nothing", frame[name].str.strip() != ""
         for row, text in frame[name][is_given & ~((shares >= least) & (shares <= 1))].items():
             problems.append(Problem(where, expected, repr(printable(text, 60)), CORRECT_CELL, name, row))
         values[name] = [float(v) if given else None for v, given in zip(shares, is_given, strict=True)]
@@ -286,7 +282,7 @@ def _read_tuned(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tup
     cells = frame["cae_tuned"].str.strip().str.lower()
     for row, text in frame["cae_tuned"][~cells.isin(meanings)].items():
         found = repr(printable(text, 60))
-        problems.append(Problem(where, "yes, no or an empty cell", found, CORRECT_CELL, "cae_tuned", row))
+        problems.append(Problem(where, "yes, no or nothing", found, CORRECT_CELL, "cae_tuned", row))
     return tuple(map(meanings.get, cells))
 
 

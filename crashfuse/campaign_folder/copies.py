@@ -1,10 +1,9 @@
 """The same record twice: pulses that are copies of each other but for a shift in time, a scale and an offset.
 
-A copied test predicts its original almost exactly, and every number that is judged on left-out tests is then wrong.
-Measured is the share of one pulse that no line through the other explains, at the best shift, averaged over 4 ms: below
-0.4 % for copies that were shifted, scaled, cropped, resampled at 1 kHz, given an offset, filtered again with CFC 60 or
-rounded to 0.1 g; at least 0.7 % between the closest of some 4000 pairs of measured repeats (a helmet on a headform),
-and 3.9 % between repeats of simulated cars with 2 % scatter.
+A copied test predicts its original almost exactly, and what is judged on left-out tests is then wrong. Measured is the
+share of one pulse that no line through the other explains, at the best shift, averaged over 4 ms: below 0.4 % for
+copies that were shifted, scaled, cropped, resampled, filtered again or rounded; at least 0.7 % between the closest of
+4000 pairs of measured repeats (a helmet on a headform), and 3.9 % between simulated cars with 2 % scatter.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,16 +42,15 @@ def check_tests_differ(
     doubtful = []
     for (one, other), share in similar_tests(records).items():
         if share < ONE_RECORD:
-            expected = "a record of its own for each test"
             found = f"the same record for {table.ids[one]} and {table.ids[other]}, shifted, scaled or filtered at most"
-            place, advice = f"id {table.ids[other]}", "remove one of them, or give it its own record"
-            problems.append(Problem("tests.csv", expected, found, advice, place, table.rows[other]))
+            place = f"id {table.ids[other]}", table.rows[other]
+            problems.append(Problem("tests.csv", "a record of its own for each test", found, "remove one", *place))
         else:
             doubtful.append(f"{table.ids[one]} and {table.ids[other]} ({100 * share:.1f} %)")
     if doubtful:
         warnings.append(
-            f"tests.csv: shifted and scaled, the pulses of some tests hardly differ: {_pairs(doubtful)}. Good repeats "
-            "can be as alike; check that none is a copy of another test."
+            f"tests.csv: shifted and scaled, the pulses of some tests hardly differ: {_pairs(doubtful)}. They may be "
+            "good repeats; check that none is a copy."
         )
 
 
@@ -61,9 +59,7 @@ def check_runs_differ(table: ConditionTable, accel: npt.NDArray[np.float32], war
     speeds = np.array([condition.speed_mps for condition in table.conditions])
     pairs = [f"{table.ids[one]} and {table.ids[other]}" for one, other in copied_runs(speeds, accel)]
     if pairs:
-        warnings.append(
-            f"cae.csv: the same pulse, scaled at most, for {_pairs(pairs)}; check that none is a copy of another run."
-        )
+        warnings.append(f"cae.csv: the same pulse, scaled at most, for {_pairs(pairs)}; check that none is a copy.")
 
 
 def _pairs(pairs: Sequence[str]) -> str:
@@ -78,18 +74,15 @@ def similar_tests(records: Sequence[FloatArray]) -> dict[tuple[int, int], float]
 
 
 def copied_runs(speeds_mps: FloatArray, accel: npt.NDArray[np.float32]) -> Pairs:
-    """Pairs of runs with the same pulse, at any condition, or with one that is scaled, at another speed.
-
-    Runs of one speed may differ in a weight that hardly matters; between speeds more than 2 % apart at least 1.7 % of a
-    pulse differs, above 3 m/s.
-    """
+    """Pairs of runs with the same pulse; at another speed (2 % apart, 1.7 % of a pulse differs) also a scaled one."""
     fast = np.flatnonzero(speeds_mps > _SLOWEST_MPS)
     if fast.size < 2:
         return []
     parts = (accel[fast[at : at + 4000]] for at in range(0, fast.size, 4000))
     coarse = np.concatenate([part.reshape(len(part), -1, 10).mean(axis=2, dtype=np.float64) for part in parts])
     shapes = coarse / np.maximum(np.linalg.norm(coarse, axis=1, keepdims=True), 1e-12)
-    axes = _main_axes(shapes)
+    centred = shapes - shapes.mean(axis=0)  # its eight main axes hold nearly all, and bring no two rows further apart
+    axes = centred @ np.linalg.eigh(centred.T @ centred)[1][:, -8:]
     pairs = cKDTree(axes).query_pairs(_RUNS_DIFFER, output_type="ndarray")
     is_apart = np.abs(np.log(speeds_mps[fast[pairs[:, 0]]] / speeds_mps[fast[pairs[:, 1]]])) > _OTHER_SPEED
     limits = np.where(is_apart, _RUNS_DIFFER, _IDENTICAL)
@@ -157,12 +150,6 @@ def _alike(records: Sequence[FloatArray]) -> Pairs:
             rows, columns = np.nonzero(np.abs(late[start : start + _ROWS_AT_ONCE] @ early.T) > least)
             pairs |= {(min(i, j), max(i, j)) for i, j in zip((rows + start).tolist(), columns.tolist(), strict=True)}
     return sorted((one, other) for one, other in pairs if one != other)
-
-
-def _main_axes(rows: FloatArray) -> FloatArray:
-    """Rows in their eight main axes: they hold nearly all, and bring no two rows further apart; shape (n, 8)."""
-    centred = rows - rows.mean(axis=0)
-    return np.asarray(centred @ np.linalg.eigh(centred.T @ centred)[1][:, -8:])
 
 
 def _unit(rows: FloatArray) -> FloatArray:

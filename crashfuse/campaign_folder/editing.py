@@ -84,24 +84,20 @@ def counted(number: int, role: Role) -> str:
 def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
     """Add tests, CAE runs or both to a campaign folder, or start a new one with them, as one change.
 
-    Rows go into the existing table, in its units; pulses go where the others are, by default ``<role>/<id>.csv``;
-    ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, with the same id, condition and
-    pulse, stays as it is.
+    Rows go into the existing table, in its units; pulses where the others are, by default ``<role>/<id>.csv``;
+    ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, all the same, stays as it is.
 
-    A DataError leaves the campaign unchanged: an id is invalid, twice in the additions, or in the campaign with another
-    condition or pulse; all are there already; a test is a copy of another; the campaign is the sample or invalid.
+    A DataError leaves the campaign unchanged: an id is invalid, given twice, or there with another condition or pulse;
+    all are there already; a test is a copy of another; the campaign is the sample or invalid.
     """
     for role, of_role in additions.items():
         ids = [addition.id for addition in of_role]
         writer.check_ids(ids, role)
         names = Counter(map(condition_tables.folded, ids))
         if twice := [run_id for run_id in ids if names[condition_tables.folded(run_id)] > 1]:
-            raise DataError(
-                Problem(role, "each id once", condition_tables.listed(twice[:2]), "give one of them another id")
-            )
+            raise DataError(Problem(role, "each id once", condition_tables.listed(twice[:2]), "rename one of them"))
     if not is_vacant(folder) and not any((folder / name).is_file() for name in _MARKS):
-        found, advice = "other files", "name a campaign, or a folder that does not exist yet"
-        raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
+        raise DataError(Problem(str(folder), "a campaign folder, or an empty one", "other files", "name another"))
     with taking_turns(folder):
         return _add(folder, additions)
 
@@ -109,9 +105,8 @@ def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) 
 def leave_out(folder: Path, ids: Sequence[str], why: str = "") -> str:
     """Leave tests of a campaign out of use: they stay in the folder, but nothing learns from them or rates them.
 
-    ``unused`` in ``campaign.toml`` lists them, with the reason if one is given. Returns what was done, a sentence
-    without its full stop. Raises a UsageError if there is no such test in use or none would stay in use, a DataError
-    if the files cannot be edited.
+    ``unused`` in ``campaign.toml`` lists them, with the reason if one is given. Returns what was done, without a full
+    stop. Raises a UsageError if there is no such test in use or none would stay in use, a DataError from the files.
     """
     with taking_turns(folder):
         test_ids, unused = _tests(folder)
@@ -253,8 +248,7 @@ def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_f
         path = folder / role / f"{addition.id}.csv"
         pulse = writer.pulse_csv(addition.pulse).encode()
         if path.exists() and path.read_bytes() != pulse:
-            found, advice = "another pulse there, without a row in the table", "rename or remove the file"
-            raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
+            raise DataError(Problem(f"{role}/{path.name}", "no such file yet", "one without a row", "remove the file"))
         new_file(path).write_bytes(pulse)
 
 
@@ -280,11 +274,11 @@ def _already_there(
             close = np.allclose(conditions[run_id].vector, again[run_id].condition.vector, rtol=_SAME)
             same |= {run_id} if close and _is_same(there, pulse) else set()
     if other := [run_id for run_id in again if run_id not in same]:
-        expected, advice = "an id that is not there yet", "give it another id, or remove the one that is there"
-        raise DataError([Problem(f"{role}.csv", expected, repr(i), advice, "id") for i in other[:20]])
+        file, new = f"{role}.csv", "an id that is not there yet"
+        raise DataError([Problem(file, new, repr(i), "rename it, or remove the other", "id") for i in other[:20]])
     if len(same) == len(additions):
-        expected, found = f"a {WHAT[role][0]} that is not there yet", f"{_named([*again])}, there already with the same"
-        raise DataError(Problem(f"{role}.csv", expected, f"{found} condition and pulse", "nothing has to be added"))
+        expected, found = f"a {WHAT[role][0]} that is not there yet", f"{_named([*again])}, there already all the same"
+        raise DataError(Problem(f"{role}.csv", expected, found, "nothing has to be added"))
     return tuple(again)
 
 
@@ -295,10 +289,7 @@ def _is_same(one: Pulse, other: Pulse) -> bool:
 
 
 def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
-    """The text of the condition table, ready for rows to be appended, and its columns.
-
-    Further columns that it lacks are added to its header; its rows are then short, which counts as empty cells.
-    """
+    """The condition table with the further columns (rows are then short: their cells are empty), and all columns."""
     further = writer.further_columns([addition.further for addition in additions])
     if table is None:
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
@@ -399,8 +390,8 @@ def _write_unused(path: Path, unused: Mapping[str, str], to: Path) -> None:
     # the setting is the first line: before any table, whose setting it would be
     new = next((line + others for others in _without_list(text) if _values(line + others) == wanted), None)
     if new is None:
-        expected, found = "unused = [...] or {...} at the start of a line", "another form"
-        raise DataError(Problem(path.name, expected, found, f"set it by hand: unused = {toml_text(value)}"))
+        by_hand = f"set it by hand: unused = {toml_text(value)}"
+        raise DataError(Problem(path.name, "unused = [...] or {...} at the start of a line", "another form", by_hand))
     if new:
         to.write_bytes(new.encode())
 

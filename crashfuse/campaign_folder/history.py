@@ -1,10 +1,9 @@
 """Changes of a campaign folder: all or nothing, and each kept with what it replaced, so that it can be undone.
 
 ``.undo/`` has a numbered folder for each change, with a list of its files (SHA-256 before and after) and those that it
-replaced in ``before/``, as hard links where the disk allows: files are replaced, never written in place. The list is
-named ``begun.json`` from before the first file is touched until after the last, then ``change.json``. Whoever comes
-upon a change that has begun and whose process is gone puts its files back; an undo makes of a change one that has
-only begun.
+replaced in ``before/``, as hard links where the disk allows: files are never written in place. The list is named
+``begun.json`` until after the last file, then ``change.json``. Whoever comes upon a change that has begun and whose
+process is gone puts its files back; an undo makes of a change one that has only begun.
 """
 
 import getpass
@@ -47,16 +46,12 @@ class ChangedFile:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of a campaign folder, by increasing numbers.
+    """A change of a campaign folder."""
 
-    ``what`` is a sentence without its full stop, ``when`` date and time in UTC. ``files`` are in the order of writing:
-    each step leaves a campaign that can be read.
-    """
-
-    number: int
-    what: str
-    when: str
-    files: tuple[ChangedFile, ...]
+    number: int  # increasing
+    what: str  # a sentence without its full stop
+    when: str  # in UTC
+    files: tuple[ChangedFile, ...]  # in the order of writing: each step leaves a campaign that can be read
     author: str = ""
 
     def __str__(self) -> str:
@@ -84,12 +79,10 @@ def changed_by(author: str) -> Iterator[None]:
 def taking_turns(folder: Path) -> Iterator[None]:
     """Let nobody else change a campaign folder meanwhile, and find it without half a change.
 
-    Raises a DataError if another process changes it for too long, an interrupted change cannot be put back, or it is
-    the sample; an OSError if it cannot be written.
+    Raises a DataError if another process changes it for too long, half a change stays, or it is the sample.
     """
     if is_sample(folder):
-        advice = "edit a copy of it (crashfuse sample DIR)"
-        raise DataError(Problem(str(folder), "a campaign folder of yours", "the sample's own", advice))
+        raise DataError(Problem(str(folder), "a folder of yours", "the sample", "copy it (crashfuse sample DIR)"))
     with sole_writer(folder, _PATIENCE_S):
         for home in reversed(_entries(folder)):
             if (home / _BEGUN).exists():
@@ -108,8 +101,8 @@ def settle(folder: Path) -> None:
             with taking_turns(folder):
                 pass
         except OSError as error:
-            expected, advice = "a campaign whose last change was finished", "open it where its folder can be written"
-            raise DataError(Problem(str(folder), expected, "an interrupted change", advice)) from error
+            trouble = "finished changes", "an interrupted one", "open it where its folder can be written"
+            raise DataError(Problem(str(folder), *trouble)) from error
 
 
 def is_vacant(folder: Path) -> bool:
@@ -122,9 +115,8 @@ def is_vacant(folder: Path) -> bool:
 def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) -> Iterator[Callable[[Path], Path]]:
     """Change files of a campaign folder, all of them or none, while it is one's turn.
 
-    Yields a function that takes a file of the folder and returns the path to write its new content to; a file whose new
-    content is not written is removed. Files are replaced in the order in which they were asked for. ``check`` is called
-    after that; if it raises, everything is put back.
+    Yields a function that takes a file of the folder and returns the path to write its new content to; if nothing is
+    written there, the file is removed. Files are replaced in the order asked for; if ``check`` then raises, put back.
     """
     home = folder / _HOME / f"{1 + max((int(home.name) for home in _entries(folder)), default=0):06d}"
     names: list[str] = []
@@ -160,16 +152,15 @@ def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) 
 def undo(folder: Path, last: Change | None = None) -> Change:
     """Undo the last change of a campaign folder, which is returned: every file is again what it was, byte for byte.
 
-    ``last`` is the change that is meant. Raises a DataError if there is no change, another one was made since, or one
-    of its files was changed since; the folder stays as it is.
+    ``last`` is the change that is meant. A DataError leaves the folder as it is: there is none, another one was made
+    since, or one of its files was changed since.
     """
     with taking_turns(folder):
         change = next(iter(changes(folder)), None)
         if change is None:
             raise DataError(Problem(str(folder), "a change that can be undone", "none", "nothing has to be undone"))
         if last is not None and change != last:
-            expected, advice = f"“{last.what}” as the last change", "undo that first"
-            raise DataError(Problem(str(folder), expected, f"{change}", advice))
+            raise DataError(Problem(str(folder), f"“{last.what}” as last change", f"{change}", "undo that first"))
         home = folder / _HOME / f"{change.number:06d}"
         _waiting(folder, home, change)
         (home / _LIST).rename(home / _BEGUN)
@@ -208,8 +199,7 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
     now = datetime.now(UTC).isoformat(timespec="seconds")
     content = json.dumps(asdict(Change(int(home.name), what, now, files, _author.get() or _user())), indent=1).encode()
     if len(content) > _LARGEST or not all(map(_is_sound, files)):
-        found, advice = "too many, or names that no campaign has", "change them in several steps, or rename them"
-        raise DataError(Problem(str(folder), "files of a campaign", found, advice))
+        raise DataError(Problem(str(folder), "files of a campaign", "too many, or other names", "rename or split them"))
     for path in sorted(home.rglob("*"), reverse=True):  # the inner ones first
         flush(path)
     write_atomically(home / _BEGUN, content)
@@ -220,8 +210,8 @@ def _begin(folder: Path, home: Path, what: str, names: Sequence[str]) -> None:
 def _put_back(folder: Path, home: Path) -> None:
     change = _read(home / _BEGUN)
     if change is None:
-        where, expected = f"{_HOME}/{home.name}/{_BEGUN}", "the list of what an interrupted change touched"
-        raise DataError(Problem(where, expected, "a damaged one", _by_hand(home)))
+        where = f"{_HOME}/{home.name}/{_BEGUN}"
+        raise DataError(Problem(where, "the list of an interrupted change", "a damaged one", _by_hand(home)))
     _move(home / _BEFORE, folder, [*reversed(_waiting(folder, home, change))])
     for file in change.files:
         if "/" in file.name:
@@ -258,8 +248,8 @@ def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
             continue
         waiting.append(file.name)
         if now != file.after:
-            expected, found = f"the file as it was after “{change.what}”", "one that was changed since"
-            raise DataError(Problem(file.name, expected, found, _by_hand(home)))
+            expected = f"the file as it was after “{change.what}”"
+            raise DataError(Problem(file.name, expected, "one that was changed since", _by_hand(home)))
         if file.before is not None and (kept.is_symlink() or _digest(kept) != file.before):
             where, found = kept.relative_to(folder).as_posix(), "none, or a damaged one"
             raise DataError(Problem(where, "the file that was replaced", found, _by_hand(home)))
@@ -300,8 +290,8 @@ def _is_sound(file: ChangedFile) -> bool:
 def _require_inside(folder: Path, path: Path) -> None:
     """Raise a DataError if a file of the folder lies behind a link to another one, which may be anybody's."""
     if not path.parent.resolve().is_relative_to(folder.resolve()):
-        where, expected = path.parent.relative_to(folder).as_posix(), "a folder in the campaign folder"
-        raise DataError(Problem(where, expected, "a link to one elsewhere", "put the files themselves there"))
+        where = path.parent.relative_to(folder).as_posix()
+        raise DataError(Problem(where, "a folder in the campaign's", "a link to one elsewhere", "put files there"))
 
 
 def _digest(path: Path) -> str | None:

@@ -116,29 +116,23 @@ def read_folder(folder: str | Path) -> Campaign:
         warnings += _shortened([line for line in findings(tables, pulses) if line.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
-    cae = CaeLibrary(
-        runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, failed, runs.about
-    )
+    runs_accel = pulses["cae"].astype(np.float32, copy=False)
+    cae = CaeLibrary(runs.ids, runs.conditions, runs_accel, runs.quality, failed, runs.about)
     check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
     table = tables["tests"]
-    tests = zip(table.ids, table.conditions, pulses["tests"], table.tuned, table.about, strict=True)
+    rows_of_tests = zip(table.ids, table.conditions, pulses["tests"], table.tuned, table.about, strict=True)
     crash_tests = tuple(
-        CrashTest(
-            i, condition, Pulse(GRID_S, accel), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about, walls.get(i)
-        )
-        for i, condition, accel, tuned, about in tests
+        CrashTest(i, at, Pulse(GRID_S, a), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about, walls.get(i))
+        for i, at, a, tuned, about in rows_of_tests
     )
     accused = [(f"tests.csv, {test.id}", test.wall, test.pulse.accel_mps2, test.condition) for test in crash_tests]
     of_runs = zip(cae.ids, cae.accel_mps2, cae.conditions, strict=True)
-    accused += [
-        (f"cae.csv, {run}", walls_of_runs[run], accel, at) for run, accel, at in of_runs if run in walls_of_runs
-    ]
+    accused += [(f"cae.csv, {i}", walls_of_runs[i], accel, at) for i, accel, at in of_runs if i in walls_of_runs]
     for kind in WALLS:
         rows = ((who, wall.beside(accel), at) for who, wall, accel, at in accused if wall and who.startswith(kind))
-        warnings += _shortened(
-            [f"{who}: {text}." for who, one, at in rows for text in one.findings(at.mass_kg, at.speed_mps)]
-        )
+        findings_of = ((who, one.findings(at.mass_kg, at.speed_mps)) for who, one, at in rows)
+        warnings += _shortened([f"{who}: {text}." for who, texts in findings_of for text in texts])
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
     return Campaign(
@@ -153,8 +147,8 @@ def _read_walls(path: Path, problems: list[Problem]) -> dict[str, Wall]:
     if path.is_file():
         with collecting(problems), ParquetTable.opened(path, path.name) as table:
             if not {*WALL_COLUMNS} <= {*table.names}:
-                expected, found = f"the columns {', '.join(WALL_COLUMNS)}", listed(table.names)
-                raise DataError(Problem(path.name, expected, found, "import the tests again"))
+                expected = f"the columns {', '.join(WALL_COLUMNS)}"
+                raise DataError(Problem(path.name, expected, listed(table.names), "import the tests again"))
             rows = pd.concat([frame for frame, _ in table.blocks(WALL_COLUMNS)])
             for test_id, of_test in rows.groupby("id", observed=True, sort=False):
                 time_ms, force_kn = (of_test[name].to_numpy(np.float64) for name in WALL_COLUMNS[1:])
@@ -173,9 +167,7 @@ def unread_files(folder: Path) -> str:
             unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
         elif path.name not in AT_THE_TOP:
             unread.append(path.name + "/" * path.is_dir())
-    unread = [
-        name for name in unread if not archive.left_by_the_system(name.rstrip("/")) and not _ABOUT.fullmatch(name)
-    ]
+    unread = [name for name in unread if not (archive.left_by_the_system(name.rstrip("/")) or _ABOUT.fullmatch(name))]
     return f"Not read, as no file of a campaign has such a name: {listed(unread)}." if unread else ""
 
 
@@ -203,7 +195,7 @@ def _check_pulses(
         gap = plausibility.find_gap(table.speeds_mps, accel, *tests, taken_m=taken_m)
         reader.warnings += [gap.warning] if gap else []
     plausibility.check_physics(role, table, accel, reader.faults, reader.problems, gap.advice if gap else "")
-    plausibility.check_ends(role, table, accel, reader.ends_s, reader.faults, reader.problems)
+    reader.problems += plausibility.check_ends(role, table, accel, reader.ends_s, reader.faults)
     plausibility.check_band(role, accel, reader.warnings)
     if role == "tests":
         check_tests_differ(table, accel, reader.ends_s, reader.problems, reader.warnings)
@@ -238,8 +230,7 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
     """Lay uploads out as a campaign folder in another one, which the caller must delete; its numbers are not checked.
 
     Uploads are one zip of a campaign folder, or its files. A pulse file beside the tables belongs to the table that has
-    its id. Notes (``.md``, ``.txt``) are ignored. Raises a DataError if anything is not part of a campaign or exceeds
-    the limits; nothing is left in ``into`` then.
+    its id. Notes (``.md``, ``.txt``) are ignored. A DataError leaves nothing in ``into``.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
@@ -283,9 +274,8 @@ def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
         raise archive.too_many("upload", len(uploads), limits)
     if sum(len(content) for _, content in uploads) > limits.total_bytes:
         raise archive.too_much("upload", limits)
-    archive.refuse(
-        [Problem(name, *trouble) for name, _ in uploads if (trouble := archive.name_trouble(name))], "upload"
-    )
+    problems = [Problem(name, *trouble) for name, _ in uploads if (trouble := archive.name_trouble(name))]
+    archive.refuse(problems, "upload")
 
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
@@ -314,8 +304,8 @@ def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Prob
         elif root in member.path.parents and _in_a_campaign(member.path.relative_to(root).with_suffix(ending)):
             targets[member] = member.path.relative_to(root).with_suffix(ending)
         elif ending not in _NOTES:
-            expected, advice = "a file of one campaign folder", "put pulses into tests/ or cae/ and leave out the rest"
-            problems.append(Problem(member.where, expected, "a file elsewhere", advice))
+            wrong = "a file of one campaign folder", "a file elsewhere", "put pulses into tests/ or cae/"
+            problems.append(Problem(member.where, *wrong))
     times = Counter(folded(str(target)) for target in targets.values())
     for member in [member for member, target in targets.items() if times[folded(str(target))] > 1]:
         problems.append(Problem(member.where, "names that differ by more than capitals", "two alike", "keep one"))
@@ -327,7 +317,7 @@ def _strange(member: Member) -> Problem | None:
     ending = member.path.suffix.lower()
     if ending in (*PULSES, *_NOTES, ".toml"):
         return None
-    expected = "a file of a campaign (.csv, .parquet, campaign.toml) or of a format to be imported"
+    expected = "a file of a campaign (.csv, .parquet, campaign.toml) or one to be imported"
     return Problem(member.where, expected, printable(member.path.name), "unpack or leave it out")
 
 
@@ -343,17 +333,17 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
 def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Problem]) -> None:
     """Move each pulse beside the tables to the role that has its id, else to the one whose table cannot be read."""
     strays = [folder / path for path in at_the_top if path.name not in AT_THE_TOP]
-    without_pulses = [
-        role for role in _ROLES if strays and not any((folder / f"{role}_pulses{end}").is_file() for end in PULSES)
-    ]
-    tables = {role: read_lenient(folder / f"{role}.csv", role, []) for role in without_pulses}
+    has_pulses = {role for role in _ROLES for end in PULSES if (folder / f"{role}_pulses{end}").is_file()}
+    lacking = [role for role in _ROLES if strays and role not in has_pulses]
+    tables = {role: read_lenient(folder / f"{role}.csv", role, []) for role in lacking}
     unread = [role for role, table in tables.items() if table is None]
     for path in strays:
         homes = [role for role, table in tables.items() if table and path.stem in table.ids] or unread[:1]
         if len(homes) != 1:
-            expected = "a pulse named after an id in one of tests.csv and cae.csv whose pulse is in no table"
             found = "an id of both" if homes else "another name"
-            problems.append(Problem(path.name, expected, found, "put it into tests/ or cae/, zipped, or leave it out"))
+            problems.append(
+                Problem(path.name, "a pulse named after an id of one table", found, "zip it in tests/ or cae/")
+            )
         elif (home := folder / homes[0] / path.name).exists():
             problems.append(Problem(path.name, "each pulse once", f"one in {homes[0]}/ too", "keep one"))
         else:

@@ -25,23 +25,11 @@ _ADVICE = f"correct it, or take {FILE} out of the folder"
 class Note:
     """A note on a test; with a start, a mark on its figures over time at that moment, or from there to an end.
 
-    Parameters
-    ----------
-    test : str
-        Id of the test.
-    text : str
-        At most 500 characters; runs of white space become single spaces.
-    start_ms, end_ms : float, optional
-        From 0 to 100 ms.
-
-    Raises
-    ------
-    UsageError
-        If there is no text, it is too long, or the times are not in order within 0 to 100 ms.
+    Raises a UsageError if there is no text, it is too long, or the times are not in order within 0 to 100 ms.
     """
 
-    test: str
-    text: str
+    test: str  # its id
+    text: str  # at most 500 characters; runs of white space become single spaces
     start_ms: float | None = None
     end_ms: float | None = None
 
@@ -84,9 +72,8 @@ def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
 def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> None:
     """Change the notes in a campaign folder, which is there, while nobody else does.
 
-    ``change`` takes the notes that are there and returns those that shall be. Raises an OSError if the folder cannot be
-    written, and a DataError if the old or new file cannot be read, or the old one has other columns, which would be
-    lost; nothing is changed then.
+    ``change`` takes the notes that are there and returns those that shall be. Nothing is changed on a DataError: the
+    old or new file cannot be read, or the old one has other columns, which would be lost.
     """
     path = Path(folder, FILE)
     with taking_turns(path.parent):
@@ -96,7 +83,8 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
         if not notes:
             path.unlink(missing_ok=True)
             return
-        rows = [(note.test, _cell(note.start_ms), _cell(note.end_ms), note.text) for note in notes]
+        ends = [["" if end is None else float(f"{end:.6g}") for end in (note.start_ms, note.end_ms)] for note in notes]
+        rows = [(note.test, *times, note.text) for note, times in zip(notes, ends, strict=True)]
         with replacing(path) as temporary:
             temporary.write_bytes(csv_text([COLUMNS, *rows]).encode())
             _read(temporary)
@@ -108,15 +96,16 @@ def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
     if missing := [name for name in COLUMNS if name not in names]:
         raise DataError(Problem(FILE, f"the columns {', '.join(COLUMNS)}", f"none named {missing[0]}", _ADVICE))
     if alone and (others := [name for name in names if name not in COLUMNS]):
-        expected, found = f"the columns {', '.join(COLUMNS)} alone", f"{listed(others)}, which would be lost"
-        raise DataError(Problem(FILE, expected, found, "take them out, or add notes in the file itself"))
+        found = f"{listed(others)}, which would be lost"
+        raise DataError(Problem(FILE, f"the columns {', '.join(COLUMNS)} alone", found, "take them out"))
     if len(rows) > MOST:
         raise DataError(Problem(FILE, f"at most {MOST} notes", f"{len(rows)}", "take some out"))
     notes, problems = [], []
     for row, number in zip(rows, numbers, strict=True):
         test, start, end, text = (row[names.index(name)] for name in COLUMNS)
         try:
-            notes.append(Note(test.strip(), text, _time(start), _time(end)))
+            times = [float(cell) if cell.strip() else None for cell in (start, end)]
+            notes.append(Note(test.strip(), text, *times))
         except (UsageError, ValueError) as error:
             expected = str(error) if isinstance(error, UsageError) else "times in ms, or nothing"
             found = printable(", ".join((test, start, end, text)), 80)
@@ -124,11 +113,3 @@ def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
     if problems:
         raise DataError(shortened(problems))
     return tuple(notes)
-
-
-def _time(cell: str) -> float | None:
-    return float(cell) if cell.strip() else None
-
-
-def _cell(time_ms: float | None) -> object:
-    return "" if time_ms is None else float(f"{time_ms:.6g}")

@@ -1,10 +1,7 @@
 """Plausibility of pulses: against their conditions, a gap before the barrier, and records unlike the others.
 
-A gap lets the vehicle move freely before it decelerates, over one distance in all CAE runs. Its length over the speed
-is the time at which a run begins to decelerate, but for a constant: a filter brings an onset forward by up to 4 ms, a
-soft bumper delays it.
-
-Records are compared with the CAE runs at a test's speed, less what the other tests differ from theirs.
+A gap lets the vehicle move freely over one distance in all CAE runs. Its length over the speed is when a run begins to
+decelerate, but for a constant: a filter brings an onset forward by up to 4 ms, a soft bumper delays it.
 """
 
 import shlex
@@ -71,8 +68,8 @@ def check_physics(
     moving = speed > CREEP_MPS
     typical = float(np.median(ratio[moving])) if moving.any() else 1.0
     if role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
-        found, expected = f"{typical:.2f} times it", "changes of velocity near the impact speed, in most runs"
-        problems.append(Problem("cae.csv", expected, found, advice or _likely_cause(typical, *_LIBRARY_STOPS)))
+        expected, cause = "changes of velocity near the impact speed", _likely_cause(typical, *_LIBRARY_STOPS)
+        problems.append(Problem("cae.csv", expected, f"{typical:.2f} times it in most runs", advice or cause))
         return
     turned = np.isnan(speed) & (biggest > CREEP_MPS)
     for row in np.flatnonzero(turned | (((ratio < low) | (ratio > high)) & moving)):
@@ -98,9 +95,8 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
         if speed > CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
             unit, ending = ("km/h", "_mph") if share < 1 else ("mph", "_kph")
             warnings.append(
-                f"tests.csv, {test_id}: over its impact speed its change of velocity is {share:.2f} times that of CAE "
-                f"runs near {_speed_text(speed)}; check its speed ({unit} under a name that ends in {ending}?) and the "
-                "scale and zero of its acceleration."
+                f"tests.csv, {test_id}: its change of velocity is {share:.2f} times that of CAE runs near "
+                f"{_speed_text(speed)}; check its speed ({unit} in a column …{ending}?), its scale and zero."
             )
     return warnings
 
@@ -117,8 +113,8 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
     for test_id, stated_kg in zip(tests.ids, _weights(tests), strict=True):
         might_be = {
             "": stated_kg,
-            "check their unit (kilograms under a name that ends in _lb?)": stated_kg / LB,
-            "check their unit (pounds under a name that ends in _kg?)": stated_kg * LB,
+            "check their unit (kilograms in a column …_lb?)": stated_kg / LB,
+            "check their unit (pounds in a column …_kg?)": stated_kg * LB,
             "check which axle is which": stated_kg[::-1],
         }
         fitting = [advice for advice, kg in might_be.items() if ((low <= kg) & (kg <= high)).all()]
@@ -128,24 +124,18 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
 
 
 def check_ends(
-    role: str,
-    table: ConditionTable,
-    accel: FloatArray,
-    ends_s: Mapping[str, float],
-    faults: Faults,
-    problems: list[Problem],
-) -> None:
-    """Reject a record that ends while the vehicle is still moving."""
+    role: str, table: ConditionTable, accel: FloatArray, ends_s: Mapping[str, float], faults: Faults
+) -> list[Problem]:
+    """Records that end while the vehicle is still moving."""
+    problems = []
     for row, run_id in enumerate(table.ids):
-        if run_id not in ends_s:
-            continue
-        speed, end = table.conditions[row].speed_mps, ends_s[run_id]
-        velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
+        speed, end = table.conditions[row].speed_mps, ends_s.get(run_id, np.inf)
+        velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps) if run_id in ends_s else 0.0
         if velocity > MOVING * speed:
             found = f"{_speed_text(velocity)} at its end, {time_text(end)}"
-            place, number = f"id {run_id}", table.rows[row]
             advice = fault_advice(run_id, faults.get(run_id, ())) or "export a longer record"
-            problems.append(Problem(f"{role}.csv", LONG_ENOUGH, found, advice, place, number))
+            problems.append(Problem(f"{role}.csv", LONG_ENOUGH, found, advice, f"id {run_id}", table.rows[row]))
+    return problems
 
 
 def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
@@ -160,7 +150,7 @@ def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
     if share > _HIGH_SHARE:
         finding = f"{100 * share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled"
     elif noise > CFC60_NOISE:
-        finding = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more noise than CFC 60 leaves"
+        finding = f"above 400 Hz the pulses hold {100 * noise:.1g} % of their peak, more than CFC 60 leaves"
     else:
         return
     warnings.append(f"{role}: {finding}; set channel_filter_class = 60 in campaign.toml if they are not filtered.")
@@ -176,10 +166,10 @@ def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
 def _likely_cause(ratio: float, low: float, high: float) -> str:
     causes = {
         "flip the sign of the acceleration (deceleration is negative)": -1.0,
-        "check the unit of the acceleration (m/s² under a name that ends in _g?)": G,
-        "check the unit of the acceleration (g under a name that ends in _mps2?)": 1 / G,
-        "check the unit of the speed (km/h under a name that ends in _mph?)": KPH / MPH,
-        "check the unit of the speed (mph under a name that ends in _kph?)": MPH / KPH,
+        "check the unit of the acceleration (m/s² in a column …_g?)": G,
+        "check the unit of the acceleration (g in a column …_mps2?)": 1 / G,
+        "check the unit of the speed (km/h in a column …_mph?)": KPH / MPH,
+        "check the unit of the speed (mph in a column …_kph?)": MPH / KPH,
     }
     likely = [advice for advice, factor in causes.items() if low <= ratio / factor <= high]
     return likely[0] if likely else "check the speed, the units and time zero of this pulse"
@@ -200,19 +190,16 @@ def _changes(accel: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """How far and how long CAE runs move freely, what share of them, and how much of a gap is taken out already.
+    """How far and how long CAE runs move freely, what share of them, and how much of a gap is taken out already."""
 
-    The distance, in m, is None if it is not one: records of a late trigger, or of models with different gaps.
-    """
-
-    distance_m: float | None
+    distance_m: float | None  # None if it is not one: a late trigger, or models with different gaps
     lasts_s: tuple[float, float]
     share: float
     taken_m: float = 0.0
 
     @property
     def hides_tests(self) -> bool:
-        """Whether tests cannot be compared with the CAE runs near their speed."""
+        """Whether tests cannot be compared with CAE runs."""
         return self.share >= _FEW
 
     @property
@@ -242,7 +229,7 @@ def find_gap(
     tests: npt.NDArray[np.float32],
     taken_m: float = 0.0,
 ) -> Gap | None:
-    """The gap of CAE runs that have one, or begin late, where the tests do not; pulses have shape (n, 1250)."""
+    """The gap of CAE runs that have one, or begin late, where the tests do not."""
     speed, free_s, sudden = _free_travel(speeds_mps, accel)
     late = sudden & (free_s >= _LEAST_S) & (speed * free_s >= LEAST_M)
     if not late.any():

@@ -1,7 +1,6 @@
 """Pulse files, one per test or run or all in one tidy table, resampled from any even sampling to the study grid.
 
-Tables are read in batches and their samples go straight into the float32 array of all pulses, so that a library of
-100,000 runs needs little more memory than the array itself.
+Tables are read in batches, straight into the array of all pulses: 100,000 runs need little more memory than that.
 """
 
 import unicodedata
@@ -55,9 +54,7 @@ class PulseFiles:
     """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid.
 
     With a channel filter class, whole records are filtered before they are cropped to the grid. With a gap before the
-    barrier, a record begins where its run is through it, by its speed. ``ends_s`` has the ends of records that are
-    shorter than the grid, ``faults`` what looks like a fault of a test's sensor, both by id; ``unread`` the rows of ids
-    without a usable pulse; ``through_gap`` counts the records whose gap was taken out.
+    barrier, a record begins where its run is through it, by its speed.
     """
 
     folder: Path
@@ -67,10 +64,10 @@ class PulseFiles:
     speeds_mps: Mapping[str, float] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    ends_s: dict[str, float] = field(default_factory=dict)
-    unread: list[int] = field(default_factory=list)
-    faults: dict[str, tuple[SensorFault, ...]] = field(default_factory=dict)
-    through_gap: int = 0
+    ends_s: dict[str, float] = field(default_factory=dict)  # of records shorter than the grid, by id
+    unread: list[int] = field(default_factory=list)  # rows of ids without a usable pulse
+    faults: dict[str, tuple[SensorFault, ...]] = field(default_factory=dict)  # what looks like one, by id
+    through_gap: int = 0  # records whose gap was taken out
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str], unused: Sequence[str] = ()) -> npt.NDArray[np.float32]:
@@ -103,10 +100,10 @@ class PulseFiles:
                         self.ends_s[run_id] = float(record.time_s[-1])
         self.unread = sorted(unread)
         if not self._unreadable:
-            found, advice = f"none in {self.role}/ or {self.role}_pulses", "add its pulse or remove its row"
+            file, found = f"{self.role}.csv", f"none in {self.role}/ or {self.role}_pulses"
             found += f", but {listed(strangers)} without a row" if strangers else ""
             expected = [f"a pulse for {printable(run_id, 60)}" for run_id in missing]
-            self.problems += [Problem(f"{self.role}.csv", text, found, advice, "id") for text in expected]
+            self.problems += [Problem(file, text, found, "add it or remove its row", "id") for text in expected]
         if strangers:
             where = f"{self.role}: pulses without a row in {self.role}.csv"
             self.warnings.append(f"{where} are left out, namely {listed(strangers)}.")
@@ -150,8 +147,8 @@ class PulseFiles:
             files = [there[name] for ending in _ENDINGS if (name := _composed(f"{run_id}{ending}")) in there]
             record, where = None, f"{folder.name}/{files[0] if files else ''}"
             if len(files) > 1:
-                found, advice = " and ".join(files), KEEP_ONE
-                self.problems.append(Problem(f"{folder.name}/", f"one pulse for {run_id}", found, advice))
+                expected = f"one pulse for {run_id}"
+                self.problems.append(Problem(f"{folder.name}/", expected, " and ".join(files), KEEP_ONE))
             elif files:
                 with collecting(self.problems):
                     record = _whole_record(folder / files[0], where, self.problems)
@@ -181,13 +178,13 @@ class PulseFiles:
                     pending_id = run_id
                     pending.append(rows_of[start:stop])
                     if len(finished) > _MOST_RECORDS:
-                        found, advice = "more", "check its ids, or leave runs out"
-                        raise DataError(Problem(path.name, f"at most {_MOST_RECORDS:,} runs", found, advice, "id"))
+                        expected = f"at most {_MOST_RECORDS:,} runs"
+                        raise DataError(Problem(path.name, expected, "more", "check its ids", "id"))
                     if run_id in finished:
                         del self.problems[so_far:]  # problems of records split between batches are not real
                         found = f"rows of {printable(run_id, 60)} in two places"
-                        advice, row = "sort the file by id, then by time", int(pending[0].rows[0])
-                        raise DataError(Problem(path.name, "the rows of one id together", found, advice, "id", row))
+                        trouble, at = (found, "sort the file by id, then by time"), int(pending[0].rows[0])
+                        raise DataError(Problem(path.name, "the rows of one id together", *trouble, "id", at))
                     _check_length(pending, path.name)
         except DataError as error:
             self.problems.extend(error.problems)
@@ -243,8 +240,9 @@ def _time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} after {time_text(time[at], 6)}"
-        advice = "sort the rows by time, and delete duplicates"
-        return Problem(where, "time that increases from row to row", found, advice, column, int(rows[at + 1]))
+        return Problem(
+            where, "time that increases", found, "sort by time, delete duplicates", column, int(rows[at + 1])
+        )
     step = float(np.median(steps))
     off = np.abs(steps - step)
     if off.max() > UNEVEN * step:
@@ -261,8 +259,7 @@ def rate_trouble(step_s: float, lasts_s: float) -> tuple[str, str, str] | None:
     if step_s <= SLOWEST_S:
         return None
     if lasts_s > _NO_CRASH_S:
-        advice = "check the unit of time: if it is ms, name it time_ms"
-        return "the record of a crash, of about 100 ms", f"one of {lasts_s:.4g} s", advice
+        return "a crash, of about 100 ms", f"one of {lasts_s:.4g} s", "check the unit: if it is ms, name it time_ms"
     return "at least 1000 samples a second", f"{1 / step_s:.0f} Hz", "export at a higher rate"
 
 
@@ -281,17 +278,16 @@ def _cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
     if time_s[0] <= step and time_s[-1] >= SHORTEST_S - step:
         return None
     found = f"{number(time_s[0] / MS, '.4g')} to {time_text(time_s[-1])}"
-    advice = advice_if_short(time_s[-1] - time_s[0], "export the whole record, with time zero at first contact")
+    advice = advice_if_short(time_s[-1] - time_s[0], "export all of it, with time zero at first contact")
     return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, record.time_column)
 
 
 def _sample_batches(
     path: Path, where: str, problems: list[Problem], *, with_id: bool = False
 ) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
-    """Samples of a CSV or Parquet file in SI units, batch by batch, with the record id of each.
+    """Samples of a CSV or Parquet file in SI units, batch by batch, with the record id of each if they have one.
 
-    Cells that are not numbers become problems and NaN. Without an id column, all rows belong to one record. A file that
-    cannot be read, lacks a column or an id, or is empty raises a DataError.
+    Cells that are not numbers become problems and NaN; what makes a file unreadable is a DataError.
     """
     empty = True
     with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where) as table:
@@ -305,11 +301,10 @@ def _sample_batches(
             ids = pd.Categorical(frame["id"] if with_id else np.zeros(len(frame), dtype=np.int8))
             nameless = (ids.codes < 0) | np.isin(ids.codes, np.flatnonzero(ids.categories == ""))
             if nameless.any():
-                row, advice = int(rows[nameless.argmax()]), "name the run that the row belongs to"
-                raise DataError(Problem(where, "an id in each row", "an empty cell", advice, "id", row))
+                at = int(rows[nameless.argmax()])
+                raise DataError(Problem(where, "an id in each row", "an empty cell", "name the row's run", "id", at))
             time_s = to_s * numbers_in(frame[time], time, where, rows, problems, _LARGEST_S / to_s)
-            largest = _LARGEST_MPS2 / to_mps2
-            accel_mps2 = to_mps2 * numbers_in(frame[accel], accel, where, rows, problems, largest)
+            accel_mps2 = to_mps2 * numbers_in(frame[accel], accel, where, rows, problems, _LARGEST_MPS2 / to_mps2)
             yield ids, RecordedPulse(time_s, accel_mps2, rows, time)
     if empty:
         raise DataError(Problem(where, "a header and rows", "an empty table", "add the samples"))
@@ -325,9 +320,8 @@ def _whole_record(path: Path, where: str, problems: list[Problem]) -> RecordedPu
 
 def _check_length(parts: Sequence[RecordedPulse], where: str) -> None:
     if (count := sum(part.rows.size for part in parts)) > _MOST_SAMPLES:
-        found, advice = f"{count} at least", "cut the record, or export it at a lower rate"
-        row, column = int(parts[0].rows[0]), parts[0].time_column
-        raise DataError(Problem(where, f"at most {_MOST_SAMPLES} samples a record", found, advice, column, row))
+        expected, place = f"at most {_MOST_SAMPLES} samples a record", (parts[0].time_column, int(parts[0].rows[0]))
+        raise DataError(Problem(where, expected, f"{count} at least", "cut the record", *place))
 
 
 def read_pulse(path: Path) -> Pulse:
@@ -349,8 +343,7 @@ def _columns(names: Sequence[str], where: str, *, with_id: bool) -> tuple[tuple[
     time = find_column(names, "time", TIME, where, problems)
     accel = find_column(names, "acceleration", ACCELERATION, where, problems)
     if with_id and "id" not in names:
-        found = f"the columns {listed(names)}"
-        problems.append(Problem(where, "a column id", found, "name the run of each row in it"))
+        problems.append(Problem(where, "a column id", f"the columns {listed(names)}", "name each row's run in it"))
     if problems or time is None or accel is None:
         raise DataError(problems)
     return time, accel

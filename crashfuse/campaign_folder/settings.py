@@ -45,11 +45,7 @@ class QualitySettings:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with.
-
-    ``tests_imported_with`` holds the CFC of imported tests, ``unused`` why tests are left out of use, both by id;
-    ``cae_gap_m`` is how far CAE runs move before they meet the barrier.
-    """
+    """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with."""
 
     name: str
     notice: str = ""
@@ -57,9 +53,9 @@ class Settings:
     filtered_with: float | None = None
     quality: QualitySettings = field(default_factory=QualitySettings)
     occupant: OccupantModel = USUAL_OCCUPANT
-    tests_imported_with: Mapping[str, float] = field(default_factory=dict)
-    unused: Mapping[str, str] = field(default_factory=dict)
-    cae_gap_m: float = 0.0
+    tests_imported_with: Mapping[str, float] = field(default_factory=dict)  # their CFC, by id
+    unused: Mapping[str, str] = field(default_factory=dict)  # why tests are left out of use, by id
+    cae_gap_m: float = 0.0  # how far CAE runs move before they meet the barrier
 
 
 def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
@@ -86,8 +82,8 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
 
     cfc, already = filter_class("channel_filter_class"), filter_class("filtered_with")
     if cfc is not None and already is not None:
-        expected, advice = "one of the two", "leave out channel_filter_class, or pulses are filtered twice"
-        problems.append(Problem(_FILE, expected, "channel_filter_class and filtered_with", advice))
+        both = "channel_filter_class and filtered_with"
+        problems.append(Problem(_FILE, "one of the two", both, "leave out the first, or pulses are filtered twice"))
     imported = values.pop("imported", None)
     tables = [entry for entry in (imported if isinstance(imported, list) else []) if isinstance(entry, dict)]
     pairs = [(table.get("id"), table.get("channel_filter_class")) for table in tables if table.get("as") == "tests"]

@@ -46,10 +46,9 @@ _IN_MEMORY = {
 def write_campaign(campaign: Campaign, folder: str | Path) -> None:
     """Write a campaign as a folder that reads back to the same fingerprint.
 
-    Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
-    ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered, which ``campaign.toml`` says.
-    Runs that were left out for their quality, and tests that are left out of use, are not written. If the folder is not
-    empty, an id is no file name (DataError), or writing fails (OSError), nothing is left behind.
+    Conditions are in SI units at full precision, each test is ``tests/<id>.csv``, the CAE runs ``cae_pulses.parquet``.
+    Pulses that were filtered on reading are written filtered, which ``campaign.toml`` says; what was left out is not
+    written. If the folder is not empty or an id is no file name (DataError), nothing is left behind.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     folder = Path(folder)
@@ -115,9 +114,8 @@ def pulse_csv(pulse: Pulse) -> str:
 
 def _write_runs(campaign: Campaign, path: Path) -> None:
     """In batches, so that a library of any size needs little extra memory."""
-    schema = pa.schema(
-        [("id", pa.dictionary(pa.int32(), pa.string())), ("time_s", pa.float64()), ("acceleration_mps2", pa.float32())]
-    )
+    kinds = {"id": pa.dictionary(pa.int32(), pa.string()), "time_s": pa.float64(), "acceleration_mps2": pa.float32()}
+    schema = pa.schema([*kinds.items()])
     accel, ids = campaign.cae.accel_mps2, campaign.cae.ids
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:
         for first in range(0, len(ids), _RUNS_A_BATCH):
@@ -146,10 +144,7 @@ def write_walls(path: Path, to: Path, walls: Mapping[str, Wall | None]) -> None:
 
 
 def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:
-    """Write ``<role>_pulses.parquet`` or ``.csv`` with more pulses, and without those of some ids, to another path.
-
-    Rows with the ids of added pulses are replaced. A DataError says what the table lacks.
-    """
+    """Write ``<role>_pulses.parquet`` or ``.csv`` with more pulses (or others of an id), without some, elsewhere."""
     left_out = {*without, *(run_id for run_id, _ in pulses)}
     try:
         (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, to, pulses, left_out)
@@ -199,8 +194,8 @@ def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, Flo
     wanted |= {f"acceleration_{unit}": pulse.accel_mps2 / factor for unit, factor in ACCELERATION.items()}
     columns = {name: np.asarray(wanted[name]) for name in names if name in wanted}
     if len(columns) != 2:
-        found = ", ".join(names[:12])
-        raise DataError(Problem(where, "one column time_… and one acceleration_…", found, "repair it first"))
+        expected = "one column time_… and one acceleration_…"
+        raise DataError(Problem(where, expected, ", ".join(names[:12]), "repair it first"))
     return columns
 
 
@@ -215,8 +210,7 @@ def campaign_of_frames(
     tables = {"tests": tests, "test_pulses": test_pulses, "cae": cae, "cae_pulses": cae_pulses}
     for argument, table in tables.items():
         if not isinstance(table, pd.DataFrame):
-            found, advice = type(table).__name__, "give a pandas DataFrame"
-            raise DataError(Problem(argument, "a DataFrame", found, advice))
+            raise DataError(Problem(argument, "a pandas DataFrame", type(table).__name__, "give one"))
         if twice := [str(column) for column in table.columns[table.columns.duplicated()]]:
             raise DataError(Problem(argument, "each column once", f"{twice[0]} twice", "rename or remove one"))
     with in_memory() as folder:

@@ -1,6 +1,7 @@
 """Certification of a campaign: a verdict for every condition and criterion, and the record of left-out tests."""
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, Self
@@ -11,46 +12,44 @@ from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import WINDOW_MS, Criteria
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.earlier import Earlier
-from crashfuse.certification.evidence import Rows, hold
+from crashfuse.certification.earlier import Earlier, RemovedTest
 from crashfuse.certification.forecasts import Asked, Forecast, Forecasts, quantity
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.tested_since import TestedSince
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, AllMet, Verdict, Word, all_met, judge, needs_no_test
+from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig, check_window
+from crashfuse.study.outliers import departures_near
 from crashfuse.study.running import workers_at
+from crashfuse.wording import Sentence, joined, probability_text, read_out
 
 APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
 _LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
+Rows = tuple[tuple[Verdict, ...], ...]
 Answer = Literal[
     "run", "need not be run", "to be tested", "would miss", "test or redesign", "record for longer", "outside"
 ]
-"""A test was made for it; it would meet all criteria at once; each is met, but all at once not with the confidence; it
-would miss one; one is open, and only a test or another design can tell; one is open as records end too early; one lies
-beyond what the campaign's tests check. The first that is true."""
+"""The first that is true: a test was made for it; it would meet all criteria at once; each is met, but all at once not
+with the confidence; it would miss one; one is open; one is open as records end too early; one was not checked."""
 
 
 @dataclass(frozen=True, eq=False)
 class Certification:
-    """Verdicts on a matrix of conditions.
-
-    Verdicts are by condition, then by criterion: ``judged`` as the prediction alone has them, ``verdicts`` held against
-    the record and against tests at the condition, open where these contradict.
-    """
+    """Verdicts on a matrix, by condition, then by criterion."""
 
     campaign: Campaign
     criteria: Criteria
     matrix: Matrix
     config: StudyConfig  # with one approach, whose predictions were judged, and the windows of the criteria
     domain: Domain
-    judged: Rows
-    verdicts: Rows
+    judged: Rows  # as the prediction alone has them
+    verdicts: Rows  # held against the record and against tests at the condition, open where these contradict
     record: TrackRecord
     seconds: dict[str, float]  # to learn, leaving tests out included, and to judge the matrix
     since: TestedSince | None = None  # an earlier certification, with what tests that were run after it say of it
@@ -121,16 +120,12 @@ class Certification:
     @property
     def run_first(self) -> str | None:
         """The fastest of two or more conditions that a test can settle, after which others may need none; or None."""
-        unsettled = [
-            (row[0].condition.speed_mps, i)
-            for i, row in self.rows.items()
-            if self.answers[i] == "to be tested"
-            or (
-                self.answers[i] == "test or redesign"
-                and all(v.word != "open" or v.probability is not None for v in row)
-            )
-        ]
-        return max(unsettled)[1] if len(unsettled) > 1 else None
+        speeds = {}
+        for i, answer in self.answers.items():
+            can_tell = all(v.word != "open" or v.probability is not None for v in self.rows[i])
+            if answer == "to be tested" or (answer == "test or redesign" and can_tell):
+                speeds[i] = self.rows[i][0].condition.speed_mps
+        return max(speeds, key=lambda i: (speeds[i], i)) if len(speeds) > 1 else None
 
 
 def _answer(row: tuple[Verdict, ...], confidence: float) -> Answer:
@@ -160,14 +155,13 @@ def certify_matrix(
 ) -> Certification:
     """Judge every criterion at every condition of a matrix, and keep the record of the tests, left out in turn.
 
-    The first approach of the settings is judged. Forecasts are kept in the cache: other limits then take no time.
-    Raises a UsageError without tests, a DataError if a record is shorter than the window of a rating.
+    The first approach is judged. Forecasts are kept in the cache: other limits then take no time. Raises a UsageError
+    without tests, a DataError if a record is shorter than the window of a rating.
     """
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")
-    config = replace(
-        config, approaches=config.approaches[:1], windows_ms=criteria.windows_ms or (WINDOW_MS,), leave_out="both"
-    )
+    windows_ms = criteria.windows_ms or (WINDOW_MS,)
+    config = replace(config, approaches=config.approaches[:1], windows_ms=windows_ms, leave_out="both")
     config.check()
     for window in criteria.windows_ms:
         for test in campaign.tests:
@@ -233,3 +227,76 @@ def _record(
             if measured is not None:
                 (tuned if test.cae_tuned else trials).append(Trial(test.id, way, verdict, measured, raw))
     return TrackRecord(tuple(trials), whole=tuple(whole), tuned=tuple(tuned))
+
+
+def hold(
+    judged: Rows, campaign: Campaign, criteria: Criteria, record: TrackRecord, removed: Sequence[RemovedTest] = ()
+) -> Rows:
+    """Verdicts held against the record and the tests at each condition: run there, apart there, or removed since."""
+    supports = {criterion: record.support(criterion) for criterion in criteria.items}
+
+    def held(verdict: Verdict, apart: Sequence[str]) -> Verdict:
+        support = supports[verdict.criterion]
+        if verdict.decided and (shortfall := support.shortfall(criteria.confidence)):
+            verdict = _with_reason(verdict, shortfall, contradicted=True)
+        elif verdict.decided and (reservation := support.reservation(criteria.confidence)):
+            verdict = _with_reason(verdict, reservation)
+        if verdict.run:
+            verdict = beside_tests(verdict, *_measured(verdict, record))
+        if apart:
+            may = Sentence("another test may fold as it did.")
+            if verdict.folds:
+                alike, otherwise = (probability_text(share, criteria.confidence) for share in verdict.folds)
+                may = Sentence("met with probability {} if a test folds as it did, else {}.", otherwise, alike)
+            caveat = Sentence("{} stands apart at about this speed: {}", read_out(apart), may)
+            verdict = _with_reason(verdict, caveat)
+        return _beside_removed(verdict, removed)
+
+    found = []
+    for row in judged:
+        apart = [departure.test for departure in departures_near(campaign, row[0].condition)]
+        found.append(tuple(held(verdict, apart) for verdict in row))
+    return tuple(found)
+
+
+def _measured(verdict: Verdict, record: TrackRecord) -> tuple[dict[str, float | None], dict[str, Condition]]:
+    trials = {
+        trial.held_out: trial
+        for trial in (*record.trials, *record.tuned)
+        if trial.left_out == "test" and trial.held_out in verdict.run and trial.verdict.criterion == verdict.criterion
+    }
+    off = {i: t.verdict.condition for i, t in trials.items() if not t.verdict.condition.is_at(verdict.condition)}
+    return {test: trials[test].measured if test in trials else None for test in verdict.run}, off
+
+
+def beside_tests(verdict: Verdict, run: Mapping[str, float | None], off: Mapping[str, Condition] = {}) -> Verdict:
+    """The verdict beside what tests there (or ``off`` it a little) measured; open if one of them contradicts it."""
+    criterion, contradicted, told = verdict.criterion, False, []
+    did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
+    for test, value in run.items():
+        if value is not None:
+            met = criterion.is_met_by(value)
+            where = Sentence("for it, at {},", off[test]) if test in off else "there"
+            does = "meets" if met else "misses"
+            shown = criterion.shown(value)
+            told.append(Sentence("Test {} was run {} {} {}, which {} it.", test, where, did, shown, does))
+            contradicted |= met is not (verdict.word == "met")
+    return replace(_with_reason(verdict, *told, contradicted=contradicted), run=run)
+
+
+def _beside_removed(verdict: Verdict, removed: Sequence[RemovedTest]) -> Verdict:
+    """Likewise beside what tests that are gone had shown there; of metrics, as a rating was of another prediction."""
+    criterion = verdict.criterion
+    for test in removed if criterion.window_ms is None else ():
+        value = test.measured.get(quantity(criterion)) if test.condition.is_at(verdict.condition) else None
+        if value is not None:
+            met = criterion.is_met_by(value)
+            told = "Test {}, whose record of then is not used any more, {} it there with {}."
+            sentence = Sentence(told, test.test, "met" if met else "missed", criterion.shown(value))
+            verdict = _with_reason(verdict, sentence, contradicted=met is not (verdict.word == "met"))
+    return verdict
+
+
+def _with_reason(verdict: Verdict, *sentences: str, contradicted: bool = False) -> Verdict:
+    word = "open" if verdict.decided and contradicted else verdict.word
+    return replace(verdict, word=word, reason=joined([verdict.reason, *sentences]))

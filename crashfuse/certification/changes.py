@@ -21,11 +21,7 @@ _DIGITS = 5  # of m/s and kg: conditions go through mph and lb
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One criterion at one condition, by both certifications or by one of them, with the condition's id in each.
-
-    ``measured`` is by tests that the earlier one did not know, by their ids; of a rating, it would be that of another
-    prediction, and is empty.
-    """
+    """One criterion at one condition, by both certifications or by one of them, with the condition's id in each."""
 
     earlier_id: str | None
     later_id: str | None
@@ -33,7 +29,7 @@ class Change:
     criterion: Criterion
     before: EarlierVerdict | None = None
     now: Verdict | None = None
-    measured: Mapping[str, float | None] = field(default_factory=dict)
+    measured: Mapping[str, float | None] = field(default_factory=dict)  # by tests since, by id; empty of a rating
 
     @property
     def name(self) -> str:
@@ -89,7 +85,7 @@ class Changes:
 
     @property
     def earlier(self) -> Earlier:
-        """The earlier certification."""
+        """That of :attr:`since`."""
         return self.since.earlier
 
     @property
@@ -128,7 +124,7 @@ class Changes:
         found = dict(self.earlier.waived_before)
         for name, tests in self.tested.items():
             cells = [cell for cell in self.cells if cell.name == name and cell.measured]
-            if cells[0].earlier_id in self._waived:
+            if cells[0].earlier_id in self.earlier.waived:
                 found[name] = {**found.get(name, {})} | {
                     test: (
                         tuple(cell.criterion.name for cell in cells if cell.came_true.get(test) is False),
@@ -145,7 +141,7 @@ class Changes:
         if then != now:
             return ()
         waived = self.later.waived
-        return tuple(i for i, before in self._both.items() if i in waived and before not in self._waived)
+        return tuple(i for i, before in self._both.items() if i in waived and before not in self.earlier.waived)
 
     @property
     def withdrawn(self) -> dict[str, tuple[Verdict, ...]]:
@@ -153,7 +149,7 @@ class Changes:
         both = {_limit(criterion) for criterion in self.earlier.criteria.items}
         found, run = {}, self.later.run
         for i, before in self._both.items():
-            if before in self._waived and i not in run:
+            if before in self.earlier.waived and i not in run:
                 row = [verdict for verdict in self.later.rows[i] if _limit(verdict.criterion) in both]
                 if row and not needs_no_test(row, self.later.criteria.confidence):
                     found[i] = tuple(verdict for verdict in row if verdict.word != "met")
@@ -163,10 +159,6 @@ class Changes:
     def _both(self) -> dict[str, str]:
         then = _by_place(self.earlier.matrix)
         return {i: then[place] for place, i in _by_place(self.later.matrix).items() if place in then}
-
-    @cached_property
-    def _waived(self) -> frozenset[str]:
-        return frozenset(self.earlier.waived)
 
 
 def saved_and_missed(certification: Certification) -> tuple[int, int]:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.errors import DataError, Problem, printable, require_a, several
+from crashfuse.errors import NO_FILE, DataError, Problem, printable, require_a, several
 from crashfuse.files.toml_text import read_toml, shown, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS, metric_values
 from crashfuse.signals.rating import STANDARD
@@ -27,16 +27,13 @@ WINDOW_MS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Criterion:
-    """One limit, or two, on a pulse metric or on the rating of the prediction against a test.
-
-    Limits are in the metric's unit; only a rating has a window, [0, window_ms).
-    """
+    """One limit, or two, on a pulse metric, in its unit, or on the rating of the prediction against a test."""
 
     name: str
     metric: str
     at_least: float | None = None
     at_most: float | None = None
-    window_ms: float | None = None
+    window_ms: float | None = None  # [0, window_ms), of a rating only
 
     @property
     def unit(self) -> str:
@@ -67,10 +64,7 @@ class Criterion:
         return f".{max(len(declared.partition('.')[2]), 2)}f"
 
     def shown(self, *values: float | None) -> Quantity:
-        """Values of the metric as displayed, with its unit; several are the ends of a range.
-
-        They have as many digits as it takes not to be carried over a limit by rounding: 0.7997 misses 0.80.
-        """
+        """Values of the metric as displayed; no rounding carries one over a limit: 0.7997 misses 0.80."""
         for more in range(9):
             form = f"#.{4 + more}g" if self.unit else f".{3 + more}f"
             known = [value for value in values if value is not None]
@@ -131,7 +125,7 @@ _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 def read_criteria(path: Path) -> Criteria:
     """Read ``criteria.toml``; a DataError has every problem of it."""
     if not path.is_file():
-        raise DataError(Problem(path.name, "this file", "no such file", "declare the acceptance criteria in it"))
+        raise DataError(Problem(path.name, "this file", NO_FILE, "declare the acceptance criteria in it"))
     values = read_toml(path, 1, "keep the criteria alone")
     confidence, items = values.pop("confidence", CONFIDENCE), values.pop("criterion", [])
     problems = []
@@ -188,28 +182,24 @@ def limits_of_tests(campaign: Campaign, units: UnitSystem) -> list[dict[str, Any
 
 def ratings_wanted() -> list[dict[str, Any]]:
     """Criteria on the prediction alone: good ratings over the usual windows."""
-    return [
-        {"name": f"rating {window:g} ms", "metric": RATING, "window_ms": window, "at_least": _GOOD}
-        for window in WINDOWS_MS
-    ]
+    rating = {"metric": RATING, "at_least": _GOOD}
+    return [{"name": f"rating {window:g} ms", "window_ms": window, **rating} for window in WINDOWS_MS]
 
 
 def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
     if not is_number(confidence) or not LEAST_SURE <= confidence <= MOST_SURE:
-        expected, advice = f"a confidence from {LEAST_SURE} to {MOST_SURE}", "0.95 is usual; no prediction is certain"
-        problems.append(Problem(where, expected, shown(confidence), advice))
+        expected = f"a confidence from {LEAST_SURE} to {MOST_SURE}"
+        problems.append(Problem(where, expected, shown(confidence), "0.95 is usual"))
     if not items:
         problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))
     if len(items) > _MOST_CRITERIA:
-        expected = f"at most {_MOST_CRITERIA} criteria"
-        raise DataError(Problem(where, expected, str(len(items)), "leave out those that matter least"))
+        raise DataError(Problem(where, f"at most {_MOST_CRITERIA} criteria", str(len(items)), "leave some out"))
     found: dict[str, Criterion] = {}
     for number, item in enumerate(items, start=1):
         own = f"{where}, criterion {number}"
         criterion = _criterion(item, own, problems)
         if criterion is not None and criterion.name in found:
-            advice = "give one of them another name"
-            problems.append(Problem(own, "each name once", f"{criterion.name!r} a second time", advice))
+            problems.append(Problem(own, "each name once", f"{criterion.name!r} a second time", "rename one"))
         elif criterion is not None:
             found[criterion.name] = criterion
     problems += [problem for pair in combinations(found.values(), 2) if (problem := _at_odds(*pair, where)) is not None]

@@ -15,9 +15,7 @@ from crashfuse.units import MPH
 from crashfuse.wording import Sentence, joined, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
-_FARTHEST_BEYOND_MPS = 5 * MPH
-"""A condition is no farther beyond the slowest or fastest test."""
-
+_FARTHEST_BEYOND_MPS = 5 * MPH  # the slowest or fastest test
 _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
 
 
@@ -25,8 +23,8 @@ _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
 class Domain:
     """Where the campaign's own tests, left out with all others at about their speed, checked predictions.
 
-    A condition is no farther below the slowest and above the fastest test than the group there was from the others, 5
-    mph at most. Masses are checked beyond the tests' by as much as these differ, 2 % at least.
+    A condition is no farther beyond the slowest and fastest test than the group there was from the others, 5 mph at
+    most. Masses are checked beyond the tests' by as much as these differ, 2 % at least.
     """
 
     n_tests: int
@@ -41,10 +39,7 @@ class Domain:
 
     @classmethod
     def of(cls, campaign: Campaign, *, for_record: bool = False) -> Self:
-        """The domain of a campaign with one test or more.
-
-        ``for_record``, from which others were left out, reaches as far as any group is from the others.
-        """
+        """The domain of one test or more; ``for_record`` it reaches as far as any group is from the others."""
         tuned = tuple(test.id for test in campaign.tests if test.cae_tuned)
         n_tests = len(campaign.tests) - len(tuned)
         if n_tests:  # else there are too few to check anything, wherever they lie
@@ -138,8 +133,5 @@ def _of_those_inside(
 ) -> list[float]:
     """The gaps of tests whose speed lay inside what the others check, when their group was left out."""
     others = {group: Domain.of(campaign.without(group), for_record=True) for group in groups if len(group) < len(tests)}
-    return [
-        gap
-        for test, group, gap in zip(tests, groups, gaps, strict=True)
-        if group in others and not others[group].exceeded_by(test.condition)
-    ]
+    known = [row for row in zip(tests, groups, gaps, strict=True) if row[1] in others]
+    return [gap for test, group, gap in known if not others[group].exceeded_by(test.condition)]

@@ -23,10 +23,7 @@ from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.estimate import is_beyond
 
 FILE = seal.FILE
-"""The file that an earlier certification is read from."""
-
 _SHORT = 12  # characters of the fingerprint of the CAE runs among the settings
-
 Shown = Mapping[str, float | None]
 """What a test showed, by quantity or criterion; None if its record is too short."""
 Outcomes = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
@@ -35,15 +32,12 @@ Outcomes = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
 
 @dataclass(frozen=True, eq=False)
 class RemovedTest:
-    """A test whose record is not used any more, by its id then, at the condition of the matrix that it was run for.
-
-    What it ``measured`` is by :func:`quantity`; a rating is that of the prediction of then.
-    """
+    """A test whose record is not used any more, by its id then, at the condition of the matrix that it was run for."""
 
     test: str
     digest: str
     condition: Condition
-    measured: Shown
+    measured: Shown  # by :func:`quantity`; a rating is that of the prediction of then
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +98,7 @@ class Earlier:
         """Raise a DataError unless it is of the vehicle of this campaign (:meth:`is_of`)."""
         if not self.is_of(campaign):
             found = f"one of {self.settings['campaign']}, none of whose tests is in {campaign.name}"
-            advice = "give one that was made from tests of this vehicle"
-            raise DataError(Problem(FILE, "a certification of this campaign", found, advice))
+            raise DataError(Problem(FILE, "a certification of this campaign", found, "give one of this vehicle"))
 
     def is_of(self, campaign: Campaign) -> bool:
         """Whether it knew a test of a campaign: by its record, or by its id if name or CAE runs are those of then."""
@@ -123,7 +116,6 @@ def trial_of(
     return Trial(test, "planned", verdict, measured, None, shift)
 
 
-_LARGEST = 64 << 20  # bytes
 _LONGEST = 200  # characters of a setting
 _WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, CrashfuseError
 
@@ -131,12 +123,7 @@ _WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, Re
 def read_earlier(path: Path) -> Earlier:
     """Read ``certification.json``, or the one in this folder; raises a DataError if it is not such a file."""
     path = path / FILE if path.is_dir() else path
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise _no_such_file(path, "at most 64 MB", f"{path.stat().st_size / 2**20:.0f} MB")
-        content = path.read_bytes()
-    except OSError as error:
-        raise _no_such_file(path, "this file", error.strerror or "none that can be read") from None
+    content = seal.read(path, "the record of a certification")
     return replace(parse_earlier(content, path), sealed=seal.sealed_by(path.parent) if path.name == FILE else "")
 
 
@@ -146,12 +133,8 @@ def parse_earlier(content: bytes, path: Path = Path(FILE)) -> Earlier:
         return _of(json.loads(content), hashlib.sha256(content).hexdigest())
     except _WRONG:
         found = "another file, or a damaged one" if content.strip() else "an empty file"
-        raise _no_such_file(path, "the record of a certification", found) from None
-
-
-def _no_such_file(path: Path, expected: str, found: str) -> DataError:
-    advice = f"give the {FILE} of a certification, as crashfuse certify and the page Certify write it"
-    return DataError(Problem(path.name, expected, found, advice))
+        advice = f"give the {FILE} that crashfuse certify writes"
+        raise DataError(Problem(path.name, "the record of a certification", found, advice)) from None
 
 
 def _of(values: dict[str, Any], digest: str) -> Earlier:

@@ -1,7 +1,7 @@
 """Matrices and certifications, kept beside the cache under a digest of their content: a link outlives the server.
 
-What is kept was read before, and whoever takes it from here reads and checks it again. Nobody finds a file whose
-content they do not know, but the certifications of a vehicle by having the record of one of their tests.
+Whoever takes it from here checks it again. Nobody finds a file whose content they do not know, but the certifications
+of a vehicle by having the record of one of their tests.
 """
 
 import hashlib
@@ -30,14 +30,13 @@ _NAME = re.compile(r"[0-9a-f]{24}")
 def keep(content: bytes, file: str) -> str:
     """Keep the content of a file that could be read; returns its name in links. A DataError if it is too large."""
     if len(content) > LARGEST:
-        expected, found = f"at most {LARGEST >> 20} MB", f"{len(content) / 2**20:.1f} MB"
-        raise DataError(Problem(file, expected, found, "leave out some conditions"))
+        size = f"{len(content) / 2**20:.1f} MB"
+        raise DataError(Problem(file, f"at most {LARGEST >> 20} MB", size, "leave out some conditions"))
     name = _name(content)
     try:
         write_atomically(_home() / name, content)
     except OSError as error:
-        expected = "room to keep it on the server's disk"
-        raise DataError(Problem(file, expected, error.strerror or "none", "free some space")) from error
+        raise DataError(Problem(file, "room on the server", error.strerror or "none", "free some space")) from error
     _tidy()
     return name
 
@@ -78,10 +77,8 @@ def beside_none(campaign: Campaign) -> str:
     dates = sorted(own.date for own in certifications(campaign).values() if TestedSince(own, campaign).new)
     if not dates:
         return ""
-    return (
-        f"Beside no earlier certification: {len(dates)} kept on this machine did not know every test of today (the "
-        f"first of {dates[0]}). What was wrong then does not count here."
-    )
+    kept = f"{len(dates)} kept on this machine did not know every test of today (the first of {dates[0]})"
+    return f"Beside no earlier certification: {kept}. What was wrong then does not count here."
 
 
 def keep_certification(content: bytes, campaign: Campaign) -> Earlier:

@@ -101,14 +101,11 @@ class Forecast:
 
 @dataclass(frozen=True, eq=False)
 class Forecaster:
-    """A fitted approach, and how its predictions of tests that it had not seen rated.
-
-    ``rated`` has the ratings by window in ms, each of shape (n_tests,).
-    """
+    """A fitted approach, and how its predictions of tests that it had not seen rated."""
 
     fit: Fit
     speeds_mps: FloatArray
-    rated: dict[float, FloatArray]
+    rated: dict[float, FloatArray]  # by window in ms, each of shape (n_tests,)
 
     @classmethod
     def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float]) -> Self:

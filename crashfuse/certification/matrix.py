@@ -67,8 +67,7 @@ class Matrix:
     def alike(self, *groups: Sequence[str]) -> dict[str, str]:
         """Conditions that are another one up to 1 km/h and 2 % of each weight, with that one's id.
 
-        Those of the groups stand for others in their order, then those that stand first in the matrix. No condition of
-        one group is one of another group.
+        Those of the groups stand for others, in their order, then the first of the matrix; never for another group's.
         """
         conditions, planned = dict(self.items), self._vectors
         group = {i: place for place, ids in enumerate(groups) for i in ids}
@@ -89,8 +88,8 @@ class Matrix:
         """Read ``matrix.csv``, a table like ``tests.csv``, by the campaign's factors; a DataError has every problem."""
         table, file = read_conditions(path, by_hand=True), path.name
         if len(table.ids) > _MOST:
-            expected, advice = f"at most {_MOST:,} conditions", "split the table"
-            raise DataError(Problem(file, expected, f"{len(table.ids):,}", advice))
+            found = f"{len(table.ids):,}"
+            raise DataError(Problem(file, f"at most {_MOST:,} conditions", found, "split the table"))
         problems: list[Problem] = []
         if unknown := [name for name, _ in table.conditions[0].factors if name not in factors]:
             known = f"no further columns than those of tests.csv ({', '.join(factors) or 'none'})"
@@ -98,8 +97,8 @@ class Matrix:
         first: dict[Condition, str] = {}
         for i, condition, row in zip(table.ids, table.conditions, table.rows, strict=True):
             if first.setdefault(condition, i) != i:
-                found = f"that of {first[condition]} a second time"
-                problems.append(Problem(file, "each condition once", found, "remove one of them", "id", row))
+                again = f"that of {first[condition]} again"
+                problems.append(Problem(file, "each condition once", again, "remove one", "id", row))
             elif is_beyond(condition):
                 problems.append(Problem(file, BOUNDS, str(condition), "correct the cell", "id", row))
         if problems:
@@ -124,11 +123,8 @@ class Matrix:
         units: tuple[str, str, str] = FILE_UNITS,
     ) -> Self:
         """Every combination of these values, numbered from ``M001``; a UsageError for one given twice, or too many."""
-        for name, values in {
-            "speed": speeds_mps,
-            "front weight": front_weights_kg,
-            "rear weight": rear_weights_kg,
-        }.items():
+        given = {"speed": speeds_mps, "front weight": front_weights_kg, "rear weight": rear_weights_kg}
+        for name, values in given.items():
             if len(set(values)) < len(values) or not all(0 < value < float("inf") for value in values):
                 raise UsageError(f"A grid takes each {name} once, as a number above 0.")
         kinds = [tuple(zip(factors, values, strict=True)) for values in product(*factors.values())]

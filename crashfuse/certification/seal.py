@@ -65,7 +65,7 @@ def _key(path: Path, word: str) -> Any:  # noqa: ANN401 - of either kind
     kinds = {"private": _ed25519().Ed25519PrivateKey, "public": _ed25519().Ed25519PublicKey}
     from cryptography.hazmat.primitives.serialization import load_pem_private_key, load_pem_public_key
 
-    content = _read(path, f"a {word} key")
+    content = read(path, f"a {word} key")
     try:
         key = load_pem_private_key(content, None) if word == "private" else load_pem_public_key(content)
         if isinstance(key, kinds[word]):
@@ -86,7 +86,8 @@ def _ed25519() -> Any:  # noqa: ANN401 - a module of the extra
     return ed25519
 
 
-def _read(path: Path, expected: str) -> bytes:
+def read(path: Path, expected: str) -> bytes:
+    """The content of a file of bounded size; a DataError says what was ``expected``."""
     try:
         if path.stat().st_size > _LARGEST:
             raise DataError(Problem(path.name, expected, f"{path.stat().st_size >> 20} MB", "check the path"))
@@ -174,10 +175,10 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
     Raises a DataError with every file that was changed, and where; with a ``campaign``, of its files, too.
     """
     key, signatures, lines = _signed(folder / SEAL)
-    content, problems = _read(folder / FILE, "the sealed file"), []
+    content, problems = read(folder / FILE, "the sealed file"), []
     if trusted is not None and key_name(given := public_key(trusted)) != key_name(key):
-        expected, advice = f"a seal by the key {key_name(given)}", "ask its maker, and do not trust it until then"
-        raise DataError(Problem(SEAL, expected, f"one by the key {key_name(key)}", advice))
+        expected, found = f"a seal by the key {key_name(given)}", f"one by the key {key_name(key)}"
+        raise DataError(Problem(SEAL, expected, found, "ask its maker, and do not trust it until then"))
     if not _holds(key, signatures["lines_signature"], _of_lines(lines)):
         lines = {}  # whoever changed these may have changed anything
     if not _holds(key, signatures["signature"], content):
@@ -209,13 +210,12 @@ def _as_written(path: Path) -> Iterator[None]:
     try:
         yield
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        expected = "a seal as crashfuse certify --seal writes it"
-        raise DataError(Problem(path.name, expected, "another file, or a damaged one", _ASK)) from None
+        raise DataError(Problem(path.name, "a seal", "another file, or a damaged one", _ASK)) from None
 
 
 def _signed(path: Path) -> "tuple[Ed25519PublicKey, dict[str, bytes], dict[str, str]]":
     """The key of a seal or a review, its signatures, and its digests of lines."""
-    ed25519, content = _ed25519(), _read(path, "the seal that crashfuse certify --seal writes")
+    ed25519, content = _ed25519(), read(path, "the seal that crashfuse certify --seal writes")
     with _as_written(path):
         values = json.loads(content)
         names = ("signature", *(["lines_signature"] if path.name == SEAL else []))

@@ -49,10 +49,8 @@ class TestedSince:
     @cached_property
     def gone(self) -> tuple[str, ...]:
         """Tests that it learned from and that are not used any more, by their ids then."""
-        used = set(self._digests.values())
-        return tuple(
-            test for test, digest in self.earlier.tests.items() if digest not in used and test not in self.changed
-        )
+        known = {*self._digests.values(), *(self.earlier.tests[test] for test in self.changed)}
+        return tuple(test for test, digest in self.earlier.tests.items() if digest not in known)
 
     @cached_property
     def made_for(self) -> dict[str, str]:
@@ -159,10 +157,7 @@ class TestedSince:
 
     @cached_property
     def gone_runs(self) -> tuple[RemovedTest, ...]:
-        """Records of tests at a condition of this or a certification before it that are not used any more.
-
-        Without what rests on another occupant model. Where no record is what it was, all are filtered otherwise.
-        """
+        """Records of tests at its or earlier conditions that are gone; if all changed, they are filtered otherwise."""
         used = set(self._digests.values())
         refiltered = not used & set(self.earlier.tests.values())
         changed: Sequence[str] = self.changed if refiltered else ()

@@ -52,10 +52,7 @@ class WrongShare(NamedTuple):
 
 
 def wrong_shares(wrong: Sequence[bool], **units: Sequence[Hashable]) -> dict[str, WrongShare]:
-    """The wrong ones of ``verdicts``, and of each kind of unit (``tests``, ``vehicles``) that they are of.
-
-    A unit is wrong if any verdict on it is: the bounds are as if verdicts, tests or vehicles were independent.
-    """
+    """The wrong ones of ``verdicts``, and of each unit (``tests``, ``vehicles``): wrong if any verdict on it is."""
     shares = {"verdicts": WrongShare(sum(wrong), len(wrong))}
     for name, labels in units.items():
         contradicted = {label for label, is_wrong in zip(labels, wrong, strict=True) if is_wrong}
@@ -91,8 +88,7 @@ class Support:
     def shortfall(self, confidence: float) -> str | None:
         """A sentence on what record would support this confidence; None if this one does.
 
-        What was wrong on its own metric, or before tests were run, can refute it (exact, at 95 %), whatever else was
-        right.
+        What was wrong on its own metric, or before tests were run, can refute it, whatever else was right.
         """
         for n, wrong, of in (
             (self.own_decided, self.own_wrong, "on this metric, one a test,"),
@@ -103,10 +99,8 @@ class Support:
         if reaches(self.confidence, confidence):
             return None
         if not reaches(self.most, confidence):
-            return (
-                "About every tenth verdict on this metric was wrong on random vehicles: no record supports more than a "
-                f"confidence of {self.most:g}."
-            )
+            why = "About every tenth verdict on this metric was wrong on random vehicles"
+            return f"{why}: no record supports more than a confidence of {self.most:g}."
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
         return (
             f"The record ({self.wrong} of {self.decided} verdicts wrong, at most {MOST_OF_A_TEST} a test) supports a "
@@ -135,18 +129,14 @@ _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """The verdict on one criterion of a test that was left out, or only planned, and what was measured.
-
-    *Planned*: an earlier certification gave the verdict before the test was run, and no raw CAE is beside it. Its
-    ``shift`` is what the test showed beyond ``measured`` as it was not quite at the condition, by the CAE model.
-    """
+    """The verdict on one criterion of a test that was left out, or only planned, and what was measured."""
 
     held_out: str
-    left_out: LeftOut
+    left_out: LeftOut  # planned: an earlier certification gave the verdict before the test was run
     verdict: Verdict
     measured: float
     cae_probability: float | None  # by the raw CAE model, with its error in the other tests as band; None for ratings
-    shift: float = 0.0
+    shift: float = 0.0  # what it showed beyond ``measured`` as it was not quite at the condition, by the CAE model
     given: tuple[str, str] = ("", "")  # when it was given if planned, and the key that sealed it, as far as known
 
     @property
@@ -328,9 +318,8 @@ class TrackRecord:
         own = self.of(criterion)
         later = [trial for trial in self.since if quantity(trial.verdict.criterion) == quantity(criterion)]
         every = _capped_per_test(strictest_per_metric((*own, *self.telling.trials, *self.since)))
-        of_its_own, before = (
-            _decided(strictest_per_metric(some, each_time=False)) for some in ((*own, *later), self.since)
-        )
+        of_its_own = _decided(strictest_per_metric((*own, *later), each_time=False))
+        before = _decided(strictest_per_metric(self.since, each_time=False))
         near = any(trial.near for trial in (*own, *(trial for trial in later if trial.verdict.criterion == criterion)))
         most = SUPPORTED_AT_ALL.get(criterion.metric, 1.0)
         return Support(*_decided(every), *of_its_own, near, most, *before)

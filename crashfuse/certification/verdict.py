@@ -22,10 +22,7 @@ or another design can tell; the condition is beyond what the campaign's tests ch
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Verdict on a criterion at a condition.
-
-    ``run`` is what tests there measured, by id: the metric, or the rating of the prediction made without the test.
-    """
+    """Verdict on a criterion at a condition."""
 
     condition: Condition
     criterion: Criterion
@@ -35,6 +32,7 @@ class Verdict:
     probability: float | None  # that a test there meets the criterion; None if the record is too short to tell
     word: Word
     reason: str
+    # what tests there measured, by id: the metric, or the rating of the prediction made without the test
     run: Mapping[str, float | None] = field(default_factory=dict)
     # which draws of the prediction meet it; empty where it has none, and of a rating
     drawn: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool), compare=False, repr=False)
@@ -129,9 +127,8 @@ def judge(
             probability = float(np.average(folds, weights=(1 - forecast.apart_share, forecast.apart_share)))
         word: Word = "outside" if outside else _word(probability, criteria.confidence)
         run, drawn = dict.fromkeys(tests), forecast.drawn(criterion)
-        verdict = Verdict(
-            condition, criterion, value, lower, upper, probability, word, joined(outside), run, drawn, folds
-        )
+        numbers = value, lower, upper, probability
+        verdict = Verdict(condition, criterion, *numbers, word, joined(outside), run, drawn, folds)
         verdicts.append(verdict if outside else replace(verdict, reason=_reason(verdict, criteria.confidence)))
     return tuple(verdicts)
 
@@ -146,21 +143,16 @@ def _reason(verdict: Verdict, confidence: float) -> str:
     if verdict.probability is None:
         short = "The record" if verdict.value is None else "More than one draw in ten"
         return f"{short} is too short for the {verdict.criterion.label} here; only a longer record can tell."
-    met, missed = (
-        probability_text(p, confidence).replace(">", "over ") for p in (verdict.probability, 1 - verdict.probability)
-    )
+    chances = verdict.probability, 1 - verdict.probability
+    met, missed = (probability_text(p, confidence).replace(">", "over ") for p in chances)
     another, advice = (" by another test", "") if verdict.run else ("", ": test it, or redesign")
     came = {"met": f"met with probability {met}.", "not met": f"missed with probability {missed}."}
-    return joined(
-        [verdict.expected, came.get(verdict.word, f"met{another} with probability {met} only{advice}.")], ", "
-    )
+    told = came.get(verdict.word, f"met{another} with probability {met} only{advice}.")
+    return joined([verdict.expected, told], ", ")
 
 
 def with_decided(curve: LearningCurve, criteria: Criteria) -> LearningCurve:
-    """Add the column ``decided``: the share of criteria on metrics that each prediction decides for its held-out test.
-
-    What a rating would be is not part of a learning curve; without criteria on metrics the column is NaN.
-    """
+    """Add the column ``decided``: the share of criteria on metrics that each prediction decides; NaN without any."""
     limits = [criterion for criterion in criteria.items if criterion.metric != RATING]
 
     def decides(own: Distribution | None, criterion: Criterion) -> bool:

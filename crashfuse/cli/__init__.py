@@ -60,9 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say(f"crashfuse: {OUT_OF_MEMORY}")
         return WRONG_DATA
     except KeyboardInterrupt:
-        _say(
-            "Stopped. Whatever was finished is in the cache: the same command (a study with --resume) continues there."
-        )
+        _say("Stopped. What was finished is in the cache: the same command (a study with --resume) continues there.")
         return INTERRUPTED
     return DONE
 
@@ -84,8 +82,7 @@ def _with_directions(argv: Sequence[str]) -> list[str]:
 
 def _about_the_system(error: OSError) -> str:
     reason = (error.strerror or str(error) or type(error).__name__).rstrip(".")
-    place = f"{error.filename} cannot be read or written" if error.filename else "something cannot be read or written"
-    return f"{place}: {reason[:1].lower()}{reason[1:]}."
+    return f"{error.filename or 'something'} cannot be read or written: {reason[:1].lower()}{reason[1:]}."
 
 
 def _say(*lines: str) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import certification, data, history, imports, models, outgoing, ratings, studies
+from crashfuse.cli import certification, data, imports, models, outgoing, ratings, studies
 from crashfuse.cli.conditions import AXES, add_axes, number, whole
 from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
@@ -35,18 +35,14 @@ def parser() -> argparse.ArgumentParser:
     app = command("app", data.app, "start the dashboard on 127.0.0.1", None)
     app.add_argument("--port", type=whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
     app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
-    app.add_argument(
-        "--root", type=Path, action="append", default=[], metavar="DIR",
-        help="let the pages open and write to this folder, and what is in it, only; one option a folder",
-    )  # fmt: skip
-    app.add_argument("--log", type=Path, metavar="FILE", help="append the log to this file (default: standard error)")
-    app.add_argument(
-        "--allow-host", action="append", default=[], metavar="NAME", help="name by which a reverse proxy makes it known"
-    )
-    app.add_argument("--login", type=Path, metavar="FILE.toml", help="require the log-in that [auth] in FILE sets up")
+    help_ = "the pages open and write to what is in it only; one option a folder"
+    app.add_argument("--root", type=Path, action="append", default=[], metavar="DIR", help=help_)
+    app.add_argument("--log", type=Path, metavar="FILE", help="append the log to it (default: standard error)")
+    app.add_argument("--allow-host", action="append", default=[], metavar="NAME", help="its name at a reverse proxy")
+    app.add_argument("--login", type=Path, metavar="FILE.toml", help="require the log-in of [auth] in FILE")
 
     sample = command("sample", data.sample, "write the synthetic sample campaign", None)
-    sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")
+    sample.add_argument("folder", type=Path, metavar="DIR", help="a new or empty folder")
 
     command("check", data.check, "show what a campaign holds and what is wrong with it")
     data.add_edit_options(command("edit", data.edit, "leave tests out of use, take them out, undo the last change"))
@@ -58,34 +54,24 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
     _add_model_options(study, several=True)
     _add_windows(study)
-    study.add_argument(
-        "--leave-out", choices=("test", "speed-group", "both"),
-        help="leave each test out alone, with all tests at about its speed, or both "
-        "(default: both, but only test with --held-out or --preset paper)",
-    )  # fmt: skip
+    help_ = "alone, with all at about its speed, or both (default: both; test with --held-out or --preset paper)"
+    study.add_argument("--leave-out", choices=("test", "speed-group", "both"), help=help_)
     _add_report(study)
     _add_workers(study)
     _add_units(study)
-    study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
+    study.add_argument("--resume", action="store_true", help="continue the study in DIR")
 
     certify = command("certify", certification.certify, "say which criteria a test at each condition would meet")
     _add_out(certify)
-    certify.add_argument(
-        "--criteria", type=Path, metavar="FILE.toml", help="acceptance criteria (default: CAMPAIGN/criteria.toml)"
-    )
-    certify.add_argument(
-        "--matrix", type=Path, metavar="FILE.csv", help="conditions, as in tests.csv (default: CAMPAIGN/matrix.csv)"
-    )
+    certify.add_argument("--criteria", type=Path, metavar="FILE.toml", help="default: CAMPAIGN/criteria.toml")
+    certify.add_argument("--matrix", type=Path, metavar="FILE.csv", help="conditions (default: CAMPAIGN/matrix.csv)")
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     _add_factor(certify, "of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
-    certify.add_argument(
-        "--since", type=Path, metavar="DIR", help="an earlier certification: tell what became of its verdicts"
-    )
+    certify.add_argument("--since", type=Path, metavar="DIR", help="an earlier one: tell what became of its verdicts")
     _add_settings(certify)
     _add_units(certify)
     _add_workers(certify)
-
     certify.add_argument("--seal", type=Path, metavar="KEY", help="sign it with this private key (crashfuse key)")
 
     key = command("key", certification.make_key, "make a pair of keys for seals", None)
@@ -98,13 +84,9 @@ def parser() -> argparse.ArgumentParser:
     curve = command("learning-curve", studies.learning_curve, "predict tests from 1, 2, 3 … of the others")
     _add_out(curve)
     _add_approaches(curve, "cae fused")
-    curve.add_argument(
-        "--criteria", type=Path, metavar="FILE", help="acceptance criteria (default: criteria.toml of CAMPAIGN, if any)"
-    )
+    curve.add_argument("--criteria", type=Path, metavar="FILE", help="default: criteria.toml of CAMPAIGN, if any")
     curve.add_argument("--cost-per-test", metavar="AMOUNT", help="cost of one test, such as 60000 or '60000 EUR'")
-    curve.add_argument(
-        "--repeats", type=whole(0), metavar="N", help="random choices of each number of tests (default: 3)"
-    )
+    curve.add_argument("--repeats", type=whole(0), metavar="N", help="random choices of each number (default: 3)")
     _add_windows(curve)
     _add_units(curve)
     _add_seed(curve)
@@ -131,19 +113,15 @@ def parser() -> argparse.ArgumentParser:
     next_test = command("next-test", models.rank_tests, "rank tests to run next by how much each would narrow the band")
     add_axes(next_test, AXES, nargs=2, metavar=("LOW", "HIGH"), help="range (default: the tests')")
     _add_factor(next_test, "the kind of vehicle (default: the usual)")
-    next_test.add_argument(
-        "--candidates", type=Path, metavar="FILE.csv", help="a table like tests.csv (default: a grid)"
-    )
+    next_test.add_argument("--candidates", type=Path, metavar="FILE.csv", help="like tests.csv (default: a grid)")
     _add_out(next_test)
     _add_units(next_test)
     _add_seed(next_test)
 
-    outgoing.add_figure_options(
-        commands.add_parser("figures", help="write the figures of a report as SVG, PNG, CSV or slides")
-    )
-    history.add_options(commands.add_parser("compare", help="say which of two studies rates better, and by how much"))
+    outgoing.add_figure_options(commands.add_parser("figures", help="write a report's figures as files or slides"))
+    studies.add_comparison_options(commands.add_parser("compare", help="say which of two studies rates better"))
     listing = commands.add_parser("studies", help="list the studies and predictions of this machine")
-    listing.set_defaults(run=history.studies)
+    listing.set_defaults(run=studies.past_studies)
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
 
@@ -153,9 +131,7 @@ def _add_out(parser: argparse.ArgumentParser, what: str = "folder for the result
 
 
 def _add_windows(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--windows-ms", nargs="+", type=number, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
-    )
+    parser.add_argument("--windows-ms", nargs="+", type=number, metavar="W", help="over 0 to W ms (default: 20 40 60)")
 
 
 def _add_factor(parser: argparse.ArgumentParser, what: str) -> None:
@@ -163,16 +139,12 @@ def _add_factor(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def _add_report(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--report", choices=("whole", "short"), default="whole", help="report.html in whole (default) or on three pages"
-    )
+    parser.add_argument("--report", choices=("whole", "short"), default="whole", help="whole, or on three pages")
 
 
 def _add_units(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--units", type=_one_of(*SYSTEMS), metavar="|".join(SYSTEMS),
-        help="units of speeds and weights in the report (default: the campaign's); tables keep theirs",
-    )  # fmt: skip
+    help_ = "of speeds and weights in the report (default: the campaign's); tables keep theirs"
+    parser.add_argument("--units", type=_one_of(*SYSTEMS), metavar="|".join(SYSTEMS), help=help_)
 
 
 def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
@@ -189,9 +161,8 @@ def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False
 
 
 def _add_approaches(parser: argparse.ArgumentParser, usual: str) -> None:
-    parser.add_argument(
-        "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help=f"%(choices)s (default: {usual})"
-    )
+    help_ = f"%(choices)s (default: {usual})"
+    parser.add_argument("--approach", nargs="+", metavar="NAME", choices=_Approaches(), help=help_)
 
 
 def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
@@ -204,26 +175,21 @@ def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> 
 
 def _add_seed(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
     seed, more = whole(0, 2**32 - 1), _SEVERAL if several else ""
-    parser.add_argument(
-        "--seed", type=_listed(seed) if several else seed, help=f"seed of everything random (default: 0){more}"
-    )
+    parser.add_argument("--seed", type=_listed(seed) if several else seed, help=f"of all random (default: 0){more}")
 
 
 def _add_device(parser: argparse.ArgumentParser) -> None:
-    help_ = "where networks are trained (default: auto, CUDA if any)"
-    parser.add_argument("--device", choices=("auto", "cpu", "cuda"), help=help_)
+    parser.add_argument("--device", choices=("auto", "cpu", "cuda"), help="of networks (default: auto, CUDA if any)")
 
 
 def _add_workers(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: one for each core)")
-    where.add_argument(
-        "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust, to compute on its workers"
-    )
+    where.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster, which you trust, to compute on")
 
 
 class _Approaches:
-    """Names of all approaches, looked up only when the help is shown, since that imports SciPy."""
+    """Names of all approaches, looked up only when the help is shown: that imports SciPy."""
 
     def __iter__(self) -> Iterator[str]:
         from crashfuse.approaches.registry import APPROACHES

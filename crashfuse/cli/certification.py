@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from crashfuse.cli.conditions import factor, units_of
 from crashfuse.cli.models import settings
 from crashfuse.cli.output import display_of, replacing, require_output, say_facts, say_written, writing
-from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.errors import NO_FILE, DataError, Problem, UsageError, printable
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
@@ -76,12 +76,11 @@ def make_key(arguments: argparse.Namespace) -> None:
     """Make a pair of keys."""
     from crashfuse.certification.seal import make_keys
 
-    name = make_keys(arguments.key)
-    print(f"{arguments.key} is the private key {name}: keep it to yourself. Give {arguments.key}.pub to reviewers.")
+    print(f"{arguments.key} is the private key {make_keys(arguments.key)}; reviewers get {arguments.key}.pub.")
 
 
 def verify(arguments: argparse.Namespace) -> None:
-    """Hold a sealed certification against its seal, and sign it as its reviewer if that is asked for."""
+    """Hold a certification against its seal, and sign it as reviewer if asked to."""
     from crashfuse.certification import seal
     from crashfuse.certification.earlier import FILE
 
@@ -93,7 +92,7 @@ def verify(arguments: argparse.Namespace) -> None:
     print(f"{FILE} and {len(sealed.files)} files are as the key {sealed.key} sealed them{_following(sealed.before)}.")
     print(f"Made on {sealed.date}, by its own account: who was given the seal before a test, knows that it is older.")
     if arguments.key is None:
-        print("The key came with the seal: whose it is, only a key that you were given shows (--key).")
+        print("The key came with the seal: whose it is, shows only one that you were given (--key).")
     if sealed.reviewer is not None:
         print(f"Reviewed by the key {sealed.reviewer}.")
     if sealed.reviewer == sealed.key:
@@ -116,14 +115,10 @@ def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
     if not any((*axes, arguments.factor)):
         path = arguments.matrix or arguments.campaign / "matrix.csv"
         if not path.is_file():
-            advice = "list the conditions in it, or give a grid with --speed-mph and both weights"
-            raise DataError(Problem(path.name, "this file", "no such file", advice))
+            raise DataError(Problem(path.name, "this file", NO_FILE, "list the conditions in it, or give a grid"))
         return Matrix.read(path, campaign.factors)
     if arguments.matrix is not None or not all(axes):
-        raise UsageError(
-            "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, all three (or in kph and kg), and no "
-            "--matrix."
-        )
+        raise UsageError("A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb (or kph, kg), no --matrix.")
     factors: dict[str, dict[str, None]] = {}
     for text in arguments.factor or ():
         name, value = factor(text, campaign.factors)

@@ -16,14 +16,8 @@ def app(arguments: argparse.Namespace) -> None:
     for folder in (arguments.campaign, *arguments.root):
         if folder is not None and not folder.is_dir():
             raise UsageError(f"There is no folder {folder}.")
-    launch(
-        arguments.port,
-        arguments.campaign,
-        roots=arguments.root,
-        hosts=arguments.allow_host,
-        secrets=arguments.login,
-        log=arguments.log,
-    )
+    places = {"secrets": arguments.login, "log": arguments.log}
+    launch(arguments.port, arguments.campaign, roots=arguments.root, hosts=arguments.allow_host, **places)
 
 
 def sample(arguments: argparse.Namespace) -> None:
@@ -106,14 +100,11 @@ def _set_about(folder: Path, given: Sequence[str]) -> str:
 def add_edit_options(parser: argparse.ArgumentParser) -> None:
     """Add the command's options to its parser."""
     what = parser.add_mutually_exclusive_group()
-    what.add_argument(
-        "--leave-out", nargs="+", metavar="ID", help="tests that nothing learns from or rates; they stay in the folder"
-    )
-    parser.add_argument("--because", metavar="WHY", help="why they are left out; it stands in every report")
+    what.add_argument("--leave-out", nargs="+", metavar="ID", help="tests that nothing learns from or rates")
+    parser.add_argument("--because", metavar="WHY", help="why they are left out, for the reports")
     what.add_argument("--use", nargs="+", metavar="ID", help="tests to use again")
     what.add_argument("--remove", nargs="+", metavar="ID", help="tests to take out of the folder")
     what.add_argument("--cae-tuned", nargs="+", metavar="ID", help="tests that the CAE model was tuned to")
     what.add_argument("--not-cae-tuned", nargs="+", metavar="ID", help="tests that it was not tuned to")
-    help_ = "where a test comes from: its id, then laboratory=…, date=…"
-    what.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help=help_)
+    what.add_argument("--about", nargs="+", metavar="ID|NAME=VALUE", help="a test's id, then laboratory=…, date=…")
     what.add_argument("--undo", action="store_true", help="undo the last change: an import or one of these")

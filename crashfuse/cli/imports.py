@@ -56,31 +56,23 @@ def import_(arguments: argparse.Namespace) -> None:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the command's options to its parser."""
-    parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, folder or archive, of one record or many")
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, folder or archive")
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
     parser.add_argument("--format", choices=(*FORMATS, *BROKEN_FORMATS), help="default: by the files' names")
     parser.add_argument("--as", dest="role", choices=("tests", "cae"), help="default: tests, asked if it is doubtful")
     parser.add_argument(
-        "--cae", nargs="+", default=(), metavar="NAME", help="files in the source that are CAE runs, or ids of records"
+        "--cae", nargs="+", default=(), metavar="NAME", help="files or ids of records that are CAE runs"
     )
     parser.add_argument("--cae-tuned", choices=("yes", "no"), help="whether the CAE model was tuned to these tests")
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
-    parser.add_argument(
-        "--channel", nargs="+", default=(), metavar="NAME", help="channels to average (default: proposed)"
-    )
-    parser.add_argument(
-        "--column", nargs="+", default=(), metavar="COLUMN=ROLE[:UNIT]", help="what a table's columns are: Zeit=time:ms"
-    )
+    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
+    parser.add_argument("--column", nargs="+", default=(), metavar="COLUMN=ROLE[:UNIT]", help="such as Zeit=time:ms")
     parser.add_argument("--conditions", type=Path, metavar="TABLE", help="a table with the conditions by id")
     parser.add_argument("--unit", choices=("g", *UNITS), help="of the acceleration (default: detected)")
-    parser.add_argument(
-        "--deceleration-sign", choices=("negative", "positive"), help="in the source (default: detected)"
-    )
-    parser.add_argument("--travel", choices=TRAVELS, help="direction of travel in the source's axes (default: found)")
+    parser.add_argument("--deceleration-sign", choices=("negative", "positive"), help="default: detected")
+    parser.add_argument("--travel", choices=TRAVELS, help="direction in the source's axes (default: found)")
     parser.add_argument("--time-zero-ms", type=number, metavar="T", help="first contact, in the source's own time")
-    parser.add_argument(
-        "--gap-mm", type=in_si(MS), metavar="G", help="distance to the barrier at the start of CAE runs"
-    )
+    parser.add_argument("--gap-mm", type=in_si(MS), metavar="G", help="to the barrier at the start of CAE runs")
     parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help='60, 180 or so, or "none"')
     for name, what in _CONDITION.items():
         group, metavar = parser.add_mutually_exclusive_group(), "V" if name == "speed_mps" else "W"

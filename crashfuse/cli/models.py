@@ -128,7 +128,7 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
         with watching() as watch:
             return [Fit.of(campaign, name, config, watch=watch) for name in config.approaches]
     if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
-        raise UsageError("Saved models have their preset and seed in them; leave out --preset, --seed and --device.")
+        raise UsageError("Saved models have preset and seed in them; leave out --preset, --seed and --device.")
     saved = tuple(name for name in APPROACHES if (arguments.models / model_file(name)).is_file())
     if not saved:
         raise UsageError(f"There is no saved model in {arguments.models}; make some with crashfuse train.")

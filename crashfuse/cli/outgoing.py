@@ -20,27 +20,15 @@ _OF_CURVES = ("unit_system", "deceleration_sign", "start_ms", "scale", "curve_id
 def add_options(parser: argparse.ArgumentParser, *default: str) -> None:
     """Add the options to a command; without them it exports the default formats."""
     group = parser.add_argument_group("pulses for an occupant model")
-    group.add_argument(
-        "--export",
-        nargs="+",
-        choices=_FORMATS,
-        metavar="FORMAT",
-        default=default,
-        help=f"%(choices)s (default: {' '.join(default) or 'none'})",
-    )
-    group.add_argument(
-        "--draws", type=int, metavar="N", help="whole draws, beside expected and representative pulse (default: 0)"
-    )
+    help_ = f"%(choices)s (default: {' '.join(default) or 'none'})"
+    group.add_argument("--export", nargs="+", choices=_FORMATS, metavar="FORMAT", default=default, help=help_)
+    group.add_argument("--draws", type=int, metavar="N", help="whole draws, beside the expected pulse (default: 0)")
     group.add_argument("--unit-system", choices=_UNIT_SYSTEMS, help="of the solver's model; has no default")
-    group.add_argument(
-        "--deceleration-sign", choices=("negative", "positive"), help="of braking in curves (default: negative)"
-    )
+    group.add_argument("--deceleration-sign", choices=("negative", "positive"), help="in curves (default: negative)")
     group.add_argument("--start-ms", type=number, metavar="T", help="time of contact in curves (default: 0)")
     group.add_argument("--scale", type=number, metavar="X", help="factor on the accelerations of curves (default: 1)")
     group.add_argument("--curve-id", type=int, metavar="ID", help="id of the first curve; others count on (default: 1)")
-    group.add_argument(
-        "--isomme-location", metavar="CODE", help="12 characters of the channel codes (default: 10VEHC000000)"
-    )
+    group.add_argument("--isomme-location", metavar="CODE", help="12 characters of codes (default: 10VEHC000000)")
 
 
 def pulse_export(arguments: argparse.Namespace) -> "PulseExport":
@@ -54,8 +42,7 @@ def pulse_export(arguments: argparse.Namespace) -> "PulseExport":
     curve = None
     if set(formats) & set(SOLVERS):
         if arguments.unit_system is None:
-            choices = ", ".join(_UNIT_SYSTEMS)
-            raise UsageError(f"Name the units of the solver's model with --unit-system, one of {choices}.")
+            raise UsageError(f"Name the units of the solver's model: --unit-system {', '.join(_UNIT_SYSTEMS)}.")
         names = {"start_ms": "start_s", "curve_id": "number"}
         if "start_ms" in given:
             given["start_ms"] *= MS
@@ -75,9 +62,8 @@ def add_figure_options(parser: argparse.ArgumentParser) -> None:
     """Add its arguments to the parser of the command."""
     parser.add_argument("report", type=Path, metavar="REPORT.html", help="a report that another command has written")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the figures")
-    parser.add_argument(
-        "--format", nargs="+", choices=("svg", "png", "csv", "pptx"), default=["svg", "png"], help="default: svg png"
-    )
+    formats = ("svg", "png", "csv", "pptx")
+    parser.add_argument("--format", nargs="+", choices=formats, default=["svg", "png"], help="default: svg png")
     parser.set_defaults(run=figures)
 
 

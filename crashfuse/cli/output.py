@@ -1,8 +1,7 @@
 """Output folder of a command, checked before anything is computed.
 
-A folder holds results of one kind. Once new results are written, leftovers of older ones of the same kind (speed
-groups that the new study did not request, say) are removed, so that nothing stale is left beside them. Results of
-another kind are never touched: the command refuses their folder. While a command runs, the folder is its own.
+A folder holds results of one kind. Once new ones are written, what is left of older ones (speed groups, say) is
+removed; the folder of another kind is refused. While a command runs, the folder is its own.
 """
 
 import argparse
@@ -94,10 +93,8 @@ def writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
         with written_together(folder, last=last) as staging:
             yield staging
     except OSError as error:
-        raise CrashfuseError(
-            f"Nothing was written to {folder}: {error.strerror or error}. "
-            "Whatever was computed is in the cache: once there is room, the same command continues from there."
-        ) from error
+        cause, advice = error.strerror or error, "What was computed is in the cache: the same command continues there"
+        raise CrashfuseError(f"Nothing was written to {folder}: {cause}. {advice}.") from error
 
 
 def say_written(out: Path, kind: str) -> None:

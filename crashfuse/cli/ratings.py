@@ -29,11 +29,8 @@ def rate(arguments: argparse.Namespace) -> None:
         rows = table.drop(columns=[name for name in table if (table[name] == "").all()]).to_dict("records")
         for row, own in zip(rows, explained, strict=bool(explained)):
             row["explanation"] = own
-        print(
-            json.dumps(
-                [{name: None if value != value else value for name, value in row.items()} for row in rows], indent=2
-            )
-        )
+        plain = [{name: None if value != value else value for name, value in row.items()} for row in rows]
+        print(json.dumps(plain, indent=2))
     elif arguments.csv:
         print(csv_bytes(table).decode(), end="")
     else:
@@ -53,25 +50,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     files = "a table (time_ms or _s, acceleration_g or _mps2), or anything that import reads"
     parser.add_argument("reference", type=Path, nargs="?", metavar="REFERENCE", help=files)
     parser.add_argument("comparison", type=Path, nargs="?", metavar="COMPARISON", help="the same")
-    parser.add_argument(
-        "--pairs", type=Path, metavar="FILE.csv", help="rate many: a table with the columns reference and comparison"
-    )
+    parser.add_argument("--pairs", type=Path, metavar="FILE.csv", help="a table with columns reference and comparison")
     parser.add_argument("--each-channel", action="store_true", help="of two ISO-MME tests, by channel code")
-    parser.add_argument(
-        "--explain", action="store_true", help="say what each rating is made of: shift, corridor left, humps"
-    )
+    parser.add_argument("--explain", action="store_true", help="what ratings are made of: shift, corridor left, humps")
     parser.add_argument("--windows-ms", nargs="+", type=number, metavar="W", help="over 0 to W ms (default: 20 40 60)")
-    parser.add_argument(
-        "--also", nargs="+", default=(), metavar="NAME", help="further measures beside it: sprague-geers, anova"
-    )
+    parser.add_argument("--also", nargs="+", default=(), metavar="NAME", help="beside it: sprague-geers, anova")
     parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
-    parser.add_argument(
-        "--comparison-channel", nargs="+", default=(), metavar="NAME", help="of the comparison, if named otherwise"
-    )
+    parser.add_argument("--comparison-channel", nargs="+", default=(), metavar="NAME", help="if named otherwise")
     parser.add_argument("--unit", choices=("g", *UNITS), help="of the acceleration (default: detected)")
-    parser.add_argument(
-        "--channel-filter-class", type=filter_class, metavar="CFC", help="of both: 60, 180 or so, or none"
-    )
+    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help="60, 180 or so, or none")
     printed = parser.add_mutually_exclusive_group()
     printed.add_argument("--json", action="store_true", help="print JSON instead of a table")
     printed.add_argument("--csv", action="store_true", help="print CSV instead of a table")
@@ -81,13 +68,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _choices(arguments: argparse.Namespace) -> "RatingChoices":
     from crashfuse.importing.ratings import RatingChoices
 
-    return RatingChoices(
-        tuple(arguments.channel),
-        tuple(arguments.comparison_channel),
-        arguments.channel_filter_class,
-        UNITS.get(arguments.unit, arguments.unit),
-        tuple(arguments.also),
-    )
+    channels, others, also = map(tuple, (arguments.channel, arguments.comparison_channel, arguments.also))
+    unit = UNITS.get(arguments.unit, arguments.unit)
+    return RatingChoices(channels, others, arguments.channel_filter_class, unit, also)
 
 
 def _explained(arguments: argparse.Namespace) -> list[dict[str, Any]]:

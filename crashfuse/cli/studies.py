@@ -1,4 +1,4 @@
-"""The command that leaves tests out: a single study, or a series over campaigns, presets and seeds."""
+"""The commands that leave tests out (one study, or a series), list studies, and compare two."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from crashfuse.cli.models import given_settings, settings
-from crashfuse.cli.output import display_of, opened, replacing, require_output, say_facts, say_written, writing
+from crashfuse.cli.output import (
+    display_of,
+    opened,
+    replacing,
+    require_output,
+    require_writable,
+    say_facts,
+    say_written,
+    writing,
+)
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -17,10 +26,13 @@ if TYPE_CHECKING:
 
     from crashfuse.campaign import Campaign
     from crashfuse.reporting.report import ReportOptions
+    from crashfuse.study.comparison import StudyComparison
     from crashfuse.study.config import StudyPlan
+    from crashfuse.study.history import PastResult
     from crashfuse.study.study import Study
 
 
+_SHOWN = ["Date (UTC)", "Campaign", "What", "Note", "Settings", "Recommended", "Mean rating", "Worst test"]
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
 
 
@@ -94,10 +106,7 @@ def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str
     if record.fingerprint != campaign.fingerprint:
         differing.append("the campaign's data")
     if differing:
-        raise UsageError(
-            f"The study in {resumed} was begun with other settings ({', '.join(differing)}); "
-            "resume it with its own, or start another without --resume."
-        )
+        raise UsageError(f"{resumed} was begun with other settings: {', '.join(differing)}; leave out --resume.")
     return StudyPlan(campaign, record.config, record.held_out)
 
 
@@ -126,10 +135,8 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     with writing(run.out) as folder:
         begin_study(folder, plan)
     with watching() as watch:
-        study = run_study(
-            plan.campaign, plan.config, held_out=plan.held_out, watch=watch, workers=arguments.workers,
-            scheduler=arguments.scheduler,
-        )  # fmt: skip
+        where = {"workers": arguments.workers, "scheduler": arguments.scheduler}
+        study = run_study(plan.campaign, plan.config, held_out=plan.held_out, watch=watch, **where)
     display = display_of(arguments, plan.campaign)
     with replacing(run.out, "study"), writing(run.out) as folder:
         study.write(folder, report=run.report, display=display)
@@ -208,3 +215,72 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         print(table.to_string(index=False))
     print(*sentences(curve, cost), sep="\n")
     say_written(arguments.out, "learning curve")
+
+
+def past_studies(arguments: argparse.Namespace) -> None:  # noqa: ARG001 - it has none
+    """List studies and predictions of this machine, the latest first."""
+    from crashfuse.reporting.past_results import history_table
+    from crashfuse.study.history import past_results
+
+    results = past_results()
+    if not results:
+        print("Nothing was computed on this machine yet.")
+        return
+    table = history_table(results)
+    table = table[[name for name in _SHOWN if name in table]]
+    table.insert(0, "Id", [result.id for result in results])
+    print(table.to_string(index=False))
+
+
+def compare(arguments: argparse.Namespace) -> None:
+    """Say which of two studies rates better, and by how much."""
+    from crashfuse.files.csv_text import csv_bytes
+    from crashfuse.reporting.past_results import comparison_means
+    from crashfuse.study.comparison import StudyComparison
+
+    compared = StudyComparison(_past_study(arguments.first), _past_study(arguments.second))
+    if arguments.report is not None:
+        _write_report(compared, arguments.report)
+        return
+    if arguments.csv:
+        print(csv_bytes(compared.ratings).decode(), end="")
+        return
+    for way in compared.ways:
+        print(f"Over 0–{compared.longest_ms:g} ms, left out: {way}")
+        print(comparison_means(compared, compared.longest_ms, way).to_string(index=False))
+        print(*compared.sentences(left_out=way), sep="\n")
+    for caution in compared.cautions:
+        print(caution)
+
+
+def add_comparison_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the comparison to its parser."""
+    for name in ("first", "second"):
+        parser.add_argument(name, metavar=name.upper(), help="a study's folder, or its id in crashfuse studies")
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument("--csv", action="store_true", help="print every rating as CSV instead")
+    instead.add_argument("--report", type=Path, metavar="FILE.html", help="write a report of both instead")
+    parser.set_defaults(run=compare)
+
+
+def _write_report(compared: "StudyComparison", path: Path) -> None:
+    from crashfuse.files.atomic import write_atomically
+    from crashfuse.reporting.report import comparison_report
+
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name a file for --report.")
+    require_writable(path.parent, "--report")
+    write_atomically(path, comparison_report(compared).encode())
+    print(f"Written to {path}")
+
+
+def _past_study(name: str) -> "PastResult":
+    from crashfuse.reporting.past_results import read_study
+    from crashfuse.study.history import past_results
+
+    if Path(name).is_dir():
+        return read_study(Path(name))
+    found = next((result for result in past_results() if result.id == name and result.tests), None)
+    if found is None:
+        raise UsageError(f"{name} is neither a folder with a study nor the id of one: crashfuse studies lists them.")
+    return found

@@ -45,22 +45,16 @@ def default_folder() -> Path:
 class Cache:
     """A folder of named arrays, one file per entry: a SHA-256 line, then an ``.npz`` that is never unpickled.
 
-    Beyond ``$CRASHFUSE_CACHE_GIB`` (10), the entries that were not used for longest go, but none of the last hour. The
-    folder, by default :func:`default_folder`, is created at the first write. ``used`` has the names of the entries
-    found or stored through this object.
+    Beyond ``$CRASHFUSE_CACHE_GIB`` (10), the entries that were not used for longest go, but none of the last hour.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = default_folder() if folder is None else folder
         self.most_bytes = _most_bytes()
-        self.used: set[str] = set()
+        self.used: set[str] = set()  # names of the entries found or stored through this object
 
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
-        """File of the entry of this kind with this key, made of strings, numbers and frozen configs.
-
-        The versions of Python, crashfuse and the packages that compute are part of every key; that of a computed result
-        includes the :func:`crashfuse.execution.code_digest.code_digest` of what computes it.
-        """
+        """File of the entry with this key of strings, numbers and frozen configs; versions are part of every key."""
         parts = json.dumps({**key, "versions": versions()}, sort_keys=True, default=_plain)
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
 
@@ -78,8 +72,7 @@ class Cache:
     ) -> T:
         """Restore a result from the cache, or compute and store it; of several concurrent callers, only one computes.
 
-        ``compute`` returns the result, which must not be None, and the arrays to store; ``restore`` rebuilds the same
-        result from these arrays. Raises Cancelled if the watch is to stop.
+        ``compute`` returns the result, not None, and the arrays to store; ``restore`` rebuilds it from these.
         """
         result = self.find(kind, key, restore)
         if result is None:
@@ -182,7 +175,7 @@ class Cache:
         return path.relative_to(self.folder).as_posix()
 
     def _checksum(self, path: Path, payload: bytes) -> bytes:
-        """Of content and name: an entry that was moved to the place of another is damaged."""
+        """Of content and name: one in the place of another is damaged."""
         return hashlib.sha256(self._name(path).encode() + b"\n" + payload).hexdigest().encode()
 
     def _write(self, path: Path, content: bytes) -> None:
@@ -221,7 +214,7 @@ def _most_bytes() -> float:
     with suppress(ValueError):
         if (most := float(text)) > 0:
             return most * 2**30
-    raise UsageError(f"CRASHFUSE_CACHE_GIB is the size of the cache in GiB, a number above 0, not {text!r}.")
+    raise UsageError(f"CRASHFUSE_CACHE_GIB is a size in GiB above 0, not {text!r}.")
 
 
 def numbers(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:

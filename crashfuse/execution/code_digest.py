@@ -21,8 +21,8 @@ _alone = threading.Lock()  # two threads that parse at once may make Python befo
 def code_digest(module: str, package: Path = _PACKAGE) -> str:
     """Digest of a module, given by its full name, and of every module of this package that it imports, even indirectly.
 
-    Comments, docstrings and layout are ignored, and so is code that only runs or stores computations. For a module of
-    another package every file of that package counts, byte for byte; other imports are represented by their names.
+    Comments, docstrings and layout are ignored, and so is code that only runs or stores computations. Of another
+    package every file counts, byte for byte.
     """
     if module.partition(".")[0] != package.name:
         return hashlib.sha256(_foreign_sources(module) + _sources_digest(package).encode()).hexdigest()

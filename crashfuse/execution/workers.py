@@ -1,7 +1,6 @@
 """Workers that compute the tasks of a study: this process, other processes on this machine, or a Dask cluster.
 
-The numbers are identical, bit for bit on machines of the same kind. If a worker dies, only its current task is lost:
-another worker takes it over, and finished results are in the cache.
+The numbers are identical, bit for bit on machines of the same kind. If a worker dies, another takes its task over.
 """
 
 import logging
@@ -44,7 +43,7 @@ R = TypeVar("R")
 Work = Callable[[Campaign, T, Cache, Watch], list[R]]
 """Computes one task of a campaign; importable in another process, as its tasks can be pickled."""
 
-_RESUME = "Whatever was finished is in the cache: the same command with --resume continues from there"
+_RESUME = "What was finished is in the cache: the same command with --resume continues there"
 _LIVES = 3  # deaths of workers in a row, with nothing finished, before giving up
 _GLANCE_S = 0.1  # interval at which pending tasks are polled
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -64,10 +63,7 @@ class Workers(ABC):
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> AbstractContextManager[dict[int, Any]]:
-        """Submit tasks; returns joblib's or Dask's futures, which are cancelled when the context ends.
-
-        A future's result is what the work returned, and files for the caller's cache.
-        """
+        """Context of submitted tasks: futures of what the work returns, and of files for the caller's cache."""
 
     def are_elsewhere(self, tasks: Sequence[object]) -> bool:  # noqa: ARG002 - others look at their number
         """Whether this process only waits for these tasks, and can compute something else meanwhile."""
@@ -79,10 +75,7 @@ class Workers(ABC):
     def completed(
         self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], cache: Cache, watch: Watch
     ) -> Generator[list[R]]:
-        """Yield the results of each task once it is done, in any order; occasionally an empty list.
-
-        The watch is told about tasks computed in this process only. Raises if workers die repeatedly.
-        """
+        """Yield the results of each task once it is done, in any order; occasionally an empty list."""
         if not self.are_elsewhere(tasks):
             yield from (work(campaign, task, cache, watch) for task in tasks)
             return
@@ -105,8 +98,8 @@ class Workers(ABC):
             except self.deaths as error:
                 lives -= 1
                 if not lives:
-                    found = f"Workers died {_LIVES} times in a row, perhaps because memory ran out"
-                    raise CrashfuseError(f"{found}. {_RESUME}; fewer --workers need less memory.") from error
+                    found = f"Workers died {_LIVES} times in a row, perhaps for want of memory"
+                    raise CrashfuseError(f"{found}. {_RESUME}; fewer --workers need less.") from error
                 log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
 
 
@@ -175,9 +168,8 @@ def _end_with(parent: int) -> None:
 def connected(scheduler: str) -> Iterator["Cluster"]:
     """Connect to the workers of the Dask scheduler at ``tcp://host:port``; raises if there are none or they differ.
 
-    Dask sends Python objects and code by pickle, both ways: anyone who can reach the scheduler, or any worker, can run
-    code on all of them and on this machine. So use it only with a cluster and a network that you trust; nothing does so
-    unless an address is given, and the dashboard never does.
+    Dask sends objects and code by pickle, both ways: anyone who can reach the scheduler or a worker can run code on all
+    of them and on this machine. Use it only with a cluster and a network that you trust.
     """
     try:
         import distributed  # it takes a second
@@ -209,8 +201,8 @@ def connected(scheduler: str) -> Iterator["Cluster"]:
 class Cluster(Workers):
     """Workers of a Dask scheduler.
 
-    The campaign and the tasks' shared data are sent to each worker once; results are stored in its machine's cache and
-    copied to the caller's. Its process computes one task at a time; Dask resubmits the task of a worker that died.
+    The campaign is sent to each worker once; results are stored in its machine's cache and copied to the caller's. Its
+    process computes one task at a time; Dask resubmits the task of a worker that died.
     """
 
     scheduler: str
@@ -231,7 +223,7 @@ class Cluster(Workers):
         try:
             yield futures
         except KilledWorker as error:
-            found = "A task ended every Dask worker that took it up, perhaps because memory ran out"
+            found = "A task ended every Dask worker that took it up, perhaps for want of memory"
             raise CrashfuseError(f"{found}. {_RESUME}.") from error
         finally:
             for future in futures.values():

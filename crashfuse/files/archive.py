@@ -1,7 +1,6 @@
 """Zip and tar archives: our own, and untrusted ones.
 
-Declared sizes are not trusted: unpacked bytes are counted chunk by chunk. Names are checked before the first byte is
-read, and must be valid on every platform, so that accepted files can be copied anywhere.
+Declared sizes are not trusted: unpacked bytes are counted. Names must be valid on every platform.
 """
 
 import gzip
@@ -65,11 +64,11 @@ class Budget:
         """Count a chunk of a member of so many bytes by now; a DataError beyond the limits."""
         self.total += count
         if self.total > self._by_ratio:
-            expected, found = f"at most {self.limits.ratio:g} times the size of the archive", "more: it is a zip bomb"
-            raise DataError(Problem(where, expected, found, "zip the folder anew"))
+            expected = f"at most {self.limits.ratio:g} times the size of the archive"
+            raise DataError(Problem(where, expected, "more: it is a zip bomb", "zip the folder anew"))
         if member_bytes > self.limits.member_bytes:
-            expected, advice = f"at most {_size(self.limits.member_bytes)} a file", "split it, or save it as Parquet"
-            raise DataError(Problem(where, expected, "more", advice))
+            expected = f"at most {_size(self.limits.member_bytes)} a file"
+            raise DataError(Problem(where, expected, "more", "split it, or save it as Parquet"))
         if self.total > self.limits.total_bytes:
             raise too_much(where, self.limits)
 
@@ -148,11 +147,14 @@ def name_trouble(name: str) -> tuple[str, str, str] | None:
         "a name that Windows keeps for a device": any(
             part.split(".")[0].rstrip().upper() in _DEVICES for part in parts
         ),
-        "a name that is too long": max(len(part.encode(errors="replace")) for part in parts) > _LONGEST_NAME
-        or len(name.encode(errors="replace")) > _LONGEST_PATH,
+        "a name that is too long": max(map(_length, parts)) > _LONGEST_NAME or _length(name) > _LONGEST_PATH,
     }
     found = next((trouble for trouble, is_there in troubles.items() if is_there), None)
     return None if found is None else ("a plain name in a folder", found, "rename it")
+
+
+def _length(name: str) -> int:
+    return len(name.encode(errors="replace"))
 
 
 def left_by_the_system(name: str) -> bool:
@@ -171,14 +173,12 @@ def refuse(problems: list[Problem], name: str) -> None:
 
 def too_many(where: str, found: int, limits: Limits) -> DataError:
     """The error for more files than allowed."""
-    advice = "put all pulses of a source into one table"
-    return DataError(Problem(where, f"at most {limits.members} files", f"{found}", advice))
+    return DataError(Problem(where, f"at most {limits.members} files", f"{found}", "put all pulses into one table"))
 
 
 def too_much(where: str, limits: Limits) -> DataError:
     """The error for more bytes than allowed."""
-    expected = f"at most {_size(limits.total_bytes)} in all"
-    return DataError(Problem(where, expected, "more", "save the pulses as Parquet"))
+    return DataError(Problem(where, f"at most {_size(limits.total_bytes)} in all", "more", "save pulses as Parquet"))
 
 
 def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
@@ -282,5 +282,4 @@ class _Walk:
 
     def _check(self, end: int) -> None:
         if end > self._most + _LONGEST_READ:
-            expected = f"at most {self._most >> 20} MiB unpacked"
-            raise DataError(Problem(self.where, expected, "more", "pack the files of one test alone"))
+            raise DataError(Problem(self.where, f"at most {self._most >> 20} MiB unpacked", "more", "pack fewer files"))

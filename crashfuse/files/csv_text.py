@@ -133,8 +133,8 @@ class CsvTable:
 
     def _parsed(self, text: str, row: int) -> pd.DataFrame:
         if text.count("\n") * (self._width - 1) > len(text) + _MOST_PADDING:
-            expected, found = f"{self._width} cells in each line, as in the header", "lines with far fewer"
-            raise DataError(Problem(self._where, expected, found, "leave out empty lines and columns", row=row))
+            expected, advice = f"{self._width} cells in each line", "leave out empty lines and columns"
+            raise DataError(Problem(self._where, expected, "lines with far fewer", advice, row=row))
         texts: dict[int, type] = {self.names.index("id"): str} if "id" in self.names else {}
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
@@ -178,16 +178,15 @@ def read_rows(
             for number, cells in enumerate(reader, start=2):
                 is_blank = not any(map(str.strip, cells))
                 if number > _MOST_LINES or (len(rows) == most and not is_blank):
-                    expected, advice = f"at most {most:,} rows in {len(names)} columns", _LESS
-                    raise DataError(Problem(where, expected, "more", advice))
+                    raise DataError(Problem(where, f"at most {most:,} rows in {len(names)} columns", "more", _LESS))
                 if not is_blank:
                     if any(map(str.strip, cells[len(names) :])) and len(wide) < _MOST_WIDE:
                         wide.append(_too_wide(where, len(names), cells, number))
                     rows.append([*map(original, cells[: len(names)]), *[""] * (len(names) - len(cells))])
                     numbers.append(number)
         except csv.Error as error:
-            expected = "cells of a comma-separated table"
-            raise DataError([*wide, Problem(where, expected, str(error), _AGAIN, row=number + 1)]) from None
+            broken = Problem(where, "cells of a comma-separated table", str(error), _AGAIN, row=number + 1)
+            raise DataError([*wide, broken]) from None
     if wide:
         raise DataError(wide)
     return names, rows if between == "," else _with_points(rows), numbers
@@ -225,8 +224,7 @@ def _header_names(cells: Sequence[str], where: str) -> list[str]:
         raise DataError(Problem(where, f"at most {_MOST_COLUMNS} columns", f"{len(names)}", "leave out the others"))
     for between, called in ((";", "semicolons"), ("\t", "tabs")):
         if len(names) == 1 and between in names[0]:
-            advice = "export it with commas, or bring it in with crashfuse import"
-            raise DataError(Problem(where, "commas between the columns", called, advice))
+            raise DataError(Problem(where, "commas between columns", called, "export it with commas, or import it"))
     return names
 
 
@@ -238,8 +236,7 @@ def text_from(path: Path, where: str) -> Iterator[TextIO]:
         with path.open(encoding="utf-8-sig") as stream:
             yield stream
     except UnicodeDecodeError:
-        found = "bytes that are none (Latin-1, UTF-16, or no text at all)"
-        raise DataError(Problem(where, "text in UTF-8", found, _AGAIN)) from None
+        raise DataError(Problem(where, "text in UTF-8", "Latin-1, UTF-16, or no text at all", _AGAIN)) from None
     except OSError as error:
         raise DataError(unreadable(where, error)) from None
 
@@ -248,19 +245,18 @@ def require_file(path: Path, where: str) -> None:
     """Raise a DataError if the path is not a regular file but, say, a folder or a pipe that never ends."""
     if not path.is_file():
         found = "a folder" if path.is_dir() else "a link to nothing, a pipe or a device"
-        raise DataError(Problem(where, "a file", found, "put the file itself there"))
+        raise DataError(Problem(where, "a file", found, "put the file there"))
 
 
 def unreadable(where: str, error: OSError) -> Problem:
     """The problem of a file that the system cannot read."""
     found = (error.strerror or type(error).__name__).lower()
-    return Problem(where, "a file that can be read", found, "check what it is and who may read it")
+    return Problem(where, "a file that can be read", found, "check who may read it")
 
 
 def _too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem:
     found = f"{len(cells)} in the line {printable(','.join(cells), 60)!r}"
-    advice = "write decimal points, not commas, and put text with commas between quotes"
-    return Problem(where, f"{width} cells as in the header", found, advice, row=row)
+    return Problem(where, f"{width} cells as in the header", found, "write decimal points, quote commas", row=row)
 
 
 def _refuse_nul(text: str, where: str) -> None:

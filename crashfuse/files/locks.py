@@ -26,9 +26,8 @@ def locked(path: Path, wait_s: float, on_wait: Callable[[], object] = lambda: No
             lock.acquire(timeout=min(_GLANCE_S, wait_s), poll_interval=0.02)
         except Timeout:
             if time.monotonic() >= end:
-                expected, found = "a folder that nobody else is writing to", f"{_holder(path)} writing to it"
-                advice = "wait until that has ended, or name another folder"
-                raise DataError(Problem(str(path.parent), expected, found, advice)) from None
+                trouble = f"{_holder(path)} writing to it", "wait until that has ended, or name another"
+                raise DataError(Problem(str(path.parent), "a folder that nobody writes to", *trouble)) from None
             on_wait()
     try:
         with suppress(OSError):  # where a locked file can't be written

@@ -45,8 +45,8 @@ class ParquetTable:
         try:
             yield cls(path, where)
         except MemoryError:
-            expected, found = "a table that fits into memory", "one that does not, or is damaged"
-            raise DataError(Problem(where, expected, found, "close other programs, or export fewer runs")) from None
+            trouble = "one that does not, or is damaged", "close other programs, or export fewer runs"
+            raise DataError(Problem(where, "a table that fits into memory", *trouble)) from None
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             found = f"a damaged or another one ({printable(' '.join(str(error).split()), 80)})"
             raise DataError(Problem(where, "a sound Parquet file", found, _AGAIN)) from None
@@ -86,14 +86,11 @@ class ParquetTable:
         if name != "id" and (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
             return False
         expected = "text" if name == "id" else "numbers"
-        raise DataError(Problem(self._where, expected, f"values of type {kind}", "export it again", name))
+        raise DataError(Problem(self._where, expected, f"values of type {kind}", _AGAIN, name))
 
 
 def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
-    """Raise a DataError if decoding would take far more memory than pulses need, by the headers of the pages.
-
-    Returns the columns that pyarrow cannot read as dictionaries, for want of a decoder.
-    """
+    """The columns that pyarrow cannot read as dictionaries; a DataError if decoding would take far too much memory."""
     written_out: set[str] = set()
     with pq.ParquetFile(path) as file, path.open("rb") as stream:
         for at in range(file.metadata.num_columns):
@@ -108,13 +105,13 @@ def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
                 for size, encoding in _pages(stream, begin, chunk.total_compressed_size, where):
                     total, pages = total + size, pages + 1
                     if total > most:
-                        expected, found = f"at most {most >> 20} MiB of values", "more, once unpacked"
-                        raise DataError(Problem(where, expected, found, "shorten the texts", name))
+                        expected = f"at most {most >> 20} MiB of values"
+                        raise DataError(Problem(where, expected, "more, unpacked", "shorten the texts", name))
                     if pages > _MOST_PAGES:
                         raise DataError(Problem(where, f"at most {_MOST_PAGES} pages", "more", _AGAIN, name))
                     if encoding == _DELTA_BYTE_ARRAY:
-                        expected, found = "values that are written out", "the encoding DELTA_BYTE_ARRAY"
-                        raise DataError(Problem(where, expected, found, "export it with a dictionary", name))
+                        trouble = "written-out values", "the encoding DELTA_BYTE_ARRAY", "export it with a dictionary"
+                        raise DataError(Problem(where, *trouble, name))
                     if encoding == _DELTA_LENGTH_BYTE_ARRAY:
                         written_out.add(name)
     return written_out

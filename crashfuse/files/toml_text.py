@@ -31,7 +31,7 @@ def read_toml(path: Path, most_mib: int, advice: str) -> dict[str, Any]:
         for pattern, most in ((_LONG_KEY, f"keys of at most {_MOST_PARTS} parts"), (_LONG_WORD, _NUMBERS)):
             if match := pattern.search(text):
                 row = text.count("\n", 0, match.start()) + 1
-                raise DataError(Problem(path.name, most, printable(match.group(), 60), "correct the file", row=row))
+                raise DataError(Problem(path.name, most, printable(match.group(), 60), "correct it", row=row))
         if text.count(".") + text.count("[") > _MOST_MARKS:
             raise DataError(Problem(path.name, f"at most {_MOST_MARKS:,} dots and brackets", "more", advice))
         return tomllib.loads(text)

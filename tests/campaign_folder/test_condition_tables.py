@@ -149,7 +149,7 @@ def test_a_tuning_of_maybe_is_refused_in_one_sentence(campaign_folder: Path) -> 
     stating(campaign_folder, cae_tuned=["yes", "maybe", "", ""])
     (problem,) = problems_of(lambda: load_campaign(campaign_folder))
     assert (problem.where, problem.column, problem.row) == ("tests.csv", "cae_tuned", 3)
-    assert (problem.expected, problem.found) == ("yes, no or an empty cell", "'maybe'")
+    assert (problem.expected, problem.found) == ("yes, no or nothing", "'maybe'")
 
 
 @pytest.mark.parametrize("settings", ['limits = "euro-ncap-vt-2025"', "hourglass_share = 0.1"])

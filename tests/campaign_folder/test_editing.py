@@ -388,7 +388,7 @@ def test_what_is_there_already_is_passed_over(folder: Path) -> None:
     before = content_of(folder)
     with pytest.raises(DataError, match="an id that is not there yet, found 'A'"):
         add_to_campaign(folder, {"tests": [addition("A", 31.0), addition("D", 20.0)]})
-    with pytest.raises(DataError, match="found A, B, there already with the same condition and pulse"):
+    with pytest.raises(DataError, match="found A, B, there already all the same"):
         add_to_campaign(folder, {"tests": [addition("A"), addition("B", 35.0)]})
     assert content_of(folder) == before
 
@@ -439,9 +439,9 @@ def test_what_cannot_be_edited_is_said(folder: Path, edit: object, ids: list[str
 def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
     """The copy is the same campaign."""
     for edit in (lambda: leave_out(sample_folder(), ["T01"]), lambda: undo(sample_folder())):
-        with pytest.raises(DataError, match="edit a copy of it"):
+        with pytest.raises(DataError, match="copy it"):
             edit()
-    with pytest.raises(DataError, match="edit a copy of it"):
+    with pytest.raises(DataError, match="copy it"):
         add_to_campaign(sample_folder(), {"tests": [addition()]})
     copy_campaign(sample_folder(), tmp_path / "copy")
     assert load_campaign(tmp_path / "copy").fingerprint == load_campaign(sample_folder()).fingerprint

@@ -236,7 +236,7 @@ def test_what_is_wrong_is_told_with_table_column_and_row(frames: Frames) -> None
     ):
         table = "tests" if "speed_mph" in wrong else "test_pulses"
         assert re.match(said, refusal(frames, **{table: wrong}), flags=re.DOTALL)
-    assert refusal(frames, cae=[1]) == "cae: expected a DataFrame, found list; give a pandas DataFrame."
+    assert refusal(frames, cae=[1]) == "cae: expected a pandas DataFrame, found list; give one."
     with pytest.raises(DataError, match="campaign, column name: expected text of at most 200 characters"):
         Campaign.from_frames(**frames, name=3)  # type: ignore[arg-type]
 

@@ -66,7 +66,7 @@ def test_too_large_a_file_is_refused_and_a_full_disk_is_told(home: Path, monkeyp
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(file_store, "write_atomically", full)
-    with pytest.raises(DataError, match="room to keep it on the server's disk, found No space left on device"):
+    with pytest.raises(DataError, match="room on the server, found No space left on device"):
         file_store.keep(b"x", "matrix.csv")
     assert not home.exists()
 

@@ -49,7 +49,7 @@ def test_a_data_frame_is_the_same_matrix_as_its_file(tmp_path: Path) -> None:
     [
         ([""], "matrix.csv: expected a table with a header, found an empty one"),
         ([HEADER], "matrix.csv: expected a header and at least one row, found an empty table"),
-        ([HEADER, "A,30,2000,1500", "B,30,2000,1500"], "row 3: expected each condition once, found that of A a second"),
+        ([HEADER, "A,30,2000,1500", "B,30,2000,1500"], "row 3: expected each condition once, found that of A again"),
         ([HEADER, "A,30,2000,1500", "A,31,2000,1500"], "row 3: expected each id once, found 'A' a second time"),
         ([HEADER, "A,30,2000,x"], "column rear_weight_lb, row 2: expected a number, found 'x'"),
         ([HEADER, "A,0,2000,1500"], "column speed_mph, row 2: expected a number of at least"),

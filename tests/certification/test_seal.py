@@ -77,7 +77,7 @@ def test_a_seal_holds_what_it_rests_on_and_follows(sealed: Path, maker: Path, ca
     key.verify(base64.b64decode(values["signature"]), (sealed / FILE).read_bytes())
     assert sealed_by(sealed) == told.key
     assert cli.main(["verify", str(sealed)]) == cli.DONE
-    assert "only a key that you were given shows" in capsys.readouterr().out
+    assert "shows only one that you were given" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", [FILE, "track_record.csv"])

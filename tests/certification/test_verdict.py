@@ -8,9 +8,9 @@ import pytest
 
 from crashfuse.approaches.metric_calibration import Distribution
 from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import beside_tests
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.evidence import beside_tests
 from crashfuse.certification.forecasts import Forecast
 from crashfuse.certification.verdict import Verdict, all_met, judge, with_decided
 from crashfuse.condition import Condition

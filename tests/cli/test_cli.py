@@ -88,7 +88,7 @@ def test_resuming_takes_the_settings_that_were_noted(campaign_on_disk: Path, tmp
     assert run(*command, "--resume") == cli.DONE
     assert pd.read_csv(out / "scores.csv")["window_ms"].tolist() == [30.0]
     assert run(*command, "--resume", "--seed", 4) == cli.WRONG_USAGE
-    assert "was begun with other settings (seed)" in capsys.readouterr().err
+    assert "was begun with other settings: seed" in capsys.readouterr().err
     assert run("study", campaign_on_disk, "--out", tmp_path / "none", "--resume") == cli.WRONG_USAGE
     assert "no study to resume" in capsys.readouterr().err
 

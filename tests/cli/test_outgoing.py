@@ -69,7 +69,7 @@ def test_a_sweep_exports_the_pulses_at_each_speed(campaign_on_disk: Path, tmp_pa
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (["--export", "lsdyna"], "Name the units of the solver's model with --unit-system, one of mm-ms-kg, mm-s-t"),
+        (["--export", "lsdyna"], "Name the units of the solver's model: --unit-system mm-ms-kg, mm-s-t"),
         (["--start-ms", "5"], "--start-ms is about curves of a solver; add --export lsdyna"),
         ([*LSDYNA, "--isomme-location", "10VEHC000000"], "add --export isomme"),
         ([*LSDYNA, "--scale", "0"], "scaled by a number above 0"),

@@ -36,8 +36,8 @@ def test_a_folder_that_another_command_writes_to_is_refused(
         assert cli.main(asked) == cli.WRONG_DATA
         assert [path.name for path in out.iterdir() if not path.name.startswith(".")] == ["begun"]
     line, _ = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"{out}: expected a folder that nobody else is writing to, found process ")
-    assert line.endswith("writing to it; wait until that has ended, or name another folder.")
+    assert line.startswith(f"{out}: expected a folder that nobody writes to, found process ")
+    assert line.endswith("writing to it; wait until that has ended, or name another.")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process is not stopped for a while there")
@@ -57,7 +57,7 @@ def test_of_two_studies_into_one_folder_the_second_is_refused(campaign_on_disk: 
         finally:
             first.send_signal(signal.SIGCONT)
     assert (first.returncode, second.returncode) == (cli.DONE, cli.WRONG_DATA)
-    assert second.stderr.startswith(f"{out}: expected a folder that nobody else is writing to, found process ")
+    assert second.stderr.startswith(f"{out}: expected a folder that nobody writes to, found process ")
     assert (out / "scores.csv").is_file()
 
 

@@ -11,10 +11,9 @@ from markupsafe import escape
 from crashfuse import cli
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
-from crashfuse.certification.certify import Certification, certify_matrix
+from crashfuse.certification.certify import Certification, Rows, certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.evidence import Rows
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
