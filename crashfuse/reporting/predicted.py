@@ -17,8 +17,17 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.earlier_prediction import EarlierPrediction, otherwise
-from crashfuse.reporting.figures import Curves, Further, OtherPrediction, beside, chosen, other_fold, prediction_name
+from crashfuse.reporting.figures import (
+    Curves,
+    EarlierPrediction,
+    Further,
+    OtherPrediction,
+    beside,
+    chosen,
+    other_fold,
+    otherwise,
+    prediction_name,
+)
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.result_tables import metric_texts, metrics_table, pulses_table

@@ -7,7 +7,7 @@ import pandas as pd
 
 from crashfuse.certification.matrix import Matrix
 from crashfuse.reporting.certification_tables import condition_columns, factors_of
-from crashfuse.reporting.earlier_prediction import otherwise
+from crashfuse.reporting.figures import otherwise
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.signals.metrics import MAIN_METRICS, Metric

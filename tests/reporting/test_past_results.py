@@ -13,8 +13,8 @@ from crashfuse.reporting.past_results import (
     left_out_in_words,
     studies_table,
 )
-from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.report import comparison_report
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.config import StudyConfig

@@ -13,7 +13,7 @@ from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
-from crashfuse.reporting.earlier_prediction import WITH_GROUP
+from crashfuse.reporting.figures import WITH_GROUP
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS

@@ -1,12 +1,18 @@
-"""Figures of network training."""
+"""Figures of learning: of networks while they train, and of approaches over the number of tests."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 
-from crashfuse.reporting.plots.canvas import new_figure
-from crashfuse.reporting.plots.palette import CURSOR
+from crashfuse.approaches.registry import CLASSES, LABELS
+from crashfuse.reporting.plots.canvas import add_band, new_figure
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES
+from crashfuse.study.learning_curve import LearningCurve
+from crashfuse.study.one_more_test import one_more, summary
+from crashfuse.wording import signed
 
 _SPARE = 0.05  # decades beside the curves
 _NAMES = {"train loss": "Training error", "validation loss": "Error on held-back CAE runs"}
@@ -53,3 +59,105 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     figure.update_xaxes(title=title, type="category", range=None, unifiedhovertitle=None)
     figure.update_yaxes(title="Error (CAE RMS = 1)", rangemode="tozero")
     return figure
+
+
+_SHIFT = 0.06  # tests, between points of even and of random choices
+_RATING = "%{x:.0f} tests: %{y:.3f} ± %{error_y.array:.3f}"
+
+
+def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go.Figure:
+    """Draw the mean rating, and below it the band's width, over the number of tests learned from.
+
+    Points are means over the held-out tests with their standard error: filled and joined for tests chosen evenly over
+    speed, open for tests chosen at random. Behind the judged approach lie the central 80 % of its single predictions.
+    The open diamond is the rating expected with one test more than the campaign has, with its 95 % interval.
+    """
+    figure, table = new_figure(height=640), summary(curve)
+    n, unit = len(curve.campaign.tests), display.unit
+    for name in curve.config.approaches:
+        rows, colour = table[table["approach"] == name], COLOURS[name]
+        if not CLASSES[name].learns_from_tests:
+            rating, label = float(curve.by_test(name).iloc[:, -1].mean()), f"{LABELS[name]}, without any test"
+            line = {"color": colour, "width": 2, "dash": DASHES[name]}
+            hover = f"{rating:.3f}<extra>{label}</extra>"
+            figure.add_scatter(
+                x=[0, n + 1], y=[rating, rating], mode="lines+markers", name=label, line=line,
+                marker={"size": [9, 0.1]}, hovertemplate=hover,
+            )  # fmt: skip
+            continue
+        even, random = (rows[rows["choice"] == way] for way in ("even", "random"))
+        if name == curve.judged:
+            sizes, low, high = even[["n_tests", "low", "high"]].to_numpy(dtype=np.float64).T
+            add_band(figure, sizes, low, high, colour=colour, showlegend=False)
+        _ratings(figure, even, f"{LABELS[name]}, evenly over speed", colour, "circle", -_SHIFT)
+        _ratings(figure, random, f"{LABELS[name]}, at random", colour, "circle-open", _SHIFT)
+        half_width, hover = even["half_width_g"] * display.units.factor("g"), "%{customdata:.0f} % of a(t) inside"
+        _below(figure, even, half_width, name, "y2", f"± %{{y:.1f}} {unit}, {hover}", customdata=100 * even["inside"])
+        if "decided" in even:
+            _below(figure, even, 100 * even["decided"], name, "y3", "%{y:.0f} % of verdicts decided")
+    _expect(figure, curve)
+    lower = {"y2": display.title("Half width of<br>the 95 % band", "g")} if table["half_width_g"].notna().any() else {}
+    if "decided" in table:
+        lower["y3"] = "Verdicts<br>decided (%)"
+    _label_axes(figure, n, lower)
+    return figure
+
+
+def _ratings(figure: go.Figure, rows: pd.DataFrame, name: str, colour: str, symbol: str, shift: float) -> None:
+    if rows.empty:
+        return
+    figure.add_scatter(
+        x=rows["n_tests"] + shift, y=rows["rating"], mode="lines+markers" if symbol == "circle" else "markers",
+        name=name, meta={"x": rows["n_tests"].tolist()},
+        error_y={"array": rows["error"].fillna(0.0), "width": 0, "thickness": 1.5, "color": colour},
+        line={"color": colour, "width": 2}, marker={"color": colour, "symbol": symbol, "size": 9},
+        hovertemplate=f"{_RATING}<extra>{name}</extra>",
+    )  # fmt: skip
+
+
+def _below(
+    figure: go.Figure, rows: pd.DataFrame, values: pd.Series, name: str, yaxis: str, hover: str, **data: object
+) -> None:
+    if not values.isna().all():
+        figure.add_scatter(
+            x=rows["n_tests"], y=values, yaxis=yaxis, mode="lines+markers", name=LABELS[name], showlegend=False,
+            line={"color": COLOURS[name], "width": 2}, marker={"size": 9},
+            hovertemplate=f"%{{x:.0f}} tests: {hover}<extra>{LABELS[name]}</extra>", **data,
+        )  # fmt: skip
+
+
+def _expect(figure: go.Figure, curve: LearningCurve) -> None:
+    name, more = curve.judged, one_more(curve)
+    if more is None or not CLASSES[name].learns_from_tests:
+        return
+    gain, lower, upper = (signed(value, 3) for value in (more.gain, more.lower, more.upper))
+    last, colour = curve.by_test(name).iloc[:, -1], COLOURS[name]
+    ends = {"array": [0, more.upper - more.gain], "arrayminus": [0, more.gain - more.lower]}
+    figure.add_scatter(
+        x=[last.name, more.n_tests + 1], y=[last.mean(), more.rating], mode="lines+markers",
+        name=f"{LABELS[name]}, expected with one test more", line={"color": colour, "width": 2, "dash": "dot"},
+        error_y={**ends, "width": 4, "color": colour},
+        marker={"color": colour, "symbol": "diamond-open", "size": [0.1, 11]},
+        hovertemplate=f"{more.n_tests + 1} tests: %{{y:.3f}}; the last one adds {gain} ({lower} to {upper})"
+        f"<extra>{LABELS[name]}, expected</extra>",
+    )  # fmt: skip
+
+
+def _label_axes(figure: go.Figure, n: int, lower: dict[str, str]) -> None:
+    figure.update_layout(hovermode="closest", margin={"t": 64})
+    figure.update_xaxes(
+        title="Number of tests learned from", range=[-0.4, n + 1.5], dtick=1 if n < 16 else 5, showspikes=False,
+        unifiedhovertitle=None, zeroline=False,
+    )  # fmt: skip
+    figure.update_yaxes(title="Overall rating, held-out tests")
+    look, share = figure.layout.yaxis.to_plotly_json(), 0.4 / max(len(lower), 1)
+    for number, (axis, label) in enumerate(lower.items()):
+        end = 0.4 - number * share
+        panel = {**look, "domain": [end - share + 0.02, end - 0.08], "title": label, "rangemode": "tozero"}
+        figure.update_layout({f"yaxis{axis[1:]}": panel, "xaxis": {"anchor": axis}})
+    if lower:
+        figure.update_layout(yaxis={"domain": [0.4, 1.0]}, height=640 + 120 * (len(lower) - 1))
+    figure.add_vline(
+        x=n, line={"color": CURSOR, "width": 1, "dash": "dot"}, annotation_text=f"all {n} tests",
+        annotation_position="top right",
+    )  # fmt: skip

@@ -18,9 +18,9 @@ from crashfuse.reporting.past_results import (
     left_out_in_words,
     studies_table,
 )
-from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, best, mean_values, rating_table
 from crashfuse.reporting.report.page import ReportOptions, render, render_in_frame
