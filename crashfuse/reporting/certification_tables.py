@@ -70,8 +70,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
 def track_record_table(certification: Certification) -> pd.DataFrame:
     """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
 
-    The bounds, of the share of wrong verdicts of the whole record, are the same in each row. Not counted are those on
-    tests that the CAE model was tuned to.
+    The bounds are those of the whole record. Not counted are tests that the CAE model was tuned to.
     """
     basis, record = _bases(certification.campaign), certification.record
     bounds = [share.at_most for share in record.bounds().values()]
@@ -158,7 +157,7 @@ def _bases(campaign: Campaign) -> dict[str, str]:
 
 
 def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, float | None]]:
-    """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
+    """Left-out verdicts of each kind, wrong ones and the 95 % bound of their share; *decided* is both."""
     counts = record.counts(criterion)
     (met, wrongly_met), (missed, wrongly_missed) = counts["met"], counts["not met"]
     counts |= {"decided": (met + missed, wrongly_met + wrongly_missed)}

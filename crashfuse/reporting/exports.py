@@ -37,8 +37,8 @@ _NUMBER = re.compile(r"[+-][\d.]+ ± [\d.]+")  # with its error, as no formula i
 def spreadsheet_text(table: pd.DataFrame) -> str:
     """Return a table for readers as lines with tabs between cells, which a spreadsheet takes from the clipboard.
 
-    A cell holds one number or one text: a value with an interval in brackets, or with its grade, becomes columns of its
-    own. A text that a spreadsheet would take for a formula stays a text.
+    A value with an interval in brackets, or with its grade, becomes columns of its own. A text that a spreadsheet would
+    take for a formula stays a text.
     """
     columns: list[list[str]] = []
     for name, own in table.items():

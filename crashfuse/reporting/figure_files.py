@@ -154,8 +154,7 @@ def _browser() -> str | None:
 def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> dict[str, bytes]:
     """The figures as files, by name: ``01-heading.svg``, ``.png`` and ``.csv`` and, all in one, ``figures.pptx``.
 
-    Raises UsageError if a format is unknown, or the extra or the browser that it needs is not there, DataError if the
-    numbers of a figure cannot be read, CrashfuseError if the browser fails.
+    Raises UsageError if the extra or the browser that a format needs is not there, CrashfuseError if the browser fails.
     """
     if unknown := [form for form in formats if form not in FIGURE_FORMATS]:
         raise UsageError(f"A figure is written as {', '.join(FIGURE_FORMATS)}, not as {unknown[0]}.")

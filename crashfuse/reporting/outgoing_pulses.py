@@ -1,7 +1,7 @@
 """Predicted pulses for an occupant model: what is exported, how, and as which files.
 
-The expected pulse of each approach goes out, and as many whole draws as are asked for. The edges of the band of whole
-pulses are a sled laboratory's corridor, as ISO-MME, and no curves of a model: each is a pulse that no vehicle has.
+The edges of the band of whole pulses are a sled laboratory's corridor, as ISO-MME, and no curves of a model: each is a
+pulse that no vehicle has.
 """
 
 import re
@@ -60,12 +60,6 @@ class PulseExport:
         The first 12 characters of the ISO-MME channel codes: test object, position, main and fine locations.
     curve : SolverCurve, optional
         Units, sign, start, scale and id of a solver's curve; needed for the solvers' formats.
-
-    Raises
-    ------
-    UsageError
-        If a format is unknown, a solver's has no curve, the location is no code, or the number of draws or the seed is
-        negative.
     """
 
     formats: tuple[PulseFormat, ...] = ("isomme",)
@@ -153,10 +147,7 @@ class OutgoingPulse:
 
 
 def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
-    """The expected pulse of each approach, a representative one, and this many draws, chosen at random by the seed.
-
-    Raises UsageError if an approach has fewer draws than asked for, or no approach has any.
-    """
+    """The expected pulse of each approach, a representative one, and this many draws, chosen at random by the seed."""
     if draws and all(estimate.prediction.draws_mps2 is None for estimate in estimates):
         names = ", ".join(estimate.approach for estimate in estimates)
         raise UsageError(f"There are no draws of {names}: no band.")

@@ -126,10 +126,7 @@ def sweep(
     approach, config
         As in :func:`crashfuse.reporting.predicted.predict`.
 
-    Raises
-    ------
-    UsageError
-        If there is no such approach, the campaign lacks a factor of the condition or its value, or the speeds are none.
+    Raises as :func:`crashfuse.reporting.predicted.predict`, and if the speeds are none.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -168,11 +165,7 @@ def next_test(
     planned : sequence of Condition
         Tests that are going to be run anyway.
 
-    Raises
-    ------
-    UsageError
-        If the range is none, there is no candidate, or the campaign lacks a factor of a condition, or
-        does not say of which kind the vehicle is.
+    Raises UsageError if the range is none, there is no candidate, or the campaign lacks a factor of a condition.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

@@ -112,11 +112,8 @@ class PredictedPulse:
     def to_frame(self) -> pd.DataFrame:
         """Pulse, band and motion by the preferred approach, one row a sample.
 
-        Returns
-        -------
-        DataFrame
-            ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a band), as in
-            ``pulses.csv``; ``velocity_kph``, ``displacement_mm``; 1,250 rows.
+        As in ``pulses.csv``: ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a
+        band); and ``velocity_kph``, ``displacement_mm``.
         """
         velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
         pulse = pulses_table([self.estimate])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
@@ -143,11 +140,6 @@ class PredictedPulse:
             As in :meth:`crashfuse.study.study.Study.plot`.
         representative : bool
             Whether figures over time show a pulse that looks like a test, too.
-
-        Raises
-        ------
-        UsageError
-            If there is no such figure, approach, test, CAE run, option or unit.
         """
         shown = Display.of(self.campaign.units, **display)
         estimates = chosen({each.approach: each for each in self.estimates}, approaches, band)
@@ -168,12 +160,7 @@ class PredictedPulse:
     ) -> None:
         """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model.
 
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        UsageError
-            If there is no such form or option, or there are fewer draws than are to be exported.
+        Raises UsageError if there are fewer draws than are to be exported.
         """
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
@@ -223,8 +210,7 @@ def predict(
     Raises
     ------
     UsageError
-        If there is no such approach, a fit is of another campaign, the campaign lacks a factor of the condition or its
-        value, or speed or a weight is beyond any barrier test.
+        If a fit is of another campaign, or the campaign lacks a factor of the condition or its value.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

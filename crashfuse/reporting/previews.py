@@ -70,19 +70,9 @@ def preview_source(
     conditions: str | Path | None = None,
     travel: Travel | None = None,
 ) -> tuple[Preview, ...]:
-    """Look at what :func:`crashfuse.import_source` would add, one preview a record; nothing is written.
+    """Look at what :func:`crashfuse.import_source`, of the same arguments, would add; nothing is written.
 
-    Parameters
-    ----------
-    source, choices, role, fmt, record_id, columns, conditions, travel
-        As there.
-
-    Raises
-    ------
-    DataError
-        With every problem of every record that cannot be read.
-    UsageError
-        If a choice does not exist.
+    One preview a record; raises DataError with every problem of every record that cannot be read.
     """
     one_of("kind of record", role, dict.fromkeys(get_args(Role)))
     require_a(Choices, choices, "crashfuse.Choices()")

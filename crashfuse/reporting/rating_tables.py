@@ -101,11 +101,10 @@ REPEAT = "A repeat"
 
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
-    """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over several tests in the last rows.
+    """Overall ratings as in the paper's tables, unrounded: :data:`TABLE_3` or :data:`TABLE_5`, as far as in the study.
 
-    Under the approaches stands what a repeat of the test would rate, if it is known. ``rows`` are labels by approach:
-    :data:`TABLE_3` or :data:`TABLE_5`; those not in the study are left out. Indexed by test and approach, one column
-    per window ("(0, 20) ms"), unrounded.
+    Indexed by test and approach, one column a window. Under the approaches stands what a repeat of the test would rate,
+    if it is known; in the last rows the mean over several tests.
     """
     windows = study.config.windows_ms
     labels = {name: label for name, label in rows.items() if name in study.config.approaches}

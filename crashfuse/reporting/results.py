@@ -84,11 +84,7 @@ def write_certification(
     since: str | Path | Earlier | None = None,
     notes: Sequence[Note] = (),
 ) -> None:
-    """Write the files of a certification.
-
-    ``since`` is an earlier certification's ``certification.json``, or its folder: ``changes.csv`` and the report then
-    tell what became of it. ``notes`` on the campaign's tests stand in the report.
-    """
+    """Write the files of a certification, see :meth:`crashfuse.reporting.verdicts.Verdicts.write`."""
     earlier = read_earlier(Path(since)) if isinstance(since, str | Path) else since
     beside = certification if earlier is None else certification.beside(earlier)
     write_result("certification", folder, beside, display, notes)

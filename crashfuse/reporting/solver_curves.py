@@ -69,11 +69,6 @@ class SolverCurve:
         Factor on the accelerations.
     number : int
         Id of the curve.
-
-    Raises
-    ------
-    UsageError
-        If there is no such unit system or sign, or a number makes no sense.
     """
 
     unit_system: str

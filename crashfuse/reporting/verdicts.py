@@ -55,13 +55,12 @@ class Verdicts:
     def beside(self, earlier: str | Path) -> Self:
         """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``.
 
-        What that said of tests that were run since counts in the record, and can leave verdicts open. Raises a
-        DataError if there is no such certification, or it is of another vehicle.
+        What that said of tests that were run since counts in the record, and can leave verdicts open.
         """
         return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
 
     def since(self, earlier: str | Path) -> pd.DataFrame:
-        """What became of an earlier certification, as ``changes.csv``; raises as :meth:`beside`."""
+        """What became of an earlier certification, as ``changes.csv``."""
         return changes_table(self.beside(earlier).certification)
 
     def write(
@@ -74,12 +73,8 @@ class Verdicts:
     ) -> None:
         """Write what ``crashfuse certify`` writes: tables, ``certification.json``, ``report.html``.
 
-        Parameters
-        ----------
-        since : str or Path, optional
-            An earlier certification: ``changes.csv`` and the report then tell what became of it, see :meth:`beside`.
-        notes : sequence of Note
-            On the campaign's tests, for the report.
+        With ``since``, an earlier certification, ``changes.csv`` and the report tell what became of it, see
+        :meth:`beside`; ``notes`` on the campaign's tests stand in the report.
         """
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")
@@ -92,15 +87,10 @@ class Verdicts:
         Parameters
         ----------
         figure : {"verdicts", "record", "reliability", "domain"}
-            The verdicts in colours, conditions by criteria; what left-out tests were predicted to show and showed; how
-            often probabilities came true; where predictions are checked.
+            The verdicts, conditions by criteria; what left-out tests were predicted to show and showed; how often
+            probabilities came true; where predictions are checked.
         **display
-            ``unit``, ``deceleration``, ``units``, see :class:`crashfuse.reporting.plots.display.DisplayOptions`.
-
-        Raises
-        ------
-        UsageError
-            If there is no such figure, option or unit.
+            See :class:`crashfuse.reporting.plots.display.DisplayOptions`.
         """
         shown = Display.of(self.certification.campaign.units, **display)
         return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
@@ -154,10 +144,7 @@ def certify(
     workers, scheduler
         As in :func:`crashfuse.study.running.run_study`.
 
-    Raises
-    ------
-    DataError, UsageError
-        If the criteria or the matrix are wrong, or the campaign cannot be judged by them.
+    Raises DataError or UsageError if the criteria or the matrix are wrong, or the campaign cannot be judged by them.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

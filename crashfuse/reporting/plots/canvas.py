@@ -136,11 +136,9 @@ def without_links(text: str) -> str:
 
 
 def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -> None:
-    """Draw one curve.
+    """Draw one curve; a lower row of stacked plots is selected by its ``yaxis``, such as ``"y2"``.
 
-    All rows of stacked plots use the same x axis, so that one cursor runs through all of them; a lower row
-    is selected by its ``yaxis``, such as ``"y2"``. The cursor reads y in ``yhoverformat``: a template's own format
-    would write negative numbers with a hyphen.
+    The cursor reads y in ``yhoverformat``: a template's own format would write negative numbers with a hyphen.
     """
     _add(figure, x, y, {"hovertemplate": "%{y}", "yhoverformat": ".1f", **style})
 
@@ -158,8 +156,7 @@ def add_band(
 ) -> None:
     """Shade between two curves, or draw their edges, with a gap where either is unknown (NaN).
 
-    The edges are smooth: few points suffice to draw them; the trace's ``meta`` has all, and what a table calls them if
-    that is not its name in the legend.
+    Few points suffice to draw them; the trace's ``meta`` has all, and what a table calls them (``whose``).
     """
     lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
     is_finite = np.isfinite(lower) & np.isfinite(upper)

@@ -39,10 +39,10 @@ _NONE = "No test was left out: nothing to compare with."
 def verdict_matrix(
     certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, words: bool = True
 ) -> go.Figure:
-    """Draw verdicts as a table of conditions, sorted by speed, by criteria: colour, word and probability of being met.
+    """Draw verdicts as a table of conditions, sorted by speed, by criteria, with the answer beside each row.
 
-    Beside each row stands the answer at the condition. A cell's mark carries ``"<condition> | <criterion>"``. Without
-    ``words``, and beyond 400 conditions, only colours are drawn. ``part`` takes some of the sorted conditions.
+    A cell's mark carries ``"<condition> | <criterion>"``. Without ``words``, and beyond 400 conditions, only colours
+    are drawn. ``part`` takes some of the sorted conditions.
     """
     by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
     ids, rows = zip(*by_speed[part], strict=True)
@@ -178,9 +178,9 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
 
 
 def reliability(record: TrackRecord) -> go.Figure:
-    """Draw the share of left-out tests that met a criterion over the probability that was given, with exact bounds.
+    """Draw the share of left-out tests that met a criterion over the probability that was given in advance.
 
-    Lines are Clopper and Pearson's 95 % bounds of the share; a bin whose probability lies outside them is drawn open.
+    A bin whose probability lies outside Clopper and Pearson's 95 % bounds of the share is drawn open.
     """
     figure = new_figure(height=440)
     if not record.reliability:

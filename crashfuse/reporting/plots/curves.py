@@ -56,8 +56,7 @@ def draw_curves(
 
     The last is on top, above all bands. One band is filled and in the legend, by default that of the preferred
     approach, whose band of whole pulses is dashed. If only one curve beside the approaches has a band, that is filled,
-    too; of the others the edges are drawn. ``yaxis`` is ``"y2"`` for the second of stacked plots; the style applies to
-    all lines.
+    too; of the others the edges are drawn.
     """
     lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
     filled = with_filled_band(curves, filled)

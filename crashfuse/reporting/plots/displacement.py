@@ -41,8 +41,8 @@ def over_displacement(
 ) -> go.Figure:
     """Draw acceleration over displacement: the test, the CAE model, and every correction with its 95 % band (Fig. 7).
 
-    The band at a displacement covers the draws that reach it; it ends where half of them have stopped. The mark at a
-    curve's end is the maximum dynamic crush, with its 95 % interval as far as ``crush`` has one for this name.
+    The band at a displacement covers the draws that reach it; it ends where half of them have stopped. A curve's end is
+    the maximum crush, with its 95 % interval as far as ``crush`` has one.
     """
     figure = displacement_figure(height=460 + room_for_names(predictions))
     scale = display.accel_scale

@@ -68,9 +68,8 @@ _RATING = "%{x:.0f} tests: %{y:.3f} ± %{error_y.array:.3f}"
 def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go.Figure:
     """Draw the mean rating, and below it the band's width, over the number of tests learned from.
 
-    Points are means over the held-out tests with their standard error: filled and joined for tests chosen evenly over
-    speed, open for tests chosen at random. Behind the judged approach lie the central 80 % of its single predictions.
-    The open diamond is the rating expected with one test more than the campaign has, with its 95 % interval.
+    Means over the held-out tests with their standard error; behind the judged approach the central 80 % of its single
+    predictions. The open diamond is the rating expected with one test more, with its 95 % interval.
     """
     figure, table = new_figure(height=640), summary(curve)
     n, unit = len(curve.campaign.tests), display.unit

@@ -62,10 +62,7 @@ def motion(
     *,
     filled: str | None = None,
 ) -> go.Figure:
-    """Stack acceleration, velocity and displacement over one time axis, with one cursor through all three.
-
-    Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
-    """
+    """Stack acceleration, velocity and displacement over one time axis, with one cursor; see :func:`overlay`."""
     figure = new_figure(height=490 + room_for_names(predictions))
     accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
@@ -90,10 +87,7 @@ def motion(
 def residuals(
     measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT, *, filled: str | None = None
 ) -> go.Figure:
-    """Draw prediction minus test, with its 95 % band: where the band excludes zero, the test is outside the band.
-
-    Arguments as for :func:`overlay`; the root mean square in the legend is over the rated window.
-    """
+    """Draw prediction minus test, with its 95 % band; the root mean square in the legend is over the rated window."""
     figure = new_figure(height=460 + room_for_names(predictions))
     draw_curves(figure, _accelerations(None, predictions, display, filled, minus=measured), filled=filled)
     figure.add_hline(y=0, line={"color": CURSOR, "width": 1})
@@ -103,10 +97,7 @@ def residuals(
 
 
 def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT) -> go.Figure:
-    """Shade both corridors over the rated window of a figure whose first row is acceleration over time; returns it.
-
-    A curve scores 1 inside the inner corridor, 0 outside the outer; both widths follow from the test's largest value.
-    """
+    """Shade both corridors over the rated window of a figure whose first row is acceleration over time; returns it."""
     inside = measured.time_s < display.window_ms * MS
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
     largest = np.abs(accel).max()

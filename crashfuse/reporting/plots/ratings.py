@@ -116,10 +116,7 @@ def rating_spread(
 
 
 def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> go.Figure:
-    """Draw how much of the left-out tests lies inside bands of each level; on the diagonal a band is calibrated.
-
-    ``levels`` are nominal, from 0 to 1, ``observed`` is the coverage by approach at each of them.
-    """
+    """Draw the coverage of left-out tests by approach at each nominal level; on the diagonal a band is calibrated."""
     figure = new_figure(height=440)
     figure.add_scatter(
         x=[0, 100], y=[0, 100], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"},
@@ -177,8 +174,7 @@ def rated_curves(
 ) -> go.Figure:
     """Stack what the four scores compare over one time axis: as it stands, shifted, warped, and the slopes.
 
-    In the first row the corridors are shaded, the prediction is marked where it leaves them, and humps have their
-    numbers: at the test, and at the prediction where it has the same hump.
+    In the first row the corridors are shaded, the prediction is marked where it leaves them, and humps are numbered.
     """
     further = further or {}
     figure = new_figure(height=570 + room_for_names([TEST, approach, *further]))

@@ -23,7 +23,7 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, displ
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points.
 
     The line has a gap where a pulse lacks the metric because its record is too short. Speeds without CAE runs are
-    shaded; a tick on the axis marks the speed of each test. All sweeps have the same speeds and weights.
+    shaded; a tick on the axis marks the speed of each test.
     """
     figure = new_figure(height=460)
     readings = {sweep.approach: list(map(display.metric, sweep.over_speed(metric))) for sweep in sweeps}
@@ -93,8 +93,7 @@ BEST = 5
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
     """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run.
 
-    Candidates, the largest gain first, are joined by a line if all have the same weights. The best five are numbered,
-    and those outside the CAE runs' range are drawn open.
+    Candidates outside the CAE runs' range are drawn open.
     """
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)

@@ -135,7 +135,7 @@ REPORT_FORMS: tuple[ReportForm, ...] = get_args(ReportForm)
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
-    """Form and content of a report; a UsageError if there is no such form.
+    """Form and content of a report.
 
     Parameters
     ----------

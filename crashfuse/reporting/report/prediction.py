@@ -42,8 +42,7 @@ def prediction_report(
 ) -> str:
     """HTML report of a prediction, from one estimate per approach at one condition.
 
-    What the same approaches predict at further conditions, or with other settings, is shown ``beside`` it. A short
-    report has recommendation, pulses, metrics and limits on two or three pages.
+    What the same approaches predict at further conditions, or with other settings, is shown ``beside`` it.
     """
     condition = estimates[0].prediction.condition
     prediction = PredictedPulse(campaign, tuple(estimates), config)

@@ -190,10 +190,7 @@ def _weak_spots(study: Study, approach: str) -> list[str]:
 
 
 def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> str:
-    """HTML report of two studies: which one rates higher, in which tests, by how much, and what they are.
-
-    Over the rated window of the display, if both were rated over it, else over the longest one.
-    """
+    """HTML report of two studies: which one rates higher, in which tests, by how much, and what they are."""
     first, second = compared.first, compared.second
     window = compared.window(display.window_ms)
     names = dict.fromkeys([first.campaign, second.campaign])
