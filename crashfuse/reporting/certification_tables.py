@@ -68,10 +68,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
-
-    The bounds are those of the whole record. Not counted are tests that the CAE model was tuned to.
-    """
+    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
     basis, record = _bases(certification.campaign), certification.record
     bounds = [share.at_most for share in record.bounds().values()]
     rows = [

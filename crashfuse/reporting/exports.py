@@ -35,11 +35,7 @@ _NUMBER = re.compile(r"[+-][\d.]+ ± [\d.]+")  # with its error, as no formula i
 
 
 def spreadsheet_text(table: pd.DataFrame) -> str:
-    """Return a table for readers as lines with tabs between cells, which a spreadsheet takes from the clipboard.
-
-    A value with an interval in brackets, or with its grade, becomes columns of its own. A text that a spreadsheet would
-    take for a formula stays a text.
-    """
+    """Return a table as lines with tabs, which a spreadsheet takes: intervals and grades in columns of their own."""
     columns: list[list[str]] = []
     for name, own in table.items():
         cells = [_two_ended(" ".join(_plain(cell).split())) for cell in own]

@@ -1,8 +1,4 @@
-"""The numbers that a figure was drawn from, as a table: of its visible curves and bands, in its own units.
-
-A trace's arrays are its data; where it draws less, or elsewhere, its ``meta`` has them. A curve that is hidden, by a
-click in the legend, say, is not in the table.
-"""
+"""The numbers that a figure was drawn from, as a table: of its visible curves and bands, in its own units."""
 
 import base64
 import re
@@ -35,11 +31,10 @@ class _Curve:
 
 
 def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
-    """The numbers of a figure, one row a position on its x axis; units are in the names of the columns.
+    """The numbers of a figure, one row a position on its x axis; ``hidden`` traces are left out.
 
-    Curves over the same positions stand side by side, one column each and two for a band. Where positions differ, or
-    points carry names, the table is long: the first column names the curve, the next its plot, of several.
-    A heat map is a table of its cells. ``hidden`` are places of traces that the reader has hidden.
+    Curves over the same positions stand side by side, one column each and two for a band; else the table is long, and
+    its first column names the curve. A heat map is a table of its cells.
     """
     drawn = figure.to_plotly_json() if isinstance(figure, go.Figure) else figure
     layout, traces = drawn["layout"], drawn["data"]

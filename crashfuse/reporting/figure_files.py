@@ -1,7 +1,6 @@
 """The figures of a report as files: SVG, PNG, slides, and their numbers as CSV.
 
-A report holds its figures as data, so they are read from it, whichever command wrote it, and drawn as on the page: by
-Plotly itself, in a browser of this machine that shows no window and reaches no network, whoever wrote the report.
+They are drawn by Plotly itself, in a browser of this machine that shows no window and reaches no network.
 """
 
 import asyncio

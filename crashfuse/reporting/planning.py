@@ -125,8 +125,6 @@ def sweep(
         The lowest and the highest speed, by default those of the CAE runs and tests; every full mph between them.
     approach, config
         As in :func:`crashfuse.reporting.predicted.predict`.
-
-    Raises as :func:`crashfuse.reporting.predicted.predict`, and if the speeds are none.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -164,8 +162,6 @@ def next_test(
         The tests that could be run; by default speeds over the range, at the middle weights.
     planned : sequence of Condition
         Tests that are going to be run anyway.
-
-    Raises UsageError if the range is none, there is no candidate, or the campaign lacks a factor of a condition.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

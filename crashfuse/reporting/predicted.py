@@ -110,11 +110,7 @@ class PredictedPulse:
         return tuple(dict.fromkeys((*advice, *(fact.sentence for fact in facts), *near, *self.notes)))
 
     def to_frame(self) -> pd.DataFrame:
-        """Pulse, band and motion by the preferred approach, one row a sample.
-
-        As in ``pulses.csv``: ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a
-        band); and ``velocity_kph``, ``displacement_mm``.
-        """
+        """Pulse, central 95 % and motion by the preferred approach, one row a sample, as in ``pulses.csv``."""
         velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
         pulse = pulses_table([self.estimate])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
@@ -158,10 +154,7 @@ class PredictedPulse:
         report: "views.ReportForm" = "whole",
         **display: Unpack[DisplayOptions],
     ) -> None:
-        """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model.
-
-        Raises UsageError if there are fewer draws than are to be exported.
-        """
+        """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model."""
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
         pulses, shown = export.files(self.campaign, self.estimates), Display.of(self.campaign.units, **display)
@@ -206,11 +199,6 @@ def predict(
         One approach, or several to be compared. Fits answer at once, at one condition after another.
     config : StudyConfig
         Preset, seed and device of approaches that are named; its approaches do not matter.
-
-    Raises
-    ------
-    UsageError
-        If a fit is of another campaign, or the campaign lacks a factor of the condition or its value.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

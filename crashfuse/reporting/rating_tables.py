@@ -125,10 +125,7 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
 
 
 def mean_values(study: Study) -> pd.DataFrame:
-    """Overall rating averaged over the held-out tests by approach and window ("0–20 ms"), unrounded.
-
-    The last row is what repeats of the tests would rate, where it is known.
-    """
+    """Overall rating averaged over the held-out tests by approach and window, unrounded; last that of repeats."""
     windows = {window: f"0–{window:g} ms" for window in study.config.windows_ms}
     rows = {
         name: {label: study.mean_rating(name, window) for window, label in windows.items()}

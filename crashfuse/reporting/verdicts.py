@@ -53,10 +53,7 @@ class Verdicts:
         return counts_table(self.certification)
 
     def beside(self, earlier: str | Path) -> Self:
-        """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``.
-
-        What that said of tests that were run since counts in the record, and can leave verdicts open.
-        """
+        """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``."""
         return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
 
     def since(self, earlier: str | Path) -> pd.DataFrame:

@@ -154,10 +154,7 @@ def add_band(
     whose: str = "",
     **style: object,
 ) -> None:
-    """Shade between two curves, or draw their edges, with a gap where either is unknown (NaN).
-
-    Few points suffice to draw them; the trace's ``meta`` has all, and what a table calls them (``whose``).
-    """
+    """Shade between two curves, or draw their edges, with a gap where either is unknown; ``meta`` has all points."""
     lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
     is_finite = np.isfinite(lower) & np.isfinite(upper)
     meta: dict[str, Any] = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}

@@ -178,10 +178,7 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
 
 
 def reliability(record: TrackRecord) -> go.Figure:
-    """Draw the share of left-out tests that met a criterion over the probability that was given in advance.
-
-    A bin whose probability lies outside Clopper and Pearson's 95 % bounds of the share is drawn open.
-    """
+    """Draw the share of left-out tests that met a criterion over the probability given, open if bounds exclude it."""
     figure = new_figure(height=440)
     if not record.reliability:
         _say(figure, "No left-out test lies inside what the others check." if record.trials else _NONE)
@@ -214,10 +211,7 @@ def reliability(record: TrackRecord) -> go.Figure:
 
 
 def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
-    """Draw by criterion what left-out tests were predicted to show, with intervals, what they showed, and the limits.
-
-    Tests stand in order of speed. A ring marks a verdict that the test contradicts.
-    """
+    """Draw by criterion what left-out tests were predicted to show and showed, in order of speed, and the limits."""
     trials = sorted(record.counted, key=lambda trial: trial.verdict.condition.speed_mps)
     criteria, tests = _in_order(record), list(dict.fromkeys(trial.held_out for trial in trials))
     figure = new_figure(height=max(120 + 210 * len(criteria), 330))

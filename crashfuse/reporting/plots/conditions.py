@@ -26,11 +26,7 @@ _WEIGHTS = ("front weight", "rear weight")
 def condition_space(
     library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw front and rear weight over speed, one below the other: CAE runs, their range, and the tests.
-
-    A test outside the range of the CAE runs is drawn open where its speed or that weight lies outside: predicting it is
-    extrapolation. A ring marks the test with the id ``held_out``.
-    """
+    """Draw front and rear weight over speed: CAE runs, their range, and the tests, open where that is extrapolation."""
     figure = new_figure(height=640)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(2, 1, shared_xaxes=True, vertical_spacing=0.06)

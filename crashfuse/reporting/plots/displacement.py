@@ -1,8 +1,4 @@
-"""Figures over displacement: the CAE model's bias, the corrected pulses, and the conversion back to time.
-
-A crash is shown from contact to its maximum crush, where a curve over displacement ends. Signs, units and colours are
-those of :mod:`crashfuse.reporting.plots.pulses`.
-"""
+"""Figures over displacement, to the maximum crush: the CAE model's bias, corrected pulses, and their integration."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -65,10 +61,7 @@ def over_displacement(
 
 
 def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> go.Figure:
-    """Check integration over displacement: integrate each pulse's a(s) by Eq. 29, and compare with its s(t) (Fig. 15).
-
-    Lines are the pulses integrated twice over time, up to zero velocity; marks are integrated over displacement.
-    """
+    """Compare each pulse's s(t) with that integrated over displacement by Eq. 29, which is drawn as marks (Fig. 15)."""
     figure = new_figure(height=520)
     phases = _loading_phases(measured, predictions, speed_mps)
     again = {name: replay(phase) for name, phase in phases.items()}
@@ -194,10 +187,7 @@ def bias_by_speed(
     highlight: str | None = None,
     display: Display = DEFAULT,
 ) -> go.Figure:
-    """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16).
-
-    ``biases`` are in the order of the tests; the test with the id ``highlight`` is drawn thick.
-    """
+    """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16)."""
     figure = displacement_figure(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
     for test, style in by_speed(tests, highlight, display, speeds_mps):
@@ -229,11 +219,7 @@ def bias_parts(
     measured: BiasPoints | None = None,
     display: Display = DEFAULT,
 ) -> go.Figure:
-    """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band.
-
-    The held-out test's ``measured`` bias is black over the total. The y axes cover the range up to its maximum crush,
-    if there is one: bands widen beyond it.
-    """
+    """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band."""
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)
     figure = displacement_figure(height=400 + 200 * rows)

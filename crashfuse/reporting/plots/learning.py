@@ -21,10 +21,7 @@ _NAMES = {"train loss": "Training error", "validation loss": "Error on held-back
 def learning_curves(
     curves: Mapping[str, Sequence[tuple[int, float]]], *, value: str, step: str = "Step", total: int
 ) -> go.Figure:
-    """Draw values reported during training (losses, say); on a logarithmic axis if all are positive.
-
-    ``curves`` are positions within the step and values, by name; ``total`` is the final position.
-    """
+    """Draw values over steps reported during training, ``total`` in the end; logarithmic if all are positive."""
     figure = new_figure(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
         done, values = np.array(points, dtype=np.float64).T

@@ -121,10 +121,7 @@ def measured_pulses(
     display: Display = DEFAULT,
     further: Mapping[str, Prediction] | None = None,
 ) -> go.Figure:
-    """Draw tests, coloured by their speeds among all; the one with the id ``highlight`` is thick.
-
-    With a channel filter class (SAE J211-1, at most 1000) the curves as read are thin behind the filtered ones.
-    """
+    """Draw tests, coloured by their speeds among all; with a filter class the curves as read are thin behind."""
     further = further or {}
     figure = new_figure(height_under_names(len(tests) + len(further)))
     for test, style in by_speed(tests, highlight, display, speeds_mps):
@@ -266,10 +263,7 @@ _MOST_CHANNELS, _MOST_POINTS = 8, 4000
 def imported_pulse(
     channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw a record's resulting pulse over its channels as recorded, at most eight, contact at 0.
-
-    As long as the record can't be settled, draw its channels alone, in the file's own time and unit.
-    """
+    """Draw a record's pulse over its channels, contact at 0; the channels alone as long as it can't be settled."""
     figure = new_figure(height=420)
     scale = display.accel_scale
     factor, zero_s = 1.0, 0.0

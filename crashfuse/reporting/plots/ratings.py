@@ -34,10 +34,7 @@ _ROW_PX, _NAMES_PX, _BELOW_PX = 31, 52, 8  # of a heat map: a row, the names of 
 def rating_heatmap(
     scores: Mapping[str, Mapping[str, float]], repeats: Mapping[str, Repeatability] | None = None
 ) -> go.Figure:
-    """Draw overall ratings by test id and approach as a table coloured by grade, below several their mean.
-
-    Ratings that are not known yet are left empty. The last column is what repeats would rate, if it is known for all.
-    """
+    """Draw overall ratings by test id and approach as a table coloured by grade, with their mean and a repeat's."""
     tests = list(scores)
     approaches = max((list(own) for own in scores.values()), key=len)
     names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
@@ -172,10 +169,7 @@ def rated_curves(
     display: Display = DEFAULT,
     further: Mapping[str, Prediction] | None = None,
 ) -> go.Figure:
-    """Stack what the four scores compare over one time axis: as it stands, shifted, warped, and the slopes.
-
-    In the first row the corridors are shaded, the prediction is marked where it leaves them, and humps are numbered.
-    """
+    """Stack what the four scores compare over one time axis, with corridors, and humps numbered."""
     further = further or {}
     figure = new_figure(height=570 + room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale

@@ -20,11 +20,7 @@ from crashfuse.units import MPH
 
 
 def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, display: Display = DEFAULT) -> go.Figure:
-    """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points.
-
-    The line has a gap where a pulse lacks the metric because its record is too short. Speeds without CAE runs are
-    shaded; a tick on the axis marks the speed of each test.
-    """
+    """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points."""
     figure = new_figure(height=460)
     readings = {sweep.approach: list(map(display.metric, sweep.over_speed(metric))) for sweep in sweeps}
     speeds = sweeps[0].speeds_mps
@@ -91,10 +87,7 @@ BEST = 5
 
 
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
-    """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run.
-
-    Candidates outside the CAE runs' range are drawn open.
-    """
+    """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run."""
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
     weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
