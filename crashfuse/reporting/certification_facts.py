@@ -43,9 +43,9 @@ SUBJECTS = {
     "condition.new_together": "Factors that no test has together",
     "campaign.warning": "Warnings about the campaign",
     "condition.outside": "Conditions outside the validated domain",
-    "condition.too_short": "Open, because recordings end too early to predict",
-    "criterion.occupant": "Criteria by another occupant model than the usual one",
-    "since.moved": "Verdicts on tests run since that depend on how these were moved to their conditions",
+    "condition.too_short": "Open, as recordings end too early",
+    "criterion.occupant": "Criteria by another occupant model",
+    "since.moved": "Verdicts on tests run since that depend on where these were run",
     "since.too_narrow": "Intervals that tests run since contradict",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
@@ -65,7 +65,7 @@ ANSWERS: Mapping[Answer, tuple[str, str]] = {
     ),
     "would miss": ("A test would miss", "misses {}"),
     "test or redesign": ("To be tested, or redesigned", "open: {}"),
-    "record for longer": ("To be recorded for longer, as recordings end too early to tell", "records too short for {}"),
+    "record for longer": ("To be recorded for longer", "records too short for {}"),
     "outside": ("Outside what the tests check", "outside what the tests check{}"),
 }
 """Of each answer, what stands before the conditions that have it, and what beside a single one."""
@@ -196,7 +196,7 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     if set(certification.answers.values()) <= {"run", "need not be run"}:
         yield fact("matrix.none_needed", "No condition of the matrix needs a test.")
     if first := certification.run_first:
-        told = f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
+        told = f"Run {first} first, the fastest that a test can settle, and certify again."
         yield fact("matrix.run_first", told, condition=first)
 
 

@@ -36,7 +36,7 @@ Draw = Callable[[], go.Figure]
 RUN = "cae:"
 """What may stand before the id of a CAE run, and must where a test has the same id."""
 
-ONE_PROCESS = "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
+ONE_PROCESS = "The paper's bias model is one Gaussian process; only the fast settings split it into parts."
 """Why there are no parts of the bias to draw."""
 
 _FOLDED = "10px,3px"  # dashes of the pulse if a test folds as the one that stands apart

@@ -37,9 +37,7 @@ LOCATION = "10VEHC000000"
 """Test object 1, no position, the vehicle, no fine location: the first 12 characters of an ISO-MME channel code."""
 
 _EXPECTED = "The expected pulse, an average: softer than any test."
-_REPRESENTATIVE = (
-    "A whole pulse as a test shows it: peak, SM25, OLC and crush are in the middle of what tests here show."
-)
+_REPRESENTATIVE = "A whole pulse as a test shows it: peak, SM25, OLC and crush are those of a middling test here."
 _REST_G = 0.5  # more at the end of the record is worth a remark
 _LOCATION = re.compile(r"[0-9A-Z]{12}")
 
@@ -78,8 +76,7 @@ class PulseExport:
             raise UsageError("A curve for a solver needs the unit system of its model.")
         if not (isinstance(self.location, str) and _LOCATION.fullmatch(self.location)):
             raise UsageError(
-                "An ISO-MME location has 12 digits and capitals (test object, position, main location, three fine "
-                f"locations), such as {LOCATION} or 10BPILLERE00, not {self.location!r}."
+                f"An ISO-MME location has 12 digits and capitals, such as {LOCATION}, not {self.location!r}."
             )
         for what, number in (("The number of draws", self.draws), ("The seed of draws", self.seed)):
             if not (isinstance(number, Integral) and number >= 0):
@@ -158,9 +155,7 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
             chosen = np.sort(np.random.default_rng(seed).choice(n, draws, replace=False))
             representative, *drawn = estimate.representative_pulses(chosen.tolist())
             pulses["representative"] = representative, _REPRESENTATIVE
-            remark = (
-                f"One of {n} whole pulses, all equally likely, with peak, SM25, OLC and crush spread as errors are."
-            )
+            remark = f"One of {n} equally likely whole pulses: peak, SM25, OLC and crush spread as errors do."
             pulses |= {f"draw_{number + 1:03d}": (pulse, remark) for number, pulse in zip(chosen, drawn, strict=True)}
         for which, (accel, remark) in pulses.items():
             remarks = (remark, *_unfinished(accel, prediction.condition), *prediction.notes)

@@ -76,7 +76,7 @@ class Watched(Watch):
         """What a step has reported so far, by default the last that reported values, see :meth:`Step.plot`."""
         learning = [name for name, own in self.steps.items() if own.learns]
         if not (step or learning):
-            raise UsageError("No step has reported values to draw: only the training of networks does.")
+            raise UsageError("No step has reported values to draw.")
         return one_of("step", step or learning[-1], self.steps).plot()
 
     def __repr__(self) -> str:

@@ -84,7 +84,7 @@ def make_clickable(
     """Put marks that are not seen on the cells of a heat map, row by row: marks can be clicked, cells can't."""
     figure.add_scatter(
         x=columns * len(rows), y=[row for row in rows for _ in columns], customdata=values, mode="markers",
-        marker={"size": size, "opacity": 0}, showlegend=False, **hover,
+        marker_size=size, marker_opacity=0, showlegend=False, **hover,
     )  # fmt: skip
 
 
@@ -190,7 +190,7 @@ def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:
         )  # fmt: skip
     figure.add_annotation(
         x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
-        text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": WINDOW_INK},
+        text=f"rated: 0–{window_ms:g} ms", font_size=12, font_color=WINDOW_INK,
     )  # fmt: skip
 
 

@@ -78,7 +78,7 @@ def verdict_matrix(
         _legend(figure, f"{word} ({told.count(word)})", _marker(VERDICT_COLOURS[word], "square", 13, 1, None))
     fix_cells(figure)
     margin = {"l": max(map(len, short), default=0) * _LETTER_PX + 6, "t": above, "b": _BELOW_PX}
-    figure.update_layout(hoverlabel={"align": "left"}, margin=margin, legend={"y": 0, "yanchor": "bottom"})
+    figure.update_layout(hoverlabel_align="left", margin=margin, legend={"y": 0, "yanchor": "bottom"})
     plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
     figure.update_xaxes(**plain, side="top", tickangle=0, range=[-0.5, len(names) - 0.5], showspikes=False)
     figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
@@ -98,7 +98,7 @@ def _write_beside(figure: go.Figure, rows: list[str], beside: list[str]) -> None
     """Write a text beside each row of a heat map, at its right: at an axis, which is drawn as marks are on it."""
     left = figure.layout.yaxis.to_plotly_json()
     right = {"overlaying": "y", "side": "right", "categoryarray": rows, "ticktext": beside, "ticklabelstandoff": 4}
-    figure.update_layout(yaxis2={**left, **right}, margin={"r": max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10})
+    figure.update_layout(yaxis2={**left, **right}, margin_r=max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10)
     figure.update_traces(yaxis="y2", selector={"mode": "markers", "showlegend": False})
     figure.add_annotation(
         text=f"<b>{ANSWER}</b>", x=1, y=1, xref="paper", yref="paper", xanchor="left", yanchor="bottom", xshift=3,
@@ -137,7 +137,7 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
         figure.add_scatter(
             x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
             name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",
-            fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line={"color": _CHECKED, "width": 1, "dash": "dash"},
+            fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line_color=_CHECKED, line_width=1, line_dash="dash",
             hoverinfo="skip",
         )  # fmt: skip
     runs = campaign.cae.vectors[:: -(-len(campaign.cae) // _MAX_RUNS)]
@@ -184,7 +184,7 @@ def reliability(record: TrackRecord) -> go.Figure:
         _say(figure, "No left-out test lies inside what the others check." if record.trials else _NONE)
         return figure
     figure.add_scatter(
-        x=[0, 1], y=[0, 1], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"}, hoverinfo="skip"
+        x=[0, 1], y=[0, 1], mode="lines", name="As promised", line_color=AXIS, line_dash="dot", hoverinfo="skip"
     )
     for name, colour, symbol, holds in (
         ("Within its bounds", _AGREES, "circle", True),
@@ -199,7 +199,7 @@ def reliability(record: TrackRecord) -> go.Figure:
             ]
             figure.add_scatter(
                 x=probability, y=met, mode="markers+text", cliponaxis=False, name=name,
-                error_y={"array": upper - met, "arrayminus": met - lower, "thickness": 1.5, "width": 4},
+                error_y_array=upper - met, error_y_arrayminus=met - lower, error_y_thickness=1.5, error_y_width=4,
                 text=[f"n = {each.n}" for each in bins], marker=_marker(colour, symbol, 11, 2, colour),
                 textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins], **_over(texts),
             )  # fmt: skip
@@ -233,7 +233,7 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     _legend(figure, "measured", _marker(MEASURED_COLOUR, "circle", 10, 1, MEASURED_COLOUR))
     if wrong := any(trial.wrong for trial in trials):
         _legend(figure, "wrong verdict", _marker(_DISAGREES, "circle-open", 10, 1, _DISAGREES))
-    figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"l": 72, "t": 96 if wrong else 72})
+    figure.update_layout(hovermode="closest", hoverlabel_align="left", margin_l=72, margin_t=96 if wrong else 72)
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
 
@@ -273,7 +273,7 @@ def _draw_trials(
         draw(some, factor * np.array([trial.measured for trial in some], dtype=np.float64), name=name, marker=marker)
     for limit in (criterion.at_least, criterion.at_most):
         if limit is not None:
-            figure.add_hline(y=factor * limit, line={"color": CURSOR, "width": 1.5, "dash": "dash"}, row=row, col=1)
+            figure.add_hline(y=factor * limit, line_color=CURSOR, line_width=1.5, line_dash="dash", row=row, col=1)
     figure.add_annotation(
         text=f"<b>{criterion.name}</b>: {display.words(criterion.limits)} (dashed)", x=0, xref="x domain",
         xanchor="left", y=1, yref="y domain", yanchor="bottom", showarrow=False, row=row, col=1,

@@ -51,7 +51,7 @@ def condition_space(
             x=[low[0], high[0], high[0], low[0], low[0]],
             y=[low[row], low[row], high[row], high[row], low[row]],
             mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
-            line={"color": CURSOR, "width": 1.5, "dash": "dash"}, **place,
+            line_color=CURSOR, line_width=1.5, line_dash="dash", **place,
         )  # fmt: skip
         sides = _label_sides(points[:, [0, row]], (top - bottom + 2 * margin)[[0, row]])
         _draw_tests(figure, library, tests, points, sides, held_out, row, place, display)
@@ -60,7 +60,7 @@ def condition_space(
             range=[bottom[row] - margin[row], top[row] + margin[row]],
             row=row,
         )
-    figure.update_layout(hovermode="closest", margin={"l": 72})
+    figure.update_layout(hovermode="closest", margin_l=72)
     return figure
 
 
@@ -86,7 +86,7 @@ def _draw_tests(
             figure.add_scatter(
                 x=points[chosen, 0], y=points[chosen, row], mode="markers+text", cliponaxis=False, legendgroup=name,
                 text=[tests[i].id for i in chosen], textposition=[sides[i] for i in chosen], name=name,
-                marker={"color": MEASURED_COLOUR, "symbol": symbol, "size": 10, "line": {"width": 2}},
+                marker_color=MEASURED_COLOUR, marker_symbol=symbol, marker_size=10, marker_line_width=2,
                 customdata=[["<br>".join(map(display.words, (tests[i].condition, *notes[i])))] for i in chosen],
                 hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>",
                 **{**place, "showlegend": name not in {trace.name for trace in figure.data}},
@@ -95,7 +95,7 @@ def _draw_tests(
         figure.add_scatter(
             x=points[[i], 0], y=points[[i], row], mode="markers",
             name=f"{held_out}: held out", legendgroup="held out", hoverinfo="skip",
-            marker={"color": MEASURED_COLOUR, "symbol": "circle-open", "size": 17, "line": {"width": 1.5}},
+            marker_color=MEASURED_COLOUR, marker_symbol="circle-open", marker_size=17, marker_line_width=1.5,
             **place,
         )  # fmt: skip
 

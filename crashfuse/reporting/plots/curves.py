@@ -151,7 +151,7 @@ def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
         for row in rows:
             place = {"xref": "x", "yref": f"{row} domain", "x0": start, "y0": 0, "y1": 1}
             if end is None:
-                figure.add_shape(type="line", **place, x1=start, line={"color": CURSOR, "width": 1.5, "dash": "dot"})
+                figure.add_shape(type="line", **place, x1=start, line_color=CURSOR, line_width=1.5, line_dash="dot")
             else:
                 figure.add_shape(
                     type="rect", **place, x1=end, fillcolor=CURSOR, opacity=0.15, line_width=0, layer="below"
@@ -160,7 +160,7 @@ def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
         figure.add_annotation(
             x=start, xref="x", y=int(on_top), yref=f"{rows[-1]} domain", yshift=inside_px,
             xanchor="right" if late else "left", align="left",
-            yanchor="top" if on_top else "bottom", showarrow=False, font={"size": 12, "color": CURSOR},
+            yanchor="top" if on_top else "bottom", showarrow=False, font_size=12, font_color=CURSOR,
             bgcolor=_BEHIND, borderpad=1, text="<br>".join(escape(line, quote=False) for line in lines),
         )  # fmt: skip
     return figure

@@ -250,7 +250,7 @@ def bias_parts(
             figure, measured.displacement_m / _MM, measured.bias_mps2 * scale, name="Measured in this test",
             line=curve_line(TEST), **places[0],
         )  # fmt: skip
-    figure.update_layout(margin={"t": 64})
+    figure.update_layout(margin_t=64)
     figure.update_xaxes(title=None, nticks=4)
     figure.update_xaxes(title="Displacement (mm)", row=1 + rows, col=min(2, len(some) - _IN_A_ROW * (rows - 1)))
     before = np.full(displacement_m.size, True) if measured is None else displacement_m <= measured.displacement_m.max()

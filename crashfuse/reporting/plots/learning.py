@@ -25,9 +25,7 @@ def learning_curves(
     figure = new_figure(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
         done, values = np.array(points, dtype=np.float64).T
-        figure.add_scatter(
-            x=done, y=values, name=_NAMES.get(name, name), mode="lines", line={"color": colour, "width": 2}
-        )
+        figure.add_scatter(x=done, y=values, name=_NAMES.get(name, name), mode="lines", line_color=colour, line_width=2)
     figure.update_layout(showlegend=True)
     figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
     figure.update_yaxes(title=value)
@@ -45,12 +43,12 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):
         figure.add_scatter(
             x=list(values), y=list(values.values()), name=name, mode="lines+markers",
-            line={"color": colour, "width": 2}, marker={"size": 9}, hovertemplate="%{y:.3f}",
+            line_color=colour, line_width=2, marker_size=9, hovertemplate="%{y:.3f}",
         )  # fmt: skip
     place = list(errors).index(chosen)
     side = "left" if place > len(errors) / 2 else "right"
     figure.add_vline(
-        x=place, line={"color": CURSOR, "dash": "dot"}, annotation_text="chosen", annotation_position=f"top {side}"
+        x=place, line_color=CURSOR, line_dash="dot", annotation_text="chosen", annotation_position=f"top {side}"
     )
     title = "How far a test may differ from the others (shared part: 1)"
     figure.update_xaxes(title=title, type="category", range=None, unifiedhovertitle=None)
@@ -78,7 +76,7 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go
             hover = f"{rating:.3f}<extra>{label}</extra>"
             figure.add_scatter(
                 x=[0, n + 1], y=[rating, rating], mode="lines+markers", name=label, line=line,
-                marker={"size": [9, 0.1]}, hovertemplate=hover,
+                marker_size=[9, 0.1], hovertemplate=hover,
             )  # fmt: skip
             continue
         even, random = (rows[rows["choice"] == way] for way in ("even", "random"))
@@ -105,8 +103,8 @@ def _ratings(figure: go.Figure, rows: pd.DataFrame, name: str, colour: str, symb
     figure.add_scatter(
         x=rows["n_tests"] + shift, y=rows["rating"], mode="lines+markers" if symbol == "circle" else "markers",
         name=name, meta={"x": rows["n_tests"].tolist()},
-        error_y={"array": rows["error"].fillna(0.0), "width": 0, "thickness": 1.5, "color": colour},
-        line={"color": colour, "width": 2}, marker={"color": colour, "symbol": symbol, "size": 9},
+        error_y_array=rows["error"].fillna(0.0), error_y_width=0, error_y_thickness=1.5, error_y_color=colour,
+        line_color=colour, line_width=2, marker_color=colour, marker_symbol=symbol, marker_size=9,
         hovertemplate=f"{_RATING}<extra>{name}</extra>",
     )  # fmt: skip
 
@@ -117,7 +115,7 @@ def _below(
     if not values.isna().all():
         figure.add_scatter(
             x=rows["n_tests"], y=values, yaxis=yaxis, mode="lines+markers", name=LABELS[name], showlegend=False,
-            line={"color": COLOURS[name], "width": 2}, marker={"size": 9},
+            line_color=COLOURS[name], line_width=2, marker_size=9,
             hovertemplate=f"%{{x:.0f}} tests: {hover}<extra>{LABELS[name]}</extra>", **data,
         )  # fmt: skip
 
@@ -131,16 +129,16 @@ def _expect(figure: go.Figure, curve: LearningCurve) -> None:
     ends = {"array": [0, more.upper - more.gain], "arrayminus": [0, more.gain - more.lower]}
     figure.add_scatter(
         x=[last.name, more.n_tests + 1], y=[last.mean(), more.rating], mode="lines+markers",
-        name=f"{LABELS[name]}, expected with one test more", line={"color": colour, "width": 2, "dash": "dot"},
+        name=f"{LABELS[name]}, expected with one test more", line_color=colour, line_width=2, line_dash="dot",
         error_y={**ends, "width": 4, "color": colour},
-        marker={"color": colour, "symbol": "diamond-open", "size": [0.1, 11]},
+        marker_color=colour, marker_symbol="diamond-open", marker_size=[0.1, 11],
         hovertemplate=f"{more.n_tests + 1} tests: %{{y:.3f}}; the last one adds {gain} ({lower} to {upper})"
         f"<extra>{LABELS[name]}, expected</extra>",
     )  # fmt: skip
 
 
 def _label_axes(figure: go.Figure, n: int, lower: dict[str, str]) -> None:
-    figure.update_layout(hovermode="closest", margin={"t": 64})
+    figure.update_layout(hovermode="closest", margin_t=64)
     figure.update_xaxes(
         title="Number of tests learned from", range=[-0.4, n + 1.5], dtick=1 if n < 16 else 5, showspikes=False,
         unifiedhovertitle=None, zeroline=False,
@@ -154,6 +152,6 @@ def _label_axes(figure: go.Figure, n: int, lower: dict[str, str]) -> None:
     if lower:
         figure.update_layout(yaxis={"domain": [0.4, 1.0]}, height=640 + 120 * (len(lower) - 1))
     figure.add_vline(
-        x=n, line={"color": CURSOR, "width": 1, "dash": "dot"}, annotation_text=f"all {n} tests",
+        x=n, line_color=CURSOR, line_width=1, line_dash="dot", annotation_text=f"all {n} tests",
         annotation_position="top right",
     )  # fmt: skip

@@ -90,7 +90,7 @@ def residuals(
     """Draw prediction minus test, with its 95 % band; the root mean square in the legend is over the rated window."""
     figure = new_figure(height=460 + room_for_names(predictions))
     draw_curves(figure, _accelerations(None, predictions, display, filled, minus=measured), filled=filled)
-    figure.add_hline(y=0, line={"color": CURSOR, "width": 1})
+    figure.add_hline(y=0, line_color=CURSOR, line_width=1)
     figure.update_yaxes(title=f"Prediction − test ({display.unit})")
     shade_window(figure, display.window_ms)
     return figure

@@ -51,7 +51,7 @@ def rating_heatmap(
     figure.add_heatmap(
         z=z, x=names, y=rows, text=text, texttemplate="%{text}", hoverinfo="skip", colorscale=_grade_scale(),
         zmin=0, zmax=1, xgap=2, ygap=2, showscale=False,
-        textfont={"color": MEASURED_COLOUR, "size": 12},  # without a size, words shrink with their cells
+        textfont_color=MEASURED_COLOUR, textfont_size=12,  # without a size, words shrink with their cells
     )  # fmt: skip
     columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
     clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
@@ -59,7 +59,7 @@ def rating_heatmap(
     told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(heads)]
     make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
     fix_cells(figure)
-    figure.update_layout(margin={"t": _NAMES_PX, "b": _BELOW_PX})
+    figure.update_layout(margin_t=_NAMES_PX, margin_b=_BELOW_PX)
     figure.update_xaxes(
         side="top", title=None, range=[-0.5, len(names) - 0.5], tickfont={"size": 12}, ticks="", showline=False,
         showgrid=False, showspikes=False,
@@ -106,7 +106,7 @@ def rating_spread(
             hovertemplate="%{y:.3f}, single draws %{customdata[0]:.3f} to %{customdata[1]:.3f}",
         )
     for limit, _ in GRADES:
-        figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
+        figure.add_hline(y=limit, line_color=AXIS, line_width=1, line_dash="dot")
     name_tests(figure, [*map(tick_name, tests)])
     figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
     return figure
@@ -116,13 +116,13 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
     """Draw the coverage of left-out tests by approach at each nominal level; on the diagonal a band is calibrated."""
     figure = new_figure(height=440)
     figure.add_scatter(
-        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"},
+        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line_color=AXIS, line_dash="dot",
         hoverinfo="skip",
     )  # fmt: skip
     for name, shares in observed.items():
         figure.add_scatter(
             x=100 * levels, y=100 * shares, mode="lines+markers", name=LABELS[name],
-            line={"color": COLOURS[name], "width": 2}, marker={"size": 5}, hovertemplate="%{y:.0f} %",
+            line_color=COLOURS[name], line_width=2, marker_size=5, hovertemplate="%{y:.0f} %",
         )  # fmt: skip
     figure.update_xaxes(
         title="Level of the band (%)", range=[0, 100], dtick=20, unifiedhovertitle={"text": "%{x:.0f} % band"}
@@ -150,11 +150,11 @@ def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
     for name, rating in ratings.items():
         scores = [getattr(rating, part) for part in WEIGHTS]
         figure.add_bar(
-            x=parts, y=scores, name=LABELS[name], marker={"color": COLOURS[name]},
-            text=[f"{score:.2f}" for score in scores], textposition="outside", textangle=0, textfont={"size": 11},
+            x=parts, y=scores, name=LABELS[name], marker_color=COLOURS[name],
+            text=[f"{score:.2f}" for score in scores], textposition="outside", textangle=0, textfont_size=11,
             constraintext="none", cliponaxis=False, hovertemplate="%{y:.3f}",
         )  # fmt: skip
-    figure.update_layout(barmode="group", bargap=0.25, hovermode="closest", margin={"b": 36})  # without a title below
+    figure.update_layout(barmode="group", bargap=0.25, hovermode="closest", margin_b=36)  # without a title below
     figure.update_xaxes(
         title=None, range=None, type="category", ticks="", zeroline=False, showspikes=False, showgrid=False,
         unifiedhovertitle=None,
@@ -208,7 +208,7 @@ def rated_curves(
         **layout,
         hoversubplots="axis",
         xaxis={"anchor": f"y{len(_DOMAINS)}", "range": [0, explanation.window_ms]},
-        margin={"t": 96},
+        margin_t=96,
     )
     return figure
 
@@ -238,7 +238,7 @@ def _number_humps(figure: go.Figure, explanation: RatingExplanation, approach: s
         for time_s, values, side, colour in marks:
             figure.add_annotation(
                 x=time_s / MS, y=float(np.interp(time_s, curves.time_s, values)) * scale, text=f"{number}", ax=0,
-                ay=24 * side, showarrow=True, arrowhead=0, arrowcolor=colour, font={"color": INK, "size": 13},
+                ay=24 * side, showarrow=True, arrowhead=0, arrowcolor=colour, font_color=INK, font_size=13,
             )  # fmt: skip
 
 
@@ -268,8 +268,8 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
             marker={"color": colour, "size": 8, "symbol": ["circle"] * gains.size + ["diamond"]},
             hovertemplate=[difference(second, first, 3) for second, first in pairs],
         )
-    figure.add_hline(y=0, line={"color": AXIS, "width": 1})
-    figure.add_vline(x=len(tests) - 0.5, line={"color": AXIS, "width": 1, "dash": "dot"})
+    figure.add_hline(y=0, line_color=AXIS, line_width=1)
+    figure.add_vline(x=len(tests) - 0.5, line_color=AXIS, line_width=1, line_dash="dot")
     name_tests(figure, [*map(tick_name, tests), "<b>Mean</b>"])
     figure.update_yaxes(title="Rating, second minus first")
     largest = float(table["difference"].abs().max())

@@ -78,7 +78,7 @@ def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps
         speed = display.speeds(test.condition.speed_mps)
         figure.add_shape(
             type="line", xref="x", yref="y domain", x0=speed, x1=speed, y0=0, y1=0.03,
-            line={"color": MEASURED_COLOUR, "width": 1.5},
+            line_color=MEASURED_COLOUR, line_width=1.5,
         )  # fmt: skip
 
 
@@ -101,10 +101,10 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
         customdata=[
             [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
         ],
-        name="Candidates, the best numbered", line={"color": colour, "width": 2},
+        name="Candidates, the best numbered", line_color=colour, line_width=2,
         mode="lines+markers+text" if all(own == weights[0] for own in weights) else "markers+text",
-        textposition="top center", cliponaxis=False, textfont={"size": 14},
-        marker={"color": colour, "size": sizes, "symbol": symbols, "line": {"width": 1.5}},
+        textposition="top center", cliponaxis=False, textfont_size=14,
+        marker_color=colour, marker_size=sizes, marker_symbol=symbols, marker_line_width=1.5,
         hovertemplate=f"%{{x:.1f}} {units.speed}, front %{{customdata[0]:.0f}} {units.weight}, "
         f"rear %{{customdata[1]:.0f}} {units.weight}<br>band ± %{{customdata[2]:.2f}} {units.acceleration} now, "
         f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
@@ -112,13 +112,13 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
     figure.add_scatter(
         x=[display.speeds(test.condition.speed_mps) for test in tests], y=[0.0] * len(tests),
         text=[test.id for test in tests], name="Tests that were run", mode="markers",
-        marker={"color": MEASURED_COLOUR, "symbol": "line-ns-open", "size": 16, "line": {"width": 2}},
+        marker_color=MEASURED_COLOUR, marker_symbol="line-ns-open", marker_size=16, marker_line_width=2,
         hovertemplate=f"%{{text}}, %{{x:.1f}} {units.speed}<extra></extra>",
     )  # fmt: skip
     if any(test.extrapolation for test in ranked):
         figure.add_scatter(
             x=[None], y=[None], name="Outside the CAE runs", mode="markers",
-            marker={"color": colour, "symbol": "circle-open", "size": 9, "line": {"width": 1.5}},
+            marker_color=colour, marker_symbol="circle-open", marker_size=9, marker_line_width=1.5,
         )  # fmt: skip
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(title=display.title("Impact speed", "mph"), range=None, unifiedhovertitle=None)

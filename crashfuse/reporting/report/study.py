@@ -83,10 +83,8 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
 
 
 def _left_out(config: StudyConfig, alone: bool) -> str:
-    which = "The test was left out" if alone else "Each test was left out"
-    if config.leave_out == "speed group":
-        return f"{which} together with all tests at about its speed, and predicted from the rest."
-    return f"{which}{'' if alone else ' in turn'} and predicted from the others."
+    with_it = " with all tests at about its speed" if config.leave_out == "speed group" else ""
+    return f"{'The' if alone else 'Each'} test was left out{with_it} and predicted from the others."
 
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
