@@ -201,7 +201,6 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
 
 
 def _detail(certification: Certification, i: str) -> str:
-    """What decides the answer at a condition: the tests there, the probability, or the criteria."""
     answer, row, confidence = certification.answers[i], certification.rows[i], certification.criteria.confidence
     if answer == "run":
         return _tests_there(certification, row)
@@ -307,15 +306,13 @@ def _not_used(certification: Certification) -> Iterator[Fact]:
     campaign, since = certification.campaign, certification.since
     removed = () if since is None else since.gone_runs
     planned, unused = dict(certification.matrix.items), dict(campaign.unused)
-    told = "{}: {} was run there{} and is left out of use ({}); what it showed is not in the verdicts."
+    told = "{}: {} was run there{} and is left out of use ({})."
     for i, names in _unused_at(certification).items():
         for name in names:
             if name in unused and name not in {test.test for test in removed}:
                 off = "" if unused[name].is_at(planned[i]) else Sentence(", at {},", unused[name])
                 yield fact("test.not_used", Sentence(told, i, name, off, campaign.reason_of(name)), test=name)
-    told = (
-        "{} was run at {}; its record of then is not used any more{}. By the criteria of then: missed {}, unknown {}."
-    )
+    told = "{} was run at {}; its record is not used any more{}. By the criteria of then: missed {}, unknown {}."
     for test in removed:
         criteria = [] if since is None else since.earlier.criteria.items
         shown = {criterion.name: test.measured.get(quantity(criterion)) for criterion in criteria}

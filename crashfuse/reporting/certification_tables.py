@@ -22,7 +22,6 @@ from crashfuse.study.outliers import departures_near
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem, probability_text, read_out, said, unbroken
 
 ANSWER = "A test there"
-"""Heading of :func:`answer_texts`."""
 ANSWER_WORDS: Mapping[Answer, str] = {
     "run": "was run",
     "need not be run": "skip",
@@ -211,7 +210,6 @@ def _cells(certification: Certification, verdict: Verdict, display: Display, *wi
 
 
 def _trials(certification: Certification, display: Display) -> pd.DataFrame:
-    """Verdicts on left-out tests beside what was measured; what counts once stands once."""
     return pd.DataFrame(
         {
             "Test": trial.held_out,

@@ -198,8 +198,8 @@ def _tested(changes: Changes) -> Iterator[Fact]:
     tested = [(name, test) for name, tests in changes.tested.items() for test in tests]
     for told, some in (
         ("Tested since", [Sentence("{} (test {}{})", name, test, off[test]) for name, test in tested]),
-        ("Run where it knew a test already, and not counted", [f"{i} (test {t})" for t, i in since.repeats.items()]),
-        ("Run at none of its conditions (to 1 km/h and 2 % of each weight)", since.elsewhere),
+        ("Repeats, which are not counted", [f"{i} (test {t})" for t, i in since.repeats.items()]),
+        ("Run at none of its conditions", since.elsewhere),
     ):
         if some:
             yield fact("since.tested", Sentence("{}: {}.", told, listed(some)), tests=[str(own) for own in some])

@@ -1,7 +1,9 @@
-"""Tables in formats for other programs: Parquet files, and text that a spreadsheet takes from the clipboard."""
+"""Tables and records in formats for other programs: JSON, Parquet, and text that a spreadsheet takes."""
 
 import io
+import json
 import re
+from collections.abc import Mapping
 
 import pandas as pd
 import pyarrow as pa
@@ -9,6 +11,11 @@ import pyarrow.parquet as pq
 from markupsafe import Markup
 
 from crashfuse.files.csv_text import neutral
+
+
+def json_bytes(values: Mapping[str, object]) -> bytes:
+    """Return a record as the text of its file."""
+    return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:

@@ -65,7 +65,6 @@ def _named(traces: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
 
 
 def _is_invisible(trace: Mapping[str, Any]) -> bool:
-    """True for marks that only take clicks, and for entries of the legend alone."""
     entry = isinstance(trace.get("x"), list | tuple) and all(value is None for value in trace["x"])
     return entry or (trace.get("mode") == "markers" and trace.get("marker", {}).get("opacity") == 0)
 
@@ -133,7 +132,6 @@ def _interval(title: str, error: Mapping[str, Any], values: FloatArray) -> dict[
 
 
 def _ends(title: str, lower: FloatArray, upper: FloatArray) -> dict[str, FloatArray]:
-    """Both ends of an interval by their columns: ``Acceleration, lower (g)``."""
     parts = _UNIT.fullmatch(title)
     name, unit = (parts["quantity"], f" {parts['unit']}") if parts else (title, "")
     return {f"{name}, lower{unit}": lower, f"{name}, upper{unit}": upper}

@@ -133,7 +133,7 @@ class _Reader(HTMLParser):
 
 def missing_for(formats: Sequence[FigureFormat]) -> str:
     """A sentence on what these formats need and is not there, an extra or a browser; empty if nothing is missing."""
-    instead = "Or open the report in a browser: below each figure are buttons that save it."
+    instead = "Or save figures from the report in a browser."
     if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
         extra = "pptx" if "pptx" in formats else "figures"
         wanted = f'need python -m pip install "crashfuse[{extra}]"'

@@ -33,11 +33,8 @@ from crashfuse.study.study import Fold, Study
 T = TypeVar("T")
 Draw = Callable[[], go.Figure]
 
-RUN = "cae:"
-"""What may stand before the id of a CAE run, and must where a test has the same id."""
-
+RUN = "cae:"  # may stand before the id of a CAE run, and must where a test has the same id
 ONE_PROCESS = "The paper's bias model is one Gaussian process; only the fast settings split it into parts."
-"""Why there are no parts of the bias to draw."""
 
 _FOLDED = "10px,3px"  # dashes of the pulse if a test folds as the one that stands apart
 _STEP_M = 0.004  # grid of the parts of a bias
@@ -61,7 +58,6 @@ Further = str | OtherPrediction
 
 
 LEFT_OUT = {"test": "left out alone", "speed group": "all at its speed left out"}
-"""What was left out with a test, in few words."""
 WITH_GROUP = "left out with its speed group"
 
 

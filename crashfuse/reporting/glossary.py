@@ -14,7 +14,6 @@ METRICS = {
     "olc": "Deceleration of an occupant who first moves freely and is then stopped evenly by the restraint.",
     "vpi": "Largest deceleration of an occupant on a spring with slack (ISO/TR 12353-3).",
 }
-"""What the metrics of the tables mean."""
 PULSE_SHAPE = (
     "Equivalent square wave: the constant deceleration with the same crush. Two-step pulse: G1 then G2, nearest to the "
     "pulse until TTZV by least squares. Centroid time: crush over impact speed. Front-to-back loading ratio: mean "
@@ -23,12 +22,10 @@ PULSE_SHAPE = (
 )
 LF = "LF TCN: low-fidelity (LF) network, trained on CAE runs only."
 TIME_DOMAIN = "Time domain: multi-fidelity (MF) network, the LF network fine-tuned on tests."
-
 REPEAT = (
     "A repeat: the rating of a second test at the same condition, estimated from the scatter of the campaign's tests. "
     "A prediction that rates as high is as good as another test."
 )
-
 DRAWS = "95 % of the ratings of single pulses drawn from the band, which oscillate more and so rate lower."
 RATING_PARTS = (
     "Overall = 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. Corridor: how much of the curve is near the test. "

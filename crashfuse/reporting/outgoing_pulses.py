@@ -30,8 +30,7 @@ PulseFormat = Literal["isomme", "lsdyna", "radioss"]
 PULSE_FORMATS: tuple[PulseFormat, ...] = get_args(PulseFormat)
 """ISO-MME, and includes for LS-DYNA and Radioss; each is a folder of the results."""
 
-PulseFiles = Mapping[PulseFormat, Mapping[str, bytes]]
-"""Content by format, and by path below the format's folder."""
+PulseFiles = Mapping[PulseFormat, Mapping[str, bytes]]  # content by path below the format's folder
 
 LOCATION = "10VEHC000000"
 """Test object 1, no position, the vehicle, no fine location: the first 12 characters of an ISO-MME channel code."""
@@ -44,20 +43,10 @@ _LOCATION = re.compile(r"[0-9A-Z]{12}")
 
 @dataclass(frozen=True, slots=True)
 class PulseExport:
-    """Which pulses go out, and how.
+    """Which pulses go out, and how: some of :data:`PULSE_FORMATS`.
 
-    Parameters
-    ----------
-    formats : tuple of str
-        Some of :data:`PULSE_FORMATS`.
-    draws : int
-        Number of whole draws beside the expected pulse, of approaches that have a band.
-    seed : int
-        Decides which draws; they are equally likely.
-    location : str
-        The first 12 characters of the ISO-MME channel codes: test object, position, main and fine locations.
-    curve : SolverCurve, optional
-        Units, sign, start, scale and id of a solver's curve; needed for the solvers' formats.
+    ``draws`` is the number of whole draws beside the expected pulse, and the ``seed`` decides which; ``location`` are
+    the first 12 characters of the ISO-MME channel codes; a ``curve`` is needed for the solvers' formats.
     """
 
     formats: tuple[PulseFormat, ...] = ("isomme",)

@@ -172,7 +172,7 @@ def next_test(
     for condition in (low, high, *planned, *(candidates or ())):
         check_factors(campaign, condition)
     if candidates == ():
-        raise UsageError("Of no candidates none can be ranked: name one, or leave candidates out.")
+        raise UsageError("There is no candidate: name one, or leave candidates out.")
     over = ConditionRange(low, high)
     fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker

@@ -130,8 +130,7 @@ class PredictedPulse:
         Parameters
         ----------
         figure : {"motion", "acceleration", "displacement", "energy", "integration"}
-            Acceleration, velocity and displacement over time; acceleration alone, over time and over displacement;
-            energy over crush; a check of the integration over displacement.
+            Motion over time; acceleration over time and displacement; energy over crush; check of the integration.
         approaches, also, band, **display
             As in :meth:`crashfuse.study.study.Study.plot`.
         representative : bool
@@ -214,11 +213,7 @@ def predict(
 
 
 def fits_of(
-    campaign: Campaign,
-    approaches: Sequence[str | Fit],
-    config: StudyConfig,
-    cache: Cache | None,
-    watch: Watch,
+    campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, cache: Cache | None, watch: Watch
 ) -> list[Fit]:
     """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
     asked = dict.fromkeys(approaches)

@@ -45,13 +45,12 @@ class Preview:
         if (own := self.settled) is None:
             found = ({"Channel": channel.shown, "Unit": channel.unit or ""} for channel in self.record.channels)
             return card(f"{self.record.id}: not yet to be imported", pd.DataFrame(found), [*map(str, self.problems)])
-        cfc = "none" if own.channel_filter_class is None else f"CFC {own.channel_filter_class:g}"
         row = {
             "Channels": ", ".join(own.channels),
             "Unit": own.unit,
             "Deceleration": own.deceleration_sign,
             "Time zero (ms)": own.time_zero_s / MS,
-            "Filtered here": cfc,
+            "Filtered here": "none" if own.channel_filter_class is None else f"CFC {own.channel_filter_class:g}",
         }
         return card(f"{own.id}: {own.condition}", pd.DataFrame([row]), own.steps)
 

@@ -88,16 +88,11 @@ def explanation_record(explanation: RatingExplanation, comparison: str = "predic
     }
 
 
-TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}
-"""What Table 3 compares: the network before and after it has seen the tests."""
-
+TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}  # the network before and after it has seen the tests
 TABLE_5 = {name: LABELS[name] for name in ("time_domain", "displacement_domain", "fused", "cae")}
 """What Table 5 compares, and our mixture."""
-
 MEAN = "Mean"
-
-REPEAT = "A repeat"
-"""What a repeat of the test would rate: the last row of each test, where it is known."""
+REPEAT = "A repeat"  # what a repeat of the test would rate: the last row of each test, where it is known
 
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:

@@ -44,9 +44,6 @@ class Step:
         value = "Loss" if all(name.endswith("loss") for name in curves) else "Error"
         return learning_curves(curves, value=value, total=self.progress.total)
 
-    def __repr__(self) -> str:
-        return f"<Step {self.progress.step!r}: {self.progress.done:,} of {self.progress.total:,}>"
-
     def _take(self, progress: Progress) -> None:
         self.progress, self.updated = progress, time.monotonic()
         for name, value in progress.values.items():
@@ -66,7 +63,12 @@ class Watched(Watch):
         on_part: Callable[[Any], None] | None = None,
     ) -> None:
         def take(progress: Progress) -> None:
-            self._take(progress)
+            step = self.steps.get(progress.step)
+            if step is None or progress.done < step.progress.done:  # a new step, or the same step for the next test
+                self.steps.pop(progress.step, None)
+                now = time.monotonic()
+                step = self.steps[progress.step] = Step(progress, now, now)
+            step._take(progress)
             on_progress(progress)
 
         super().__init__(take, cancel, on_part)
@@ -78,19 +80,6 @@ class Watched(Watch):
         if not (step or learning):
             raise UsageError("No step has reported values to draw.")
         return one_of("step", step or learning[-1], self.steps).plot()
-
-    def __repr__(self) -> str:
-        steps = list(self.steps.values())
-        last = f"{len(steps)} step{'s' * (len(steps) > 1)}, at last {repr(steps[-1])[6:-1]}" if steps else "nothing yet"
-        return f"<Watched: {last}>"
-
-    def _take(self, progress: Progress) -> None:
-        step = self.steps.get(progress.step)
-        if step is None or progress.done < step.progress.done:  # a new step, or the same step for the next test
-            self.steps.pop(progress.step, None)
-            now = time.monotonic()
-            step = self.steps[progress.step] = Step(progress, now, now)
-        step._take(progress)
 
 
 @contextmanager

@@ -79,15 +79,10 @@ class Verdicts:
         views.write_certification(self.certification, folder, shown, since, notes)
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
-        """A figure of the page Certify.
+        """A figure of the page Certify: ``verdicts``, ``record``, ``reliability`` or ``domain``.
 
-        Parameters
-        ----------
-        figure : {"verdicts", "record", "reliability", "domain"}
-            The verdicts, conditions by criteria; what left-out tests were predicted to show and showed; how often
-            probabilities came true; where predictions are checked.
-        **display
-            See :class:`crashfuse.reporting.plots.display.DisplayOptions`.
+        That is: conditions by criteria; what left-out tests were predicted to show and showed; how often probabilities
+        came true; where predictions are checked.
         """
         shown = Display.of(self.certification.campaign.units, **display)
         return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
@@ -134,21 +129,14 @@ def certify(
         ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
     confidence : float
         Of criteria given as mappings or rows.
-    approach : str
-        Whose predictions are judged.
-    config : StudyConfig
-        Preset, seed and device; its approaches do not matter.
-    workers, scheduler
-        As in :func:`crashfuse.study.running.run_study`.
-
-    Raises DataError or UsageError if the criteria or the matrix are wrong, or the campaign cannot be judged by them.
+    config, workers, scheduler
+        As in :func:`crashfuse.study.running.run_study`; judged is the ``approach``, whatever those of ``config``.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
     config = replace(config, approaches=(approach,))
-    return Verdicts(
-        certify_matrix(
-            campaign, limits, conditions, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler
-        )
+    certification = certify_matrix(
+        campaign, limits, conditions, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler
     )
+    return Verdicts(certification)

@@ -20,8 +20,7 @@ from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import probability_text, unbroken
 
-MOST_WORDS = 400
-"""Of more conditions than these only colours are drawn: a browser would take many seconds for the words."""
+MOST_WORDS = 400  # of more conditions only colours are drawn: a browser would take many seconds for the words
 
 _ROW_PX, _ALL_ROWS_PX = 34, 1600
 _BELOW_PX = 44  # of the legend
@@ -69,41 +68,30 @@ def verdict_matrix(
             textfont={"color": MEASURED_COLOUR, "size": min(12, max(_LETTERS // len(names), 6))},
             hoverinfo="skip",
         )
-        cells = [cell_name(i, verdict) for i, row in zip(ids, rows, strict=True) for verdict in row]
+        cells = [f"{i} | {verdict.criterion.name}" for i, row in zip(ids, rows, strict=True) for verdict in row]
         make_clickable(figure, names, labels, cells, 20, **_over([text for row in hover for text in row]))
     else:
         figure.update_traces(**_over(hover))
     told = [verdict.word for row in rows for verdict in row]
     for word in WORDS:
         _legend(figure, f"{word} ({told.count(word)})", _marker(VERDICT_COLOURS[word], "square", 13, 1, None))
-    fix_cells(figure)
-    margin = {"l": max(map(len, short), default=0) * _LETTER_PX + 6, "t": above, "b": _BELOW_PX}
-    figure.update_layout(hoverlabel_align="left", margin=margin, legend={"y": 0, "yanchor": "bottom"})
-    plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
-    figure.update_xaxes(**plain, side="top", tickangle=0, range=[-0.5, len(names) - 0.5], showspikes=False)
-    figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
+    fix_cells(figure, len(names), len(rows))
+    left = max(map(len, short), default=0) * _LETTER_PX + 6
+    figure.update_layout(hoverlabel_align="left", margin_l=left, margin_t=above, margin_b=_BELOW_PX)
+    figure.update_layout(legend_y=0, legend_yanchor="bottom")
     if with_words:
         figure.update_yaxes(tickvals=labels, ticktext=short)
         cut = answer_texts(certification, short=True)
-        _write_beside(figure, labels, [cut[i] for i in ids])
+        beside = [cut[i] for i in ids]  # at an axis, which is drawn as marks are on it
+        right = {"overlaying": "y", "side": "right", "categoryarray": labels, "ticktext": beside}
+        axis = {**figure.layout.yaxis.to_plotly_json(), **right, "ticklabelstandoff": 4}
+        figure.update_layout(yaxis2=axis, margin_r=max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10)
+        figure.update_traces(yaxis="y2", selector={"mode": "markers", "showlegend": False})
+        figure.add_annotation(
+            text=f"<b>{ANSWER}</b>", x=1, y=1, xref="paper", yref="paper", xanchor="left", yanchor="bottom", xshift=3,
+            showarrow=False,
+        )  # fmt: skip
     return figure
-
-
-def cell_name(condition_id: str, verdict: Verdict) -> str:
-    """Name of a cell of the matrix."""
-    return f"{condition_id} | {verdict.criterion.name}"
-
-
-def _write_beside(figure: go.Figure, rows: list[str], beside: list[str]) -> None:
-    """Write a text beside each row of a heat map, at its right: at an axis, which is drawn as marks are on it."""
-    left = figure.layout.yaxis.to_plotly_json()
-    right = {"overlaying": "y", "side": "right", "categoryarray": rows, "ticktext": beside, "ticklabelstandoff": 4}
-    figure.update_layout(yaxis2={**left, **right}, margin_r=max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10)
-    figure.update_traces(yaxis="y2", selector={"mode": "markers", "showlegend": False})
-    figure.add_annotation(
-        text=f"<b>{ANSWER}</b>", x=1, y=1, xref="paper", yref="paper", xanchor="left", yanchor="bottom", xshift=3,
-        showarrow=False,
-    )  # fmt: skip
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
@@ -205,8 +193,8 @@ def reliability(record: TrackRecord) -> go.Figure:
             )  # fmt: skip
     figure.update_layout(hovermode="closest", showlegend=True)
     axis = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
-    figure.update_xaxes({**axis, "title": "Probability given in advance"}, showspikes=False, unifiedhovertitle=None)
-    figure.update_yaxes({**axis, "title": "Share of tests that met it"})
+    figure.update_xaxes(axis, title="Probability given in advance", showspikes=False, unifiedhovertitle=None)
+    figure.update_yaxes(axis, title="Share of tests that met it")
     return figure
 
 
@@ -220,7 +208,7 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
         return figure
     x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(len(criteria), 1, shared_xaxes=True, vertical_spacing=0.24 / (len(criteria) + 0.6))
-    figure.update_xaxes({**x_style, "title": None, "showspikes": False, "zeroline": False, "unifiedhovertitle": None})
+    figure.update_xaxes(x_style, title=None, showspikes=False, zeroline=False, unifiedhovertitle=None)
     names = [tick_name(test) for test in tests]
     figure.update_xaxes(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=names)
     figure.update_yaxes(y_style)

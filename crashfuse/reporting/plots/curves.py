@@ -17,10 +17,8 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_COLOUR, further_line, speed_lines
 from crashfuse.signals.pulse import FloatArray
 
-TEST = "test"
-"""Key of the measured curve among those of the approaches."""
+TEST = "test"  # key of the measured curve among those of the approaches
 POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside as a whole, 0–60 ms"
-"""Names of the band that is filled and of the dashed one."""
 
 Band = tuple[FloatArray, FloatArray, FloatArray]
 

@@ -126,13 +126,10 @@ def displacement_figure(height: int) -> go.Figure:
 
 def fit_axis(figure: go.Figure) -> go.Figure:
     """Start the axes at contact and leave some room beyond the longest curve, and the interval of its end."""
-    longest = max(float(np.max(trace.x)) + _upward(trace.error_x.array) for trace in figure.data)
+    ends = [(float(np.max(trace.x)), trace.error_x.array) for trace in figure.data]
+    longest = max(end + max((length or 0.0 for length in error or ()), default=0.0) for end, error in ends)
     figure.update_xaxes(range=[0, 1.02 * longest])
     return figure
-
-
-def _upward(error: Sequence[float | None] | None) -> float:
-    return max((length or 0.0 for length in error), default=0.0) if error is not None else 0.0
 
 
 def _loading_phases(
@@ -145,7 +142,6 @@ def _loading_phases(
 
 
 def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, crush: Metric | None) -> None:
-    """Mark the end of a curve, its maximum crush, with its interval; an end that the record leaves open has no bar."""
     end, error = float(curve.x[-1]), None
     if crush is not None and (crush.lower is not None or crush.upper is not None):
         error = {

@@ -72,11 +72,10 @@ def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go
         rows, colour = table[table["approach"] == name], COLOURS[name]
         if not CLASSES[name].learns_from_tests:
             rating, label = float(curve.by_test(name).iloc[:, -1].mean()), f"{LABELS[name]}, without any test"
-            line = {"color": colour, "width": 2, "dash": DASHES[name]}
             hover = f"{rating:.3f}<extra>{label}</extra>"
             figure.add_scatter(
-                x=[0, n + 1], y=[rating, rating], mode="lines+markers", name=label, line=line,
-                marker_size=[9, 0.1], hovertemplate=hover,
+                x=[0, n + 1], y=[rating, rating], mode="lines+markers", name=label, line_color=colour, line_width=2,
+                line_dash=DASHES[name], marker_size=[9, 0.1], hovertemplate=hover,
             )  # fmt: skip
             continue
         even, random = (rows[rows["choice"] == way] for way in ("even", "random"))
@@ -126,11 +125,11 @@ def _expect(figure: go.Figure, curve: LearningCurve) -> None:
         return
     gain, lower, upper = (signed(value, 3) for value in (more.gain, more.lower, more.upper))
     last, colour = curve.by_test(name).iloc[:, -1], COLOURS[name]
-    ends = {"array": [0, more.upper - more.gain], "arrayminus": [0, more.gain - more.lower]}
     figure.add_scatter(
         x=[last.name, more.n_tests + 1], y=[last.mean(), more.rating], mode="lines+markers",
         name=f"{LABELS[name]}, expected with one test more", line_color=colour, line_width=2, line_dash="dot",
-        error_y={**ends, "width": 4, "color": colour},
+        error_y_array=[0, more.upper - more.gain], error_y_arrayminus=[0, more.gain - more.lower], error_y_width=4,
+        error_y_color=colour,
         marker_color=colour, marker_symbol="diamond-open", marker_size=[0.1, 11],
         hovertemplate=f"{more.n_tests + 1} tests: %{{y:.3f}}; the last one adds {gain} ({lower} to {upper})"
         f"<extra>{LABELS[name]}, expected</extra>",
@@ -150,7 +149,7 @@ def _label_axes(figure: go.Figure, n: int, lower: dict[str, str]) -> None:
         panel = {**look, "domain": [end - share + 0.02, end - 0.08], "title": label, "rangemode": "tozero"}
         figure.update_layout({f"yaxis{axis[1:]}": panel, "xaxis": {"anchor": axis}})
     if lower:
-        figure.update_layout(yaxis={"domain": [0.4, 1.0]}, height=640 + 120 * (len(lower) - 1))
+        figure.update_layout(yaxis_domain=[0.4, 1.0], height=640 + 120 * (len(lower) - 1))
     figure.add_vline(
         x=n, line_color=CURSOR, line_width=1, line_dash="dot", annotation_text=f"all {n} tests",
         annotation_position="top right",

@@ -42,10 +42,7 @@ def overlay(
     *,
     filled: str | None = None,
 ) -> go.Figure:
-    """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their 95 % bands.
-
-    The band that is ``filled`` is by default that of the preferred approach; of the others the edges are drawn.
-    """
+    """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their bands."""
     figure = new_figure(height=460 + room_for_names(predictions))
     draw_curves(figure, _accelerations(measured, predictions, display, filled), filled=filled)
     figure.update_yaxes(title=display.accel_title)
@@ -66,15 +63,28 @@ def motion(
     figure = new_figure(height=490 + room_for_names(predictions))
     accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
-    velocities, displacements = _integrals(measured, predictions, speed_mps, display)
+    velocities, displacements = {}, {}
+    for name, prediction in predictions.items():
+        v_band = s_band = None
+        speed = prediction.condition.speed_mps
+        if prediction.draws_mps2 is not None:
+            drawn = kinematics(prediction.draws_mps2.astype(np.float64), speed, DT_S)
+            v_band, s_band = _central(display.speeds(drawn.velocity_mps)), _central(drawn.displacement_m / _MM)
+        own = kinematics(prediction.accel_mps2, speed, DT_S)
+        velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
+        displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
+    if measured is not None:
+        own = measured.kinematics(speed_mps)
+        velocities[TEST] = Curve(measured.time_s / MS, display.speeds(own.velocity_mps))
+        displacements[TEST] = Curve(measured.time_s / MS, own.displacement_m / _MM)
     for yaxis, curves in (("y2", velocities), ("y3", displacements)):
         draw_curves(figure, curves, yaxis, filled, showlegend=False, hovertemplate=None, hoverinfo="none")
-    name = with_filled_band(accelerations, filled)
-    _join_hover(figure, display, {name: accelerations[name].band} if name else {})
+    lead = with_filled_band(accelerations, filled)
+    _join_hover(figure, display, {lead: accelerations[lead].band} if lead else {})
     look = {**figure.layout.yaxis.to_plotly_json(), "title_font_size": 12}  # else the titles would touch
     figure.update_layout(
         hoversubplots="axis",
-        xaxis={"anchor": "y3"},
+        xaxis_anchor="y3",
         yaxis={"domain": [0.53, 1.0], "title": display.accel_title},
         yaxis2={**look, "domain": [0.27, 0.5], "title_text": display.title("Velocity", "km/h")},
         yaxis3={**look, "domain": [0.0, 0.24], "title_text": "Displacement (mm)"},
@@ -119,10 +129,9 @@ def measured_pulses(
     highlight: str | None = None,
     cfc: float | None = None,
     display: Display = DEFAULT,
-    further: Mapping[str, Prediction] | None = None,
+    further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
     """Draw tests, coloured by their speeds among all; with a filter class the curves as read are thin behind."""
-    further = further or {}
     figure = new_figure(height_under_names(len(tests) + len(further)))
     for test, style in by_speed(tests, highlight, display, speeds_mps):
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
@@ -159,10 +168,9 @@ def library_band(
     *,
     speeds_mps: Mapping[str, float] | None = None,
     display: Display = DEFAULT,
-    further: Mapping[str, Prediction] | None = None,
+    further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
     """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
-    further = further or {}
     figure = new_figure(height_under_names(len(tests) + len(further)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale
@@ -206,26 +214,6 @@ def _accelerations(
     if measured is not None:
         curves[TEST] = Curve(measured.time_s / MS, measured.accel_mps2 * scale)
     return curves
-
-
-def _integrals(
-    measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, display: Display
-) -> tuple[dict[str, Curve], dict[str, Curve]]:
-    velocities, displacements = {}, {}
-    for name, prediction in predictions.items():
-        v_band = s_band = None
-        speed = prediction.condition.speed_mps
-        if prediction.draws_mps2 is not None:
-            drawn = kinematics(prediction.draws_mps2.astype(np.float64), speed, DT_S)
-            v_band, s_band = _central(display.speeds(drawn.velocity_mps)), _central(drawn.displacement_m / _MM)
-        own = kinematics(prediction.accel_mps2, speed, DT_S)
-        velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
-        displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
-    if measured is not None:
-        own = measured.kinematics(speed_mps)
-        velocities[TEST] = Curve(measured.time_s / MS, display.speeds(own.velocity_mps))
-        displacements[TEST] = Curve(measured.time_s / MS, own.displacement_m / _MM)
-    return velocities, displacements
 
 
 def _central(draws: FloatArray) -> Band:

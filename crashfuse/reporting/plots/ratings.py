@@ -58,17 +58,10 @@ def rating_heatmap(
     heads = [name.replace("<br>", " ") for name in names]
     told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(heads)]
     make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
-    fix_cells(figure)
+    fix_cells(figure, len(names), len(rows))
     figure.update_layout(margin_t=_NAMES_PX, margin_b=_BELOW_PX)
-    figure.update_xaxes(
-        side="top", title=None, range=[-0.5, len(names) - 0.5], tickfont={"size": 12}, ticks="", showline=False,
-        showgrid=False, showspikes=False,
-    )  # fmt: skip
-    ends = [len(rows) - 0.5, -0.5]  # the marks would widen it
-    figure.update_yaxes(
-        range=ends, type="category", tickvals=rows, ticktext=[f"Test {tick_name(test)}" for test in tests] + mean,
-        ticks="", showline=False, zeroline=False, showgrid=False,
-    )  # fmt: skip
+    figure.update_xaxes(tickfont_size=12)
+    figure.update_yaxes(tickvals=rows, ticktext=[f"Test {tick_name(test)}" for test in tests] + mean)
     return figure
 
 
@@ -139,8 +132,7 @@ def _grade_scale() -> list[tuple[float, str]]:
 
 _OUTSIDE, _BEYOND = "#E69F00", "#C1121F"  # of a curve outside the inner and the outer corridor
 _LAST = 2000  # in the legend, where 1000 is usual
-_DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))
-"""Of the rows, from the top, as shares of the height."""
+_DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))  # of the rows, as shares of the height
 
 
 def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
@@ -167,10 +159,9 @@ def rated_curves(
     explanation: RatingExplanation,
     approach: str,
     display: Display = DEFAULT,
-    further: Mapping[str, Prediction] | None = None,
+    further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
     """Stack what the four scores compare over one time axis, with corridors, and humps numbered."""
-    further = further or {}
     figure = new_figure(height=570 + room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale
     add_corridors(figure, Pulse(curves.time_s, curves.reference), display)

@@ -45,7 +45,6 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, displ
 
 
 def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
-    """A metric over speed, with gaps where it or a bound of its interval is missing."""
     value, lower, upper = (
         np.array([getattr(metric, name) for metric in metrics], dtype=np.float64)
         for name in ("value", "lower", "upper")
@@ -83,7 +82,6 @@ def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps
 
 
 BEST = 5
-"""How many of the best candidates are numbered in the figure, and listed beside it."""
 
 
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
