@@ -27,8 +27,8 @@ from .importing.ratings import rate_files as rate_files
 from .importing.ratings import rate_pairs as rate_pairs
 from .importing.tables import ColumnChoice as ColumnChoice
 from .readers.record import PartialCondition as PartialCondition
-from .reporting.earlier_prediction import EarlierPrediction as EarlierPrediction
 from .reporting.figure_data import figure_table as figure_table
+from .reporting.figures import EarlierPrediction as EarlierPrediction
 from .reporting.outgoing_pulses import PulseExport as PulseExport
 from .reporting.planning import NextTests as NextTests
 from .reporting.planning import SpeedSweep as SpeedSweep

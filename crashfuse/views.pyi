@@ -18,7 +18,7 @@ from .reporting.notebook import study_html as study_html
 from .reporting.outgoing_pulses import PulseExport as PulseExport
 from .reporting.plots.display import Display as Display
 from .reporting.plots.display import DisplayOptions as DisplayOptions
-from .reporting.plots.number_of_tests import over_number_of_tests as over_number_of_tests
+from .reporting.plots.learning import over_number_of_tests as over_number_of_tests
 from .reporting.report import ReportOptions as ReportOptions
 from .reporting.report.page import ReportForm as ReportForm
 from .reporting.result_tables import curve_table as curve_table

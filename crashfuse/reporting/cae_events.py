@@ -63,13 +63,12 @@ def events_table(found: CaeEvents) -> pd.DataFrame:
 def events_sentences(found: CaeEvents) -> list[str]:
     """What to mend first, and what that is worth."""
     named = [event for event in found.events[:_NAMED] if event.share >= _WORTH_NAMING]
-    none = "No range of crush stands out in which two tests or more agree and mending would raise the rating."
+    none = "In no range of crush do two tests agree and would mending raise the rating."
     mended = f"with all events mended {found.rating_mended:.3f}, " if found.events else ""
     return [
         *([_sentence(found, event) for event in named] or [none]),
-        f"The CAE model rates {found.rating_cae:.3f} over 0–{found.window_ms:g} ms in the mean of all tests that its "
-        f"bias was learned from ({len(found.tests)}), {mended}without this bias over displacement "
-        f"{found.rating_all:.3f}.",
+        f"The CAE model rates {found.rating_cae:.3f} over 0–{found.window_ms:g} ms in the mean of {len(found.tests)} "
+        f"tests, {mended}without its bias over displacement {found.rating_all:.3f}.",
     ]
 
 

@@ -43,9 +43,9 @@ SUBJECTS = {
     "condition.new_together": "Factors that no test has together",
     "campaign.warning": "Warnings about the campaign",
     "condition.outside": "Conditions outside the validated domain",
-    "condition.too_short": "Open, because recordings end too early to predict",
-    "criterion.occupant": "Criteria by another occupant model than the usual one",
-    "since.moved": "Verdicts on tests run since that depend on how these were moved to their conditions",
+    "condition.too_short": "Open, as recordings end too early",
+    "criterion.occupant": "Criteria by another occupant model",
+    "since.moved": "Verdicts on tests run since that depend on where these were run",
     "since.too_narrow": "Intervals that tests run since contradict",
     "record.too_narrow": "Intervals that left-out tests contradict",
     "record.bin": "Probabilities that left-out tests contradict",
@@ -65,7 +65,7 @@ ANSWERS: Mapping[Answer, tuple[str, str]] = {
     ),
     "would miss": ("A test would miss", "misses {}"),
     "test or redesign": ("To be tested, or redesigned", "open: {}"),
-    "record for longer": ("To be recorded for longer, as recordings end too early to tell", "records too short for {}"),
+    "record for longer": ("To be recorded for longer", "records too short for {}"),
     "outside": ("Outside what the tests check", "outside what the tests check{}"),
 }
 """Of each answer, what stands before the conditions that have it, and what beside a single one."""
@@ -196,12 +196,11 @@ def _matrix(certification: Certification) -> Iterator[Fact]:
     if set(certification.answers.values()) <= {"run", "need not be run"}:
         yield fact("matrix.none_needed", "No condition of the matrix needs a test.")
     if first := certification.run_first:
-        told = f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
+        told = f"Run {first} first, the fastest that a test can settle, and certify again."
         yield fact("matrix.run_first", told, condition=first)
 
 
 def _detail(certification: Certification, i: str) -> str:
-    """What decides the answer at a condition: the tests there, the probability, or the criteria."""
     answer, row, confidence = certification.answers[i], certification.rows[i], certification.criteria.confidence
     if answer == "run":
         return _tests_there(certification, row)
@@ -307,15 +306,13 @@ def _not_used(certification: Certification) -> Iterator[Fact]:
     campaign, since = certification.campaign, certification.since
     removed = () if since is None else since.gone_runs
     planned, unused = dict(certification.matrix.items), dict(campaign.unused)
-    told = "{}: {} was run there{} and is left out of use ({}); what it showed is not in the verdicts."
+    told = "{}: {} was run there{} and is left out of use ({})."
     for i, names in _unused_at(certification).items():
         for name in names:
             if name in unused and name not in {test.test for test in removed}:
                 off = "" if unused[name].is_at(planned[i]) else Sentence(", at {},", unused[name])
                 yield fact("test.not_used", Sentence(told, i, name, off, campaign.reason_of(name)), test=name)
-    told = (
-        "{} was run at {}; its record of then is not used any more{}. By the criteria of then: missed {}, unknown {}."
-    )
+    told = "{} was run at {}; its record is not used any more{}. By the criteria of then: missed {}, unknown {}."
     for test in removed:
         criteria = [] if since is None else since.earlier.criteria.items
         shown = {criterion.name: test.measured.get(quantity(criterion)) for criterion in criteria}

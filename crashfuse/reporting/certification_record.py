@@ -1,16 +1,15 @@
 """Content of ``certification.json``: what makes a certification again, its counts and what its record says."""
 
-import json
 from dataclasses import asdict
 from datetime import UTC, datetime
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import WrongShare, trial_bounds
 from crashfuse.reporting.certification_facts import exceptions, sentences
 from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, share_columns
+from crashfuse.reporting.exports import json_bytes
 from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
 from crashfuse.units import LB, MPH
 
@@ -20,7 +19,7 @@ def certification_json(certification: Certification) -> bytes:
     record = certification_record(certification)
     if certification.since is not None:
         record["since"] = _since(Changes.of(certification))
-    return (json.dumps(record, indent=2, ensure_ascii=False) + "\n").encode()
+    return json_bytes(record)
 
 
 def _since(changes: Changes) -> dict[str, object]:
@@ -69,7 +68,8 @@ def _since(changes: Changes) -> dict[str, object]:
 def certification_record(certification: Certification) -> dict[str, object]:
     """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
-    criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
+    criteria, domain = certification.criteria, certification.domain
+    counts = counts_table(certification).set_index("criterion")
     brier, (tests, saved, wrong) = record.brier or (None, None), record.waived(criteria)
     saved_with_since, missed_with_since = saved_and_missed(certification)
     (inside, intervals), (telling, telling_wrong) = record.intervals, record.telling.decided
@@ -95,7 +95,15 @@ def certification_record(certification: Certification) -> dict[str, object]:
             i: {test: {own.criterion.name: own.run[test] for own in certification.rows[i]} for test in tests_there}
             for i, tests_there in certification.run.items()
         },
-        "domain": _domain(certification.domain),
+        "domain": {
+            "tests": domain.n_tests,
+            "speeds_mph": [speed / MPH for speed in domain.speeds_mps],
+            "between_tests_mph": domain.reach_mps / MPH,
+            "below_slowest_mph": domain.below_mps / MPH,
+            "above_fastest_mph": domain.above_mps / MPH,
+            "mass_lb": [mass / LB for mass in domain.checked_masses_kg],
+            "factors": {name: list(values) for name, values in domain.factors.items()},
+        },
         "verdicts": certification.counts,
         "waived": {i: met._asdict() for i, met in certification.waived.items()},
         "saved": dict(zip(("n", "tests"), certification.saved, strict=True)),
@@ -132,16 +140,3 @@ def certification_record(certification: Certification) -> dict[str, object]:
 
 def _criterion(criterion: Criterion) -> dict[str, object]:
     return {key: value for key, value in asdict(criterion).items() if value is not None}
-
-
-def _domain(domain: Domain) -> dict[str, object]:
-    low, high = domain.checked_masses_kg
-    return {
-        "tests": domain.n_tests,
-        "speeds_mph": [speed / MPH for speed in domain.speeds_mps],
-        "between_tests_mph": domain.reach_mps / MPH,
-        "below_slowest_mph": domain.below_mps / MPH,
-        "above_fastest_mph": domain.above_mps / MPH,
-        "mass_lb": [low / LB, high / LB],
-        "factors": {name: list(values) for name, values in domain.factors.items()},
-    }

@@ -22,7 +22,6 @@ from crashfuse.study.outliers import departures_near
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem, probability_text, read_out, said, unbroken
 
 ANSWER = "A test there"
-"""Heading of :func:`answer_texts`."""
 ANSWER_WORDS: Mapping[Answer, str] = {
     "run": "was run",
     "need not be run": "skip",
@@ -68,11 +67,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
 
 
 def track_record_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion.
-
-    The bounds, of the share of wrong verdicts of the whole record, are the same in each row. Not counted are those on
-    tests that the CAE model was tuned to.
-    """
+    """All verdicts on left-out tests, and on tests before they were run, one row a test, way and criterion."""
     basis, record = _bases(certification.campaign), certification.record
     bounds = [share.at_most for share in record.bounds().values()]
     rows = [
@@ -158,7 +153,7 @@ def _bases(campaign: Campaign) -> dict[str, str]:
 
 
 def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, float | None]]:
-    """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
+    """Left-out verdicts of each kind, wrong ones and the 95 % bound of their share; *decided* is both."""
     counts = record.counts(criterion)
     (met, wrongly_met), (missed, wrongly_missed) = counts["met"], counts["not met"]
     counts |= {"decided": (met + missed, wrongly_met + wrongly_missed)}
@@ -215,7 +210,6 @@ def _cells(certification: Certification, verdict: Verdict, display: Display, *wi
 
 
 def _trials(certification: Certification, display: Display) -> pd.DataFrame:
-    """Verdicts on left-out tests beside what was measured; what counts once stands once."""
     return pd.DataFrame(
         {
             "Test": trial.held_out,

@@ -9,7 +9,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, WrongShare, at_most
 from crashfuse.fact import Fact
-from crashfuse.reporting.earlier_prediction import how_left_out
+from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
 from crashfuse.reporting.provenance import certification_settings
 from crashfuse.wording import Quantity, Sentence, joined, probability_text, speed, weight
@@ -36,9 +36,8 @@ def record_facts(certification: Certification) -> Iterator[Fact]:
     yield fact(
         "record.decided",
         f"Record of left-out tests: {counted(n, 'verdict')} met or not met, {bounds_text(bounds)}; "
-        f"{len(record.counted) - n} open or outside. All are of one vehicle: no bound holds for another. Of one "
-        f"verdict a metric and test, on limits that tests came near, {missed} of {telling} wrong "
-        f"({at_most(missed, telling)}).",
+        f"{len(record.counted) - n} open or outside. No bound holds for another vehicle. Of one verdict a metric and "
+        f"test, on limits that tests came near, {missed} of {telling} wrong ({at_most(missed, telling)}).",
         n=n, wrong=wrong, telling=telling, telling_wrong=missed,
         bounds={unit: share.at_most for unit, share in bounds.items()},
     )  # fmt: skip
@@ -199,16 +198,16 @@ def _tested(changes: Changes) -> Iterator[Fact]:
     tested = [(name, test) for name, tests in changes.tested.items() for test in tests]
     for told, some in (
         ("Tested since", [Sentence("{} (test {}{})", name, test, off[test]) for name, test in tested]),
-        ("Run where it knew a test already, and not counted", [f"{i} (test {t})" for t, i in since.repeats.items()]),
-        ("Run at none of its conditions (to 1 km/h and 2 % of each weight)", since.elsewhere),
+        ("Repeats, which are not counted", [f"{i} (test {t})" for t, i in since.repeats.items()]),
+        ("Run at none of its conditions", since.elsewhere),
     ):
         if some:
             yield fact("since.tested", Sentence("{}: {}.", told, listed(some)), tests=[str(own) for own in some])
     given = {trial.held_out: trial.given for trial in since.all_trials}
     for is_older, told in (
-        (True, "Verdicts older than their test, by the dates of both, which are worth more than any left-out one"),
+        (True, "Verdicts older than their test, by the dates of both"),
         (False, "Verdicts not older than their test, by the dates of both"),
-        (None, "Whether these verdicts are older than their test is not known, as it has no date (about_date)"),
+        (None, "Verdicts on tests without a date (about_date)"),
     ):
         if tests := [test for test, older in since.is_older.items() if older is is_older]:
             stated = [f"{t} ({given[t][0]}{', sealed' if given[t][1] else ''})" if given[t][0] else t for t in tests]

@@ -1,7 +1,9 @@
-"""Tables in formats for other programs: Parquet files, and text that a spreadsheet takes from the clipboard."""
+"""Tables and records in formats for other programs: JSON, Parquet, and text that a spreadsheet takes."""
 
 import io
+import json
 import re
+from collections.abc import Mapping
 
 import pandas as pd
 import pyarrow as pa
@@ -9,6 +11,11 @@ import pyarrow.parquet as pq
 from markupsafe import Markup
 
 from crashfuse.files.csv_text import neutral
+
+
+def json_bytes(values: Mapping[str, object]) -> bytes:
+    """Return a record as the text of its file."""
+    return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:
@@ -35,11 +42,7 @@ _NUMBER = re.compile(r"[+-][\d.]+ ± [\d.]+")  # with its error, as no formula i
 
 
 def spreadsheet_text(table: pd.DataFrame) -> str:
-    """Return a table for readers as lines with tabs between cells, which a spreadsheet takes from the clipboard.
-
-    A cell holds one number or one text: a value with an interval in brackets, or with its grade, becomes columns of its
-    own. A text that a spreadsheet would take for a formula stays a text.
-    """
+    """Return a table as lines with tabs, which a spreadsheet takes: intervals and grades in columns of their own."""
     columns: list[list[str]] = []
     for name, own in table.items():
         cells = [_two_ended(" ".join(_plain(cell).split())) for cell in own]

@@ -1,8 +1,4 @@
-"""The numbers that a figure was drawn from, as a table: of its visible curves and bands, in its own units.
-
-A trace's arrays are its data; where it draws less, or elsewhere, its ``meta`` has them. A curve that is hidden, by a
-click in the legend, say, is not in the table.
-"""
+"""The numbers that a figure was drawn from, as a table: of its visible curves and bands, in its own units."""
 
 import base64
 import re
@@ -35,18 +31,10 @@ class _Curve:
 
 
 def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
-    """The numbers of a figure, one row a position on its x axis; units are in the names of the columns.
+    """The numbers of a figure, one row a position on its x axis; ``hidden`` traces are left out.
 
-    Curves over the same positions stand side by side, one column each and two for a band. Where positions differ, or
-    points carry names, the table is long: the first column names the curve, the next its plot, of several.
-    A heat map is a table of its cells.
-
-    Parameters
-    ----------
-    figure : Figure or mapping
-        Any figure of this library, or one read from a report.
-    hidden : collection of int
-        Places of traces that the reader has hidden.
+    Curves over the same positions stand side by side, one column each and two for a band; else the table is long, and
+    its first column names the curve. A heat map is a table of its cells.
     """
     drawn = figure.to_plotly_json() if isinstance(figure, go.Figure) else figure
     layout, traces = drawn["layout"], drawn["data"]
@@ -77,7 +65,6 @@ def _named(traces: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
 
 
 def _is_invisible(trace: Mapping[str, Any]) -> bool:
-    """True for marks that only take clicks, and for entries of the legend alone."""
     entry = isinstance(trace.get("x"), list | tuple) and all(value is None for value in trace["x"])
     return entry or (trace.get("mode") == "markers" and trace.get("marker", {}).get("opacity") == 0)
 
@@ -145,7 +132,6 @@ def _interval(title: str, error: Mapping[str, Any], values: FloatArray) -> dict[
 
 
 def _ends(title: str, lower: FloatArray, upper: FloatArray) -> dict[str, FloatArray]:
-    """Both ends of an interval by their columns: ``Acceleration, lower (g)``."""
     parts = _UNIT.fullmatch(title)
     name, unit = (parts["quantity"], f" {parts['unit']}") if parts else (title, "")
     return {f"{name}, lower{unit}": lower, f"{name}, upper{unit}": upper}

@@ -1,7 +1,6 @@
 """The figures of a report as files: SVG, PNG, slides, and their numbers as CSV.
 
-A report holds its figures as data, so they are read from it, whichever command wrote it, and drawn as on the page: by
-Plotly itself, in a browser of this machine that shows no window and reaches no network, whoever wrote the report.
+They are drawn by Plotly itself, in a browser of this machine that shows no window and reaches no network.
 """
 
 import asyncio
@@ -134,10 +133,10 @@ class _Reader(HTMLParser):
 
 def missing_for(formats: Sequence[FigureFormat]) -> str:
     """A sentence on what these formats need and is not there, an extra or a browser; empty if nothing is missing."""
-    instead = "Or open the report in a browser: below each figure are buttons that save it."
+    instead = "Or save figures from the report in a browser."
     if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
         extra = "pptx" if "pptx" in formats else "figures"
-        wanted = f'need the extra {extra}: python -m pip install "crashfuse[{extra}]"'
+        wanted = f'need python -m pip install "crashfuse[{extra}]"'
         return f"Figures as {', '.join(formats)} {wanted}. {instead}"
     if any(map(_NEEDS.__getitem__, formats)) and not _browser():
         return f"Figures are drawn by Chrome, Chromium or Edge, and none was found (BROWSER_PATH names one). {instead}"
@@ -154,8 +153,7 @@ def _browser() -> str | None:
 def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> dict[str, bytes]:
     """The figures as files, by name: ``01-heading.svg``, ``.png`` and ``.csv`` and, all in one, ``figures.pptx``.
 
-    Raises UsageError if a format is unknown, or the extra or the browser that it needs is not there, DataError if the
-    numbers of a figure cannot be read, CrashfuseError if the browser fails.
+    Raises UsageError if the extra or the browser that a format needs is not there, CrashfuseError if the browser fails.
     """
     if unknown := [form for form in formats if form not in FIGURE_FORMATS]:
         raise UsageError(f"A figure is written as {', '.join(FIGURE_FORMATS)}, not as {unknown[0]}.")

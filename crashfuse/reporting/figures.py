@@ -25,7 +25,7 @@ from crashfuse.reporting.plots.curves import LegendName, add_marks, curve_line
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.palette import added_test_line
 from crashfuse.signals.pulse import Pulse
-from crashfuse.study.config import require_rated
+from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.outliers import departures_near
 from crashfuse.study.study import Fold, Study
@@ -33,11 +33,8 @@ from crashfuse.study.study import Fold, Study
 T = TypeVar("T")
 Draw = Callable[[], go.Figure]
 
-RUN = "cae:"
-"""What may stand before the id of a CAE run, and must where a test has the same id."""
-
-ONE_PROCESS = "The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts."
-"""Why there are no parts of the bias to draw."""
+RUN = "cae:"  # may stand before the id of a CAE run, and must where a test has the same id
+ONE_PROCESS = "The paper's bias model is one Gaussian process; only the fast settings split it into parts."
 
 _FOLDED = "10px,3px"  # dashes of the pulse if a test folds as the one that stands apart
 _STEP_M = 0.004  # grid of the parts of a bias
@@ -58,6 +55,45 @@ class OtherPrediction(Protocol):
 
 Further = str | OtherPrediction
 """What a figure shows beside its curves: a test or CAE run by its id, or another prediction."""
+
+
+LEFT_OUT = {"test": "left out alone", "speed group": "all at its speed left out"}
+WITH_GROUP = "left out with its speed group"
+
+
+@dataclass(frozen=True, eq=False)
+class EarlierPrediction:
+    """What an approach estimated with some settings, to be put beside those with others."""
+
+    estimate: Estimate
+    config: StudyConfig
+    shown: StudyConfig  # of the figure that it is put into: its name says in what its own differ from them
+
+    @property
+    def text(self) -> str:
+        """In what its settings differ, in words."""
+        return otherwise(self.config, self.shown)
+
+    def curve(self, _: Display | None = None) -> tuple[str, Estimate]:
+        """Its name in a legend, and itself."""
+        return earlier_name(self.estimate.approach, self.config, self.shown), self.estimate
+
+
+def how_left_out(way: str) -> str:
+    """How a test was left out: alone, or with its speed group."""
+    return LEFT_OUT["test"] if way == "test" else WITH_GROUP
+
+
+def earlier_name(approach: str, config: StudyConfig, shown: StudyConfig) -> str:
+    """Name of a prediction with other settings in a legend: ``Fused, seed 1``."""
+    return ", ".join(filter(None, [LABELS[approach], otherwise(config, shown)]))
+
+
+def otherwise(config: StudyConfig, shown: StudyConfig) -> str:
+    """In what some settings differ from others, in words: ``paper settings, seed 1, left out alone``."""
+    left_out = LEFT_OUT.get(config.leave_out, config.leave_out)
+    words = {"preset": f"{config.preset} settings", "seed": f"seed {config.seed}", "leave_out": left_out}
+    return ", ".join(text for name, text in words.items() if getattr(config, name) != getattr(shown, name))
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,15 +67,12 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     if errors := state.get("left_out_rmse"):
         sentences.append(
             f"Fine-tuning: {state['members']} networks of {state['weights']:,} weights; {state['penalty']:g} of the "
-            f"increments are a test's own, chosen from {', '.join(errors)} by leaving each test out; the change of "
-            f"velocity of left-out tests was met to {100 * state['left_out_delta_v_misfit']:.1f} % of impact speed."
+            f"increments are a test's own, chosen from {', '.join(errors)} by leaving each test out; ΔV of left-out "
+            f"tests was met to {100 * state['left_out_delta_v_misfit']:.1f} % of impact speed."
         )
     if weights := state.get("weights_at_equal_bands"):
         shares = ", ".join(f"{name} {weight:.2f}" for name, weight in weights.items())
-        sentences.append(
-            f"Weights where all have equally wide bands: {shares}; from how well each predicted left-out "
-            "tests (CRPS). The one with the narrower band counts for more."
-        )
+        sentences.append(f"Weights at equally wide bands: {shares}; from predictions of left-out tests (CRPS).")
     if check := state.get("band_check"):
         sentences.append(_band_sentence(check))
     return sentences
@@ -127,9 +124,9 @@ def _band_sentence(check: Mapping[str, Any]) -> str:
     verdict = "" if check["holds"] else " That is too little for a 95 % band."
     return (
         f"Band: calibrated on {n} tests, each predicted from the others, and scaled by {check['widening']:g}{late}. "
-        f"Up to the time of zero velocity (TTZV) it holds a(t) {_percent(check['accel_inside'])} and v(t) "
-        f"{_percent(check['velocity_inside'])} of the time, after it a(t) {_percent(after)}; maximum crush in "
-        f"{check['crush_inside']} of {n} tests, peak deceleration in {check['peak_inside']}.{verdict}"
+        f"Up to TTZV it holds a(t) {_percent(check['accel_inside'])} and v(t) {_percent(check['velocity_inside'])} of "
+        f"the time, after it a(t) {_percent(after)}; maximum crush in {check['crush_inside']} of {n} tests, peak "
+        f"deceleration in {check['peak_inside']}.{verdict}"
     )
 
 

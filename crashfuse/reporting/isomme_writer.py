@@ -87,12 +87,10 @@ def isomme_pulse(
     *,
     moves: bool = True,
 ) -> dict[str, bytes]:
-    """One pulse as an ISO-MME test of three channels at a location: AC, VE and DV in X; content by relative path.
+    """One pulse as an ISO-MME test: channels AC, VE and DV in X at a location; content by relative path.
 
-    Velocity and displacement are integrated from the acceleration, unless it ``moves`` nothing. The filter class, in
-    the code and in the header, is that of the campaign's records (D: CFC 60); the code ends in S if they were used as
-    they are. Codes: ISO/TS 13499, see :mod:`crashfuse.readers.isomme`. ``location`` is the first 12 characters of the
-    channel codes; the headers have the comments.
+    Velocity and displacement are integrated from the acceleration, unless it ``moves`` nothing. The filter class is
+    that of the campaign's records (D: CFC 60; S if they were used as they are). Codes: ISO/TS 13499.
     """
     descriptors = [
         ("Data format edition number", "1.6"),

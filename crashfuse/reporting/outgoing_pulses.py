@@ -1,7 +1,7 @@
 """Predicted pulses for an occupant model: what is exported, how, and as which files.
 
-The expected pulse of each approach goes out, and as many whole draws as are asked for. The edges of the band of whole
-pulses are a sled laboratory's corridor, as ISO-MME, and no curves of a model: each is a pulse that no vehicle has.
+The edges of the band of whole pulses are a sled laboratory's corridor, as ISO-MME, and no curves of a model: each is a
+pulse that no vehicle has.
 """
 
 import re
@@ -30,42 +30,23 @@ PulseFormat = Literal["isomme", "lsdyna", "radioss"]
 PULSE_FORMATS: tuple[PulseFormat, ...] = get_args(PulseFormat)
 """ISO-MME, and includes for LS-DYNA and Radioss; each is a folder of the results."""
 
-PulseFiles = Mapping[PulseFormat, Mapping[str, bytes]]
-"""Content by format, and by path below the format's folder."""
+PulseFiles = Mapping[PulseFormat, Mapping[str, bytes]]  # content by path below the format's folder
 
 LOCATION = "10VEHC000000"
 """Test object 1, no position, the vehicle, no fine location: the first 12 characters of an ISO-MME channel code."""
 
 _EXPECTED = "The expected pulse, an average: softer than any test."
-_REPRESENTATIVE = (
-    "A whole pulse as a test shows it: peak, SM25, OLC and crush are in the middle of what tests here show."
-)
+_REPRESENTATIVE = "A whole pulse as a test shows it: peak, SM25, OLC and crush are those of a middling test here."
 _REST_G = 0.5  # more at the end of the record is worth a remark
 _LOCATION = re.compile(r"[0-9A-Z]{12}")
 
 
 @dataclass(frozen=True, slots=True)
 class PulseExport:
-    """Which pulses go out, and how.
+    """Which pulses go out, and how: some of :data:`PULSE_FORMATS`.
 
-    Parameters
-    ----------
-    formats : tuple of str
-        Some of :data:`PULSE_FORMATS`.
-    draws : int
-        Number of whole draws beside the expected pulse, of approaches that have a band.
-    seed : int
-        Decides which draws; they are equally likely.
-    location : str
-        The first 12 characters of the ISO-MME channel codes: test object, position, main and fine locations.
-    curve : SolverCurve, optional
-        Units, sign, start, scale and id of a solver's curve; needed for the solvers' formats.
-
-    Raises
-    ------
-    UsageError
-        If a format is unknown, a solver's has no curve, the location is no code, or the number of draws or the seed is
-        negative.
+    ``draws`` is the number of whole draws beside the expected pulse, and the ``seed`` decides which; ``location`` are
+    the first 12 characters of the ISO-MME channel codes; a ``curve`` is needed for the solvers' formats.
     """
 
     formats: tuple[PulseFormat, ...] = ("isomme",)
@@ -84,18 +65,14 @@ class PulseExport:
             raise UsageError("A curve for a solver needs the unit system of its model.")
         if not (isinstance(self.location, str) and _LOCATION.fullmatch(self.location)):
             raise UsageError(
-                "An ISO-MME location has 12 digits and capitals (test object, position, main location, three fine "
-                f"locations), such as {LOCATION} or 10BPILLERE00, not {self.location!r}."
+                f"An ISO-MME location has 12 digits and capitals, such as {LOCATION}, not {self.location!r}."
             )
         for what, number in (("The number of draws", self.draws), ("The seed of draws", self.seed)):
             if not (isinstance(number, Integral) and number >= 0):
                 raise UsageError(f"{what} is 0 or more, not {number!r}.")
 
     def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
-        """The files of each format that is asked for; each states these remarks, besides its own.
-
-        A UsageError if an approach has fewer draws than asked for, or no approach has any.
-        """
+        """The files of each format that is asked for; each states these remarks, besides its own."""
         written: dict[PulseFormat, dict[str, bytes]] = {name: {} for name in self.formats}
         cfc = campaign.channel_filter_class
         records = "taken as they are" if cfc is None else f"filtered with CFC {cfc:g}"
@@ -153,10 +130,7 @@ class OutgoingPulse:
 
 
 def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
-    """The expected pulse of each approach, a representative one, and this many draws, chosen at random by the seed.
-
-    Raises UsageError if an approach has fewer draws than asked for, or no approach has any.
-    """
+    """The expected pulse of each approach, a representative one, and this many draws, chosen at random by the seed."""
     if draws and all(estimate.prediction.draws_mps2 is None for estimate in estimates):
         names = ", ".join(estimate.approach for estimate in estimates)
         raise UsageError(f"There are no draws of {names}: no band.")
@@ -170,9 +144,7 @@ def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[O
             chosen = np.sort(np.random.default_rng(seed).choice(n, draws, replace=False))
             representative, *drawn = estimate.representative_pulses(chosen.tolist())
             pulses["representative"] = representative, _REPRESENTATIVE
-            remark = (
-                f"One of {n} whole pulses, all equally likely, with peak, SM25, OLC and crush spread as errors are."
-            )
+            remark = f"One of {n} equally likely whole pulses: peak, SM25, OLC and crush spread as errors do."
             pulses |= {f"draw_{number + 1:03d}": (pulse, remark) for number, pulse in zip(chosen, drawn, strict=True)}
         for which, (accel, remark) in pulses.items():
             remarks = (remark, *_unfinished(accel, prediction.condition), *prediction.notes)

@@ -125,11 +125,6 @@ def sweep(
         The lowest and the highest speed, by default those of the CAE runs and tests; every full mph between them.
     approach, config
         As in :func:`crashfuse.reporting.predicted.predict`.
-
-    Raises
-    ------
-    UsageError
-        If there is no such approach, the campaign lacks a factor of the condition or its value, or the speeds are none.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -167,12 +162,6 @@ def next_test(
         The tests that could be run; by default speeds over the range, at the middle weights.
     planned : sequence of Condition
         Tests that are going to be run anyway.
-
-    Raises
-    ------
-    UsageError
-        If the range is none, there is no candidate, or the campaign lacks a factor of a condition, or
-        does not say of which kind the vehicle is.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -183,7 +172,7 @@ def next_test(
     for condition in (low, high, *planned, *(candidates or ())):
         check_factors(campaign, condition)
     if candidates == ():
-        raise UsageError("Of no candidates none can be ranked: name one, or leave candidates out.")
+        raise UsageError("There is no candidate: name one, or leave candidates out.")
     over = ConditionRange(low, high)
     fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker

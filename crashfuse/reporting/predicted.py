@@ -17,8 +17,17 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.earlier_prediction import EarlierPrediction, otherwise
-from crashfuse.reporting.figures import Curves, Further, OtherPrediction, beside, chosen, other_fold, prediction_name
+from crashfuse.reporting.figures import (
+    Curves,
+    EarlierPrediction,
+    Further,
+    OtherPrediction,
+    beside,
+    chosen,
+    other_fold,
+    otherwise,
+    prediction_name,
+)
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.result_tables import metric_texts, metrics_table, pulses_table
@@ -101,14 +110,7 @@ class PredictedPulse:
         return tuple(dict.fromkeys((*advice, *(fact.sentence for fact in facts), *near, *self.notes)))
 
     def to_frame(self) -> pd.DataFrame:
-        """Pulse, band and motion by the preferred approach, one row a sample.
-
-        Returns
-        -------
-        DataFrame
-            ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a band), as in
-            ``pulses.csv``; ``velocity_kph``, ``displacement_mm``; 1,250 rows.
-        """
+        """Pulse, central 95 % and motion by the preferred approach, one row a sample, as in ``pulses.csv``."""
         velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
         pulse = pulses_table([self.estimate])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
@@ -128,17 +130,11 @@ class PredictedPulse:
         Parameters
         ----------
         figure : {"motion", "acceleration", "displacement", "energy", "integration"}
-            Acceleration, velocity and displacement over time; acceleration alone, over time and over displacement;
-            energy over crush; a check of the integration over displacement.
+            Motion over time; acceleration over time and displacement; energy over crush; check of the integration.
         approaches, also, band, **display
             As in :meth:`crashfuse.study.study.Study.plot`.
         representative : bool
             Whether figures over time show a pulse that looks like a test, too.
-
-        Raises
-        ------
-        UsageError
-            If there is no such figure, approach, test, CAE run, option or unit.
         """
         shown = Display.of(self.campaign.units, **display)
         estimates = chosen({each.approach: each for each in self.estimates}, approaches, band)
@@ -157,15 +153,7 @@ class PredictedPulse:
         report: "views.ReportForm" = "whole",
         **display: Unpack[DisplayOptions],
     ) -> None:
-        """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        UsageError
-            If there is no such form or option, or there are fewer draws than are to be exported.
-        """
+        """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model."""
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
         pulses, shown = export.files(self.campaign, self.estimates), Display.of(self.campaign.units, **display)
@@ -210,12 +198,6 @@ def predict(
         One approach, or several to be compared. Fits answer at once, at one condition after another.
     config : StudyConfig
         Preset, seed and device of approaches that are named; its approaches do not matter.
-
-    Raises
-    ------
-    UsageError
-        If there is no such approach, a fit is of another campaign, the campaign lacks a factor of the condition or its
-        value, or speed or a weight is beyond any barrier test.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
@@ -231,11 +213,7 @@ def predict(
 
 
 def fits_of(
-    campaign: Campaign,
-    approaches: Sequence[str | Fit],
-    config: StudyConfig,
-    cache: Cache | None,
-    watch: Watch,
+    campaign: Campaign, approaches: Sequence[str | Fit], config: StudyConfig, cache: Cache | None, watch: Watch
 ) -> list[Fit]:
     """The fits of approaches to a campaign, once each; a UsageError if there is none, before anything is fitted."""
     asked = dict.fromkeys(approaches)

@@ -88,24 +88,18 @@ def explanation_record(explanation: RatingExplanation, comparison: str = "predic
     }
 
 
-TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}
-"""What Table 3 compares: the network before and after it has seen the tests."""
-
+TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}  # the network before and after it has seen the tests
 TABLE_5 = {name: LABELS[name] for name in ("time_domain", "displacement_domain", "fused", "cae")}
 """What Table 5 compares, and our mixture."""
-
 MEAN = "Mean"
-
-REPEAT = "A repeat"
-"""What a repeat of the test would rate: the last row of each test, where it is known."""
+REPEAT = "A repeat"  # what a repeat of the test would rate: the last row of each test, where it is known
 
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
-    """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over several tests in the last rows.
+    """Overall ratings as in the paper's tables, unrounded: :data:`TABLE_3` or :data:`TABLE_5`, as far as in the study.
 
-    Under the approaches stands what a repeat of the test would rate, if it is known. ``rows`` are labels by approach:
-    :data:`TABLE_3` or :data:`TABLE_5`; those not in the study are left out. Indexed by test and approach, one column
-    per window ("(0, 20) ms"), unrounded.
+    Indexed by test and approach, one column a window. Under the approaches stands what a repeat of the test would rate,
+    if it is known; in the last rows the mean over several tests.
     """
     windows = study.config.windows_ms
     labels = {name: label for name, label in rows.items() if name in study.config.approaches}
@@ -126,10 +120,7 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
 
 
 def mean_values(study: Study) -> pd.DataFrame:
-    """Overall rating averaged over the held-out tests by approach and window ("0–20 ms"), unrounded.
-
-    The last row is what repeats of the tests would rate, where it is known.
-    """
+    """Overall rating averaged over the held-out tests by approach and window, unrounded; last that of repeats."""
     windows = {window: f"0–{window:g} ms" for window in study.config.windows_ms}
     rows = {
         name: {label: study.mean_rating(name, window) for window, label in windows.items()}

@@ -21,7 +21,7 @@ from crashfuse.reporting.certification_tables import (
     csv_as_given,
     track_record_table,
 )
-from crashfuse.reporting.exports import parquet_bytes
+from crashfuse.reporting.exports import json_bytes, parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import learning_curve_record, prediction_record, provenance, study_record
@@ -36,8 +36,7 @@ from crashfuse.reporting.report import (
 from crashfuse.study.config import StudyConfig, StudyPlan
 from crashfuse.study.estimate import Estimate
 
-Content = bytes | Mapping[str, bytes] | None
-"""Of a file; of the files of a folder, by relative path; None if the result has no such file."""
+Content = bytes | Mapping[str, bytes] | None  # of a file; of a folder's, by relative path; None without such a file
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +51,7 @@ class StudyRecord:
 def begin_study(folder: Path, plan: StudyPlan) -> None:
     """Record in ``study.json`` what is about to be computed, so that it can be resumed."""
     record = provenance(plan.campaign, plan.held_out, plan.config)
-    write_atomically(folder / "study.json", _json({**record, "finished": False}))
+    write_atomically(folder / "study.json", json_bytes({**record, "finished": False}))
 
 
 def read_record(folder: Path) -> StudyRecord:
@@ -84,11 +83,7 @@ def write_certification(
     since: str | Path | Earlier | None = None,
     notes: Sequence[Note] = (),
 ) -> None:
-    """Write the files of a certification.
-
-    ``since`` is an earlier certification's ``certification.json``, or its folder: ``changes.csv`` and the report then
-    tell what became of it. ``notes`` on the campaign's tests stand in the report.
-    """
+    """Write the files of a certification, see :meth:`crashfuse.reporting.verdicts.Verdicts.write`."""
     earlier = read_earlier(Path(since)) if isinstance(since, str | Path) else since
     beside = certification if earlier is None else certification.beside(earlier)
     write_result("certification", folder, beside, display, notes)
@@ -102,10 +97,6 @@ def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path
             write_atomically(folder / name / speed / path, content)
 
 
-def _json(values: Mapping[str, object]) -> bytes:
-    return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
-
-
 _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
     "study": {  # of the study, the display and the options of the report
         "scores.csv": lambda study, *_: csv_bytes(study.scores),
@@ -114,7 +105,7 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
         "metrics.csv": lambda study, *_: csv_bytes(study.metrics),
         "cae_events.csv": lambda study, *_: csv_bytes(events_frame(found)) if (found := study_events(study)) else None,
         "report.html": lambda *result: study_report(*result).encode(),
-        "study.json": lambda study, *_: _json(study_record(study)),
+        "study.json": lambda study, *_: json_bytes(study_record(study)),
     },
     "prediction": {  # of the prediction, its outgoing pulses, the display and the form of the report
         "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
@@ -124,7 +115,7 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
             own.campaign, own.estimates, own.config, display, form=form
         ).encode(),
         **{f"{name}/": (lambda _, pulses, *_rest, name=name: pulses.get(name)) for name in PULSE_FORMATS},
-        "prediction.json": lambda own, *_: _json(prediction_record(own.campaign, own.estimates, own.config)),
+        "prediction.json": lambda own, *_: json_bytes(prediction_record(own.campaign, own.estimates, own.config)),
     },
     "sweep": {
         "report.html": lambda sweep, display: sweep_report(sweep, display).encode(),
@@ -144,7 +135,7 @@ _FILES: Mapping[str, Mapping[str, Callable[..., Content]]] = {
     "learning curve": {  # of the curve, the cost of a test and the display
         "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),
         "report.html": lambda *result: learning_curve_report(*result).encode(),
-        "learning_curve.json": lambda curve, cost, _: _json(learning_curve_record(curve, cost)),
+        "learning_curve.json": lambda curve, cost, _: json_bytes(learning_curve_record(curve, cost)),
     },
 }
 

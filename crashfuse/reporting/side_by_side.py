@@ -7,10 +7,10 @@ import pandas as pd
 
 from crashfuse.certification.matrix import Matrix
 from crashfuse.reporting.certification_tables import condition_columns, factors_of
-from crashfuse.reporting.earlier_prediction import otherwise
+from crashfuse.reporting.figures import otherwise
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.predicted import PredictedPulse
-from crashfuse.signals.metrics import MAIN_METRICS, Metric
+from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.wording import Sentence, difference
 
 
@@ -34,7 +34,10 @@ def side_by_side(predictions: Sequence[PredictedPulse], display: Display = DEFAU
     }
     for who, metrics in others:
         table[who] = [metrics[name].text for name in MAIN_METRICS]
-        table[f"{who} − {first}"] = [_difference(metrics[name], subtracted[name]) for name in MAIN_METRICS]
+        pairs = [(metrics[name], subtracted[name].value) for name in MAIN_METRICS]
+        table[f"{who} − {first}"] = [
+            "–" if m.value is None or base is None else difference(m.value, base, m.digits) for m, base in pairs
+        ]
     return pd.DataFrame(table)
 
 
@@ -83,9 +86,3 @@ def predictions_table(predictions: Sequence[PredictedPulse]) -> pd.DataFrame:
         for estimate in prediction.estimates
         for m in estimate.metrics
     )
-
-
-def _difference(metric: Metric, base: Metric) -> str:
-    if metric.value is None or base.value is None:
-        return "–"
-    return difference(metric.value, base.value, metric.digits)

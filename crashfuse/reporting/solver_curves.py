@@ -1,16 +1,5 @@
 """Pulses as curves of LS-DYNA and Radioss: include files for an occupant or sled model.
 
-An include holds one curve, with an id of its own among those that are written together::
-
-    *KEYWORD                                   # comments
-    $ comments                                 /FUNCT/1
-    *DEFINE_CURVE_TITLE                        title
-    title                                      #                  X                   Y
-    $#    lcid      sidr       sfa ...           time, 20 columns; acceleration, 20 columns
-             1         0       1.0 ...
-      time, 20 columns; acceleration, 20 columns
-    *END
-
 Both solvers continue a curve beyond its ends by the slope there, and LS-DYNA samples it anew at ``LCINT`` even steps.
 So the points are evenly spaced, as many as ``LCINT`` says, and the curve begins before contact, if that is later than
 time zero, and ends with two points at zero.
@@ -55,25 +44,10 @@ UNIT_SYSTEMS: Mapping[str, UnitSystem] = {
 
 @dataclass(frozen=True, slots=True)
 class SolverCurve:
-    """How a pulse becomes a curve.
+    """How a pulse becomes a curve: in one of :data:`UNIT_SYSTEMS`, and with which id (``number``).
 
-    Parameters
-    ----------
-    unit_system : str
-        One of :data:`UNIT_SYSTEMS`.
-    deceleration_sign : {"negative", "positive"}
-        Sign of braking; negative as everywhere else.
-    start_s : float
-        Time of contact in the solver's model.
-    scale : float
-        Factor on the accelerations.
-    number : int
-        Id of the curve.
-
-    Raises
-    ------
-    UsageError
-        If there is no such unit system or sign, or a number makes no sense.
+    ``deceleration_sign`` is that of braking, ``start_s`` the time of contact in the solver's model, ``scale`` a factor
+    on the accelerations.
     """
 
     unit_system: str

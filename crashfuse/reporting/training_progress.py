@@ -44,9 +44,6 @@ class Step:
         value = "Loss" if all(name.endswith("loss") for name in curves) else "Error"
         return learning_curves(curves, value=value, total=self.progress.total)
 
-    def __repr__(self) -> str:
-        return f"<Step {self.progress.step!r}: {self.progress.done:,} of {self.progress.total:,}>"
-
     def _take(self, progress: Progress) -> None:
         self.progress, self.updated = progress, time.monotonic()
         for name, value in progress.values.items():
@@ -66,7 +63,12 @@ class Watched(Watch):
         on_part: Callable[[Any], None] | None = None,
     ) -> None:
         def take(progress: Progress) -> None:
-            self._take(progress)
+            step = self.steps.get(progress.step)
+            if step is None or progress.done < step.progress.done:  # a new step, or the same step for the next test
+                self.steps.pop(progress.step, None)
+                now = time.monotonic()
+                step = self.steps[progress.step] = Step(progress, now, now)
+            step._take(progress)
             on_progress(progress)
 
         super().__init__(take, cancel, on_part)
@@ -76,28 +78,13 @@ class Watched(Watch):
         """What a step has reported so far, by default the last that reported values, see :meth:`Step.plot`."""
         learning = [name for name, own in self.steps.items() if own.learns]
         if not (step or learning):
-            raise UsageError("No step has reported values to draw: only the training of networks does.")
+            raise UsageError("No step has reported values to draw.")
         return one_of("step", step or learning[-1], self.steps).plot()
-
-    def __repr__(self) -> str:
-        steps = list(self.steps.values())
-        last = f"{len(steps)} step{'s' * (len(steps) > 1)}, at last {repr(steps[-1])[6:-1]}" if steps else "nothing yet"
-        return f"<Watched: {last}>"
-
-    def _take(self, progress: Progress) -> None:
-        step = self.steps.get(progress.step)
-        if step is None or progress.done < step.progress.done:  # a new step, or the same step for the next test
-            self.steps.pop(progress.step, None)
-            now = time.monotonic()
-            step = self.steps[progress.step] = Step(progress, now, now)
-        step._take(progress)
 
 
 @contextmanager
 def watching() -> Iterator[Watched]:
     """Show the progress of the computations that are given this watch, which then has figures of their training.
-
-    On a terminal a bar each step, in a notebook as well where ipywidgets is installed, else a few lines.
 
     >>> with watching() as watch:
     ...     study = run_study(campaign, watch=watch)

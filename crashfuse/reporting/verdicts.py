@@ -53,15 +53,11 @@ class Verdicts:
         return counts_table(self.certification)
 
     def beside(self, earlier: str | Path) -> Self:
-        """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``.
-
-        What that said of tests that were run since counts in the record, and can leave verdicts open. Raises a
-        DataError if there is no such certification, or it is of another vehicle.
-        """
+        """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``."""
         return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
 
     def since(self, earlier: str | Path) -> pd.DataFrame:
-        """What became of an earlier certification, as ``changes.csv``; raises as :meth:`beside`."""
+        """What became of an earlier certification, as ``changes.csv``."""
         return changes_table(self.beside(earlier).certification)
 
     def write(
@@ -74,12 +70,8 @@ class Verdicts:
     ) -> None:
         """Write what ``crashfuse certify`` writes: tables, ``certification.json``, ``report.html``.
 
-        Parameters
-        ----------
-        since : str or Path, optional
-            An earlier certification: ``changes.csv`` and the report then tell what became of it, see :meth:`beside`.
-        notes : sequence of Note
-            On the campaign's tests, for the report.
+        With ``since``, an earlier certification, ``changes.csv`` and the report tell what became of it, see
+        :meth:`beside`; ``notes`` on the campaign's tests stand in the report.
         """
         for note in notes:
             require_a(Note, note, "crashfuse.Note(test, text)")
@@ -87,20 +79,10 @@ class Verdicts:
         views.write_certification(self.certification, folder, shown, since, notes)
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
-        """A figure of the page Certify.
+        """A figure of the page Certify: ``verdicts``, ``record``, ``reliability`` or ``domain``.
 
-        Parameters
-        ----------
-        figure : {"verdicts", "record", "reliability", "domain"}
-            The verdicts in colours, conditions by criteria; what left-out tests were predicted to show and showed; how
-            often probabilities came true; where predictions are checked.
-        **display
-            ``unit``, ``deceleration``, ``units``, see :class:`crashfuse.reporting.plots.display.DisplayOptions`.
-
-        Raises
-        ------
-        UsageError
-            If there is no such figure, option or unit.
+        That is: conditions by criteria; what left-out tests were predicted to show and showed; how often probabilities
+        came true; where predictions are checked.
         """
         shown = Display.of(self.certification.campaign.units, **display)
         return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
@@ -147,24 +129,14 @@ def certify(
         ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
     confidence : float
         Of criteria given as mappings or rows.
-    approach : str
-        Whose predictions are judged.
-    config : StudyConfig
-        Preset, seed and device; its approaches do not matter.
-    workers, scheduler
-        As in :func:`crashfuse.study.running.run_study`.
-
-    Raises
-    ------
-    DataError, UsageError
-        If the criteria or the matrix are wrong, or the campaign cannot be judged by them.
+    config, workers, scheduler
+        As in :func:`crashfuse.study.running.run_study`; judged is the ``approach``, whatever those of ``config``.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")
     conditions, limits = matrix_given(matrix, campaign.factors), criteria_given(criteria, confidence)
     config = replace(config, approaches=(approach,))
-    return Verdicts(
-        certify_matrix(
-            campaign, limits, conditions, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler
-        )
+    certification = certify_matrix(
+        campaign, limits, conditions, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler
     )
+    return Verdicts(certification)

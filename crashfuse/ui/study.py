@@ -10,7 +10,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.errors import DataError
 from crashfuse.reporting import glossary
-from crashfuse.reporting.earlier_prediction import how_left_out
+from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.report import learning_curve_report, study_report
 from crashfuse.reporting.report.prediction import LEARNING_CURVE_MEANING, ONE_MORE_MEANING

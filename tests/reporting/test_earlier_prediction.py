@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.earlier_prediction import EarlierPrediction
+from crashfuse.reporting.figures import EarlierPrediction
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate

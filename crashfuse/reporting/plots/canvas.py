@@ -14,8 +14,7 @@ from crashfuse.signals.pulse import FloatArray
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
 _FONT_PX = 14
-AXIS_TITLE = {"font": {"size": _FONT_PX}}
-"""Look of an axis' title, by default a fifth larger than all other words."""
+AXIS_TITLE = {"font": {"size": _FONT_PX}}  # by default a fifth larger than all other words
 _TEMPLATE = go.layout.Template(layout={"xaxis": {"title": AXIS_TITLE}, "yaxis": {"title": AXIS_TITLE}})
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
 _LINK = re.compile(r"(?:<|\\u003c)(?=/?\s*a\b)", re.IGNORECASE)
@@ -57,24 +56,25 @@ def new_figure(height: int) -> go.Figure:
         "spikethickness": 1,
         "spikecolor": CURSOR,
     }
-    legend = {"x": 0, "y": 1, "yref": "container", "xanchor": "left", "yanchor": "top", "orientation": "h"}
-    legend["tracegroupgap"] = 0  # between rows
+    legend = go.layout.Legend(x=0, y=1, yref="container", xanchor="left", yanchor="top", orientation="h")
+    legend.tracegroupgap = 0  # between rows
+    # with room for ticks, their title and a row of names: found too small, Plotly draws everything once more
+    margin = go.layout.Margin(l=64, r=44, t=44, b=56)
     return go.Figure(
-        layout={  # all at once: each update is checked anew
-            "template": _TEMPLATE,
-            "height": height,
-            "font": {"family": _FONT, "size": _FONT_PX, "color": INK},
-            "paper_bgcolor": PAPER,
-            "plot_bgcolor": PAPER,
-            # with room for ticks, their title and a row of names: found too small, Plotly draws everything once more
-            "margin": {"l": 64, "r": 44, "t": 44, "b": 56},
-            "modebar": {"orientation": "v", "remove": _UNWANTED_TOOLS, "color": CURSOR, "activecolor": INK},
-            "hovermode": "x unified",
-            "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
-            "legend": legend,
-            "xaxis": {**axis, **over_time},
-            "yaxis": {**axis, "automargin": "left"},  # the names above leave half a line for the uppermost tick
-        }
+        layout=go.Layout(  # all at once: each update is checked anew
+            template=_TEMPLATE,
+            height=height,
+            font=go.layout.Font(family=_FONT, size=_FONT_PX, color=INK),
+            paper_bgcolor=PAPER,
+            plot_bgcolor=PAPER,
+            margin=margin,
+            modebar=go.layout.Modebar(orientation="v", remove=_UNWANTED_TOOLS, color=CURSOR, activecolor=INK),
+            hovermode="x unified",
+            hoverlabel=go.layout.Hoverlabel(namelength=-1, bgcolor="rgba(255, 255, 255, 0.92)"),
+            legend=legend,
+            xaxis={**axis, **over_time},
+            yaxis={**axis, "automargin": "left"},  # the names above leave half a line for the uppermost tick
+        )
     )
 
 
@@ -84,7 +84,7 @@ def make_clickable(
     """Put marks that are not seen on the cells of a heat map, row by row: marks can be clicked, cells can't."""
     figure.add_scatter(
         x=columns * len(rows), y=[row for row in rows for _ in columns], customdata=values, mode="markers",
-        marker={"size": size, "opacity": 0}, showlegend=False, **hover,
+        marker_size=size, marker_opacity=0, showlegend=False, **hover,
     )  # fmt: skip
 
 
@@ -97,10 +97,13 @@ def name_tests(figure: go.Figure, ticks: Sequence[str]) -> None:
     )  # fmt: skip
 
 
-def fix_cells(figure: go.Figure) -> None:
-    """Let a heat map stay where it is, and the mark of a cell be the nearest anywhere in it."""
+def fix_cells(figure: go.Figure, columns: int, rows: int) -> None:
+    """Let a heat map with names above stay where it is, and the mark of a cell be the nearest anywhere in it."""
     tools = [*_UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]
-    figure.update_layout(hovermode="closest", hoverdistance=-1, dragmode=False, modebar={"remove": tools})
+    figure.update_layout(hovermode="closest", hoverdistance=-1, dragmode=False, modebar_remove=tools)
+    plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
+    figure.update_xaxes(plain, side="top", tickangle=0, range=[-0.5, columns - 0.5], showspikes=False)
+    figure.update_yaxes(plain, range=[rows - 0.5, -0.5])  # the marks would widen it
 
 
 def height_under_names(count: int) -> int:
@@ -136,12 +139,8 @@ def without_links(text: str) -> str:
 
 
 def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -> None:
-    """Draw one curve.
-
-    All rows of stacked plots use the same x axis, so that one cursor runs through all of them; a lower row
-    is selected by its ``yaxis``, such as ``"y2"``. The cursor reads y in ``yhoverformat``: a template's own format
-    would write negative numbers with a hyphen.
-    """
+    """Draw one curve; a lower row of stacked plots is selected by its ``yaxis``, such as ``"y2"``."""
+    # a template's own format, not yhoverformat, would write negative numbers with a hyphen
     _add(figure, x, y, {"hovertemplate": "%{y}", "yhoverformat": ".1f", **style})
 
 
@@ -156,11 +155,7 @@ def add_band(
     whose: str = "",
     **style: object,
 ) -> None:
-    """Shade between two curves, or draw their edges, with a gap where either is unknown (NaN).
-
-    The edges are smooth: few points suffice to draw them; the trace's ``meta`` has all, and what a table calls them if
-    that is not its name in the legend.
-    """
+    """Shade between two curves, or draw their edges, with a gap where either is unknown; ``meta`` has all points."""
     lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)  # deceleration turns them over
     is_finite = np.isfinite(lower) & np.isfinite(upper)
     meta: dict[str, Any] = {"x": x[is_finite], "lower": lower[is_finite], "upper": upper[is_finite]}
@@ -196,7 +191,7 @@ def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:
         )  # fmt: skip
     figure.add_annotation(
         x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
-        text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": WINDOW_INK},
+        text=f"rated: 0–{window_ms:g} ms", font_size=12, font_color=WINDOW_INK,
     )  # fmt: skip
 
 

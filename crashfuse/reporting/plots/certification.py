@@ -13,15 +13,14 @@ from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER, answer_texts
-from crashfuse.reporting.earlier_prediction import WITH_GROUP
+from crashfuse.reporting.figures import WITH_GROUP
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import probability_text, unbroken
 
-MOST_WORDS = 400
-"""Of more conditions than these only colours are drawn: a browser would take many seconds for the words."""
+MOST_WORDS = 400  # of more conditions only colours are drawn: a browser would take many seconds for the words
 
 _ROW_PX, _ALL_ROWS_PX = 34, 1600
 _BELOW_PX = 44  # of the legend
@@ -39,10 +38,10 @@ _NONE = "No test was left out: nothing to compare with."
 def verdict_matrix(
     certification: Certification, display: Display = DEFAULT, part: slice = slice(None), *, words: bool = True
 ) -> go.Figure:
-    """Draw verdicts as a table of conditions, sorted by speed, by criteria: colour, word and probability of being met.
+    """Draw verdicts as a table of conditions, sorted by speed, by criteria, with the answer beside each row.
 
-    Beside each row stands the answer at the condition. A cell's mark carries ``"<condition> | <criterion>"``. Without
-    ``words``, and beyond 400 conditions, only colours are drawn. ``part`` takes some of the sorted conditions.
+    A cell's mark carries ``"<condition> | <criterion>"``. Without ``words``, and beyond 400 conditions, only colours
+    are drawn. ``part`` takes some of the sorted conditions.
     """
     by_speed = sorted(certification.rows.items(), key=lambda row: row[1][0].condition.speed_mps)  # else as they come
     ids, rows = zip(*by_speed[part], strict=True)
@@ -69,41 +68,30 @@ def verdict_matrix(
             textfont={"color": MEASURED_COLOUR, "size": min(12, max(_LETTERS // len(names), 6))},
             hoverinfo="skip",
         )
-        cells = [cell_name(i, verdict) for i, row in zip(ids, rows, strict=True) for verdict in row]
+        cells = [f"{i} | {verdict.criterion.name}" for i, row in zip(ids, rows, strict=True) for verdict in row]
         make_clickable(figure, names, labels, cells, 20, **_over([text for row in hover for text in row]))
     else:
         figure.update_traces(**_over(hover))
     told = [verdict.word for row in rows for verdict in row]
     for word in WORDS:
         _legend(figure, f"{word} ({told.count(word)})", _marker(VERDICT_COLOURS[word], "square", 13, 1, None))
-    fix_cells(figure)
-    margin = {"l": max(map(len, short), default=0) * _LETTER_PX + 6, "t": above, "b": _BELOW_PX}
-    figure.update_layout(hoverlabel={"align": "left"}, margin=margin, legend={"y": 0, "yanchor": "bottom"})
-    plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
-    figure.update_xaxes(**plain, side="top", tickangle=0, range=[-0.5, len(names) - 0.5], showspikes=False)
-    figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
+    fix_cells(figure, len(names), len(rows))
+    left = max(map(len, short), default=0) * _LETTER_PX + 6
+    figure.update_layout(hoverlabel_align="left", margin_l=left, margin_t=above, margin_b=_BELOW_PX)
+    figure.update_layout(legend_y=0, legend_yanchor="bottom")
     if with_words:
         figure.update_yaxes(tickvals=labels, ticktext=short)
         cut = answer_texts(certification, short=True)
-        _write_beside(figure, labels, [cut[i] for i in ids])
+        beside = [cut[i] for i in ids]  # at an axis, which is drawn as marks are on it
+        right = {"overlaying": "y", "side": "right", "categoryarray": labels, "ticktext": beside}
+        axis = {**figure.layout.yaxis.to_plotly_json(), **right, "ticklabelstandoff": 4}
+        figure.update_layout(yaxis2=axis, margin_r=max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10)
+        figure.update_traces(yaxis="y2", selector={"mode": "markers", "showlegend": False})
+        figure.add_annotation(
+            text=f"<b>{ANSWER}</b>", x=1, y=1, xref="paper", yref="paper", xanchor="left", yanchor="bottom", xshift=3,
+            showarrow=False,
+        )  # fmt: skip
     return figure
-
-
-def cell_name(condition_id: str, verdict: Verdict) -> str:
-    """Name of a cell of the matrix."""
-    return f"{condition_id} | {verdict.criterion.name}"
-
-
-def _write_beside(figure: go.Figure, rows: list[str], beside: list[str]) -> None:
-    """Write a text beside each row of a heat map, at its right: at an axis, which is drawn as marks are on it."""
-    left = figure.layout.yaxis.to_plotly_json()
-    right = {"overlaying": "y", "side": "right", "categoryarray": rows, "ticktext": beside, "ticklabelstandoff": 4}
-    figure.update_layout(yaxis2={**left, **right}, margin={"r": max(map(len, [*beside, ANSWER])) * _LETTER_PX + 10})
-    figure.update_traces(yaxis="y2", selector={"mode": "markers", "showlegend": False})
-    figure.add_annotation(
-        text=f"<b>{ANSWER}</b>", x=1, y=1, xref="paper", yref="paper", xanchor="left", yanchor="bottom", xshift=3,
-        showarrow=False,
-    )  # fmt: skip
 
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
@@ -137,7 +125,7 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
         figure.add_scatter(
             x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
             name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",
-            fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line={"color": _CHECKED, "width": 1, "dash": "dash"},
+            fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line_color=_CHECKED, line_width=1, line_dash="dash",
             hoverinfo="skip",
         )  # fmt: skip
     runs = campaign.cae.vectors[:: -(-len(campaign.cae) // _MAX_RUNS)]
@@ -178,16 +166,13 @@ def worst(verdicts: Sequence[Verdict]) -> Word:
 
 
 def reliability(record: TrackRecord) -> go.Figure:
-    """Draw the share of left-out tests that met a criterion over the probability that was given, with exact bounds.
-
-    Lines are Clopper and Pearson's 95 % bounds of the share; a bin whose probability lies outside them is drawn open.
-    """
+    """Draw the share of left-out tests that met a criterion over the probability given, open if bounds exclude it."""
     figure = new_figure(height=440)
     if not record.reliability:
         _say(figure, "No left-out test lies inside what the others check." if record.trials else _NONE)
         return figure
     figure.add_scatter(
-        x=[0, 1], y=[0, 1], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"}, hoverinfo="skip"
+        x=[0, 1], y=[0, 1], mode="lines", name="As promised", line_color=AXIS, line_dash="dot", hoverinfo="skip"
     )
     for name, colour, symbol, holds in (
         ("Within its bounds", _AGREES, "circle", True),
@@ -202,22 +187,19 @@ def reliability(record: TrackRecord) -> go.Figure:
             ]
             figure.add_scatter(
                 x=probability, y=met, mode="markers+text", cliponaxis=False, name=name,
-                error_y={"array": upper - met, "arrayminus": met - lower, "thickness": 1.5, "width": 4},
+                error_y_array=upper - met, error_y_arrayminus=met - lower, error_y_thickness=1.5, error_y_width=4,
                 text=[f"n = {each.n}" for each in bins], marker=_marker(colour, symbol, 11, 2, colour),
                 textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins], **_over(texts),
             )  # fmt: skip
     figure.update_layout(hovermode="closest", showlegend=True)
     axis = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
-    figure.update_xaxes({**axis, "title": "Probability given in advance"}, showspikes=False, unifiedhovertitle=None)
-    figure.update_yaxes({**axis, "title": "Share of tests that met it"})
+    figure.update_xaxes(axis, title="Probability given in advance", showspikes=False, unifiedhovertitle=None)
+    figure.update_yaxes(axis, title="Share of tests that met it")
     return figure
 
 
 def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
-    """Draw by criterion what left-out tests were predicted to show, with intervals, what they showed, and the limits.
-
-    Tests stand in order of speed. A ring marks a verdict that the test contradicts.
-    """
+    """Draw by criterion what left-out tests were predicted to show and showed, in order of speed, and the limits."""
     trials = sorted(record.counted, key=lambda trial: trial.verdict.condition.speed_mps)
     criteria, tests = _in_order(record), list(dict.fromkeys(trial.held_out for trial in trials))
     figure = new_figure(height=max(120 + 210 * len(criteria), 330))
@@ -226,7 +208,7 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
         return figure
     x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(len(criteria), 1, shared_xaxes=True, vertical_spacing=0.24 / (len(criteria) + 0.6))
-    figure.update_xaxes({**x_style, "title": None, "showspikes": False, "zeroline": False, "unifiedhovertitle": None})
+    figure.update_xaxes(x_style, title=None, showspikes=False, zeroline=False, unifiedhovertitle=None)
     names = [tick_name(test) for test in tests]
     figure.update_xaxes(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=names)
     figure.update_yaxes(y_style)
@@ -239,7 +221,7 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     _legend(figure, "measured", _marker(MEASURED_COLOUR, "circle", 10, 1, MEASURED_COLOUR))
     if wrong := any(trial.wrong for trial in trials):
         _legend(figure, "wrong verdict", _marker(_DISAGREES, "circle-open", 10, 1, _DISAGREES))
-    figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"l": 72, "t": 96 if wrong else 72})
+    figure.update_layout(hovermode="closest", hoverlabel_align="left", margin_l=72, margin_t=96 if wrong else 72)
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
 
@@ -279,7 +261,7 @@ def _draw_trials(
         draw(some, factor * np.array([trial.measured for trial in some], dtype=np.float64), name=name, marker=marker)
     for limit in (criterion.at_least, criterion.at_most):
         if limit is not None:
-            figure.add_hline(y=factor * limit, line={"color": CURSOR, "width": 1.5, "dash": "dash"}, row=row, col=1)
+            figure.add_hline(y=factor * limit, line_color=CURSOR, line_width=1.5, line_dash="dash", row=row, col=1)
     figure.add_annotation(
         text=f"<b>{criterion.name}</b>: {display.words(criterion.limits)} (dashed)", x=0, xref="x domain",
         xanchor="left", y=1, yref="y domain", yanchor="bottom", showarrow=False, row=row, col=1,

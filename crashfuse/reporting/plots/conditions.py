@@ -26,15 +26,11 @@ _WEIGHTS = ("front weight", "rear weight")
 def condition_space(
     library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw front and rear weight over speed, one below the other: CAE runs, their range, and the tests.
-
-    A test outside the range of the CAE runs is drawn open where its speed or that weight lies outside: predicting it is
-    extrapolation. A ring marks the test with the id ``held_out``.
-    """
+    """Draw front and rear weight over speed: CAE runs, their range, and the tests, open where that is extrapolation."""
     figure = new_figure(height=640)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(2, 1, shared_xaxes=True, vertical_spacing=0.06)
-    figure.update_xaxes({**style, "title": None, "range": None, "showspikes": False, "unifiedhovertitle": None})
+    figure.update_xaxes(style, title=None, range=None, showspikes=False, unifiedhovertitle=None)
     figure.update_xaxes(title=display.title("Impact speed", "mph"), row=2)
     figure.update_yaxes(other_style)
     runs = display.vectors(library.vectors)
@@ -55,53 +51,39 @@ def condition_space(
             x=[low[0], high[0], high[0], low[0], low[0]],
             y=[low[row], low[row], high[row], high[row], low[row]],
             mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
-            line={"color": CURSOR, "width": 1.5, "dash": "dash"}, **place,
+            line_color=CURSOR, line_width=1.5, line_dash="dash", **place,
         )  # fmt: skip
         sides = _label_sides(points[:, [0, row]], (top - bottom + 2 * margin)[[0, row]])
-        _draw_tests(figure, library, tests, points, sides, held_out, row, place, display)
+        notes = [library.extrapolation(test.condition) for test in tests]
+        elsewhere = _WEIGHTS[2 - row]  # an axis of the other plot
+        outside = [any(elsewhere not in note for note in own) for own in notes]
+        for name, symbol, chosen in (
+            ("Tests", "circle", [i for i, is_out in enumerate(outside) if not is_out]),
+            ("Tests outside it: extrapolation", "circle-open", [i for i, is_out in enumerate(outside) if is_out]),
+        ):
+            if chosen:
+                figure.add_scatter(
+                    x=points[chosen, 0], y=points[chosen, row], mode="markers+text", cliponaxis=False,
+                    text=[tests[i].id for i in chosen], textposition=[sides[i] for i in chosen], name=name,
+                    marker_color=MEASURED_COLOUR, marker_symbol=symbol, marker_size=10, marker_line_width=2,
+                    customdata=[["<br>".join(map(display.words, (tests[i].condition, *notes[i])))] for i in chosen],
+                    hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>", legendgroup=name,
+                    **{**place, "showlegend": name not in {trace.name for trace in figure.data}},
+                )  # fmt: skip
+        for i in [i for i, test in enumerate(tests) if test.id == held_out]:
+            figure.add_scatter(
+                x=points[[i], 0], y=points[[i], row], mode="markers",
+                name=f"{held_out}: held out", legendgroup="held out", hoverinfo="skip",
+                marker_color=MEASURED_COLOUR, marker_symbol="circle-open", marker_size=17, marker_line_width=1.5,
+                **place,
+            )  # fmt: skip
         figure.update_yaxes(
             title={"text": display.title(weight.capitalize(), "lb"), "standoff": 8},
             range=[bottom[row] - margin[row], top[row] + margin[row]],
             row=row,
         )
-    figure.update_layout(hovermode="closest", margin={"l": 72})
+    figure.update_layout(hovermode="closest", margin_l=72)
     return figure
-
-
-def _draw_tests(
-    figure: go.Figure,
-    library: CaeLibrary,
-    tests: Sequence[CrashTest],
-    points: FloatArray,
-    sides: Sequence[str],
-    held_out: str | None,
-    row: int,
-    place: dict[str, object],
-    display: Display,
-) -> None:
-    notes = [library.extrapolation(test.condition) for test in tests]
-    elsewhere = _WEIGHTS[2 - row]  # an axis of the other plot
-    outside = [any(elsewhere not in note for note in own) for own in notes]
-    for name, symbol, chosen in (
-        ("Tests", "circle", [i for i, is_out in enumerate(outside) if not is_out]),
-        ("Tests outside it: extrapolation", "circle-open", [i for i, is_out in enumerate(outside) if is_out]),
-    ):
-        if chosen:
-            figure.add_scatter(
-                x=points[chosen, 0], y=points[chosen, row], mode="markers+text", cliponaxis=False, legendgroup=name,
-                text=[tests[i].id for i in chosen], textposition=[sides[i] for i in chosen], name=name,
-                marker={"color": MEASURED_COLOUR, "symbol": symbol, "size": 10, "line": {"width": 2}},
-                customdata=[["<br>".join(map(display.words, (tests[i].condition, *notes[i])))] for i in chosen],
-                hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>",
-                **{**place, "showlegend": name not in {trace.name for trace in figure.data}},
-            )  # fmt: skip
-    for i in [i for i, test in enumerate(tests) if test.id == held_out]:
-        figure.add_scatter(
-            x=points[[i], 0], y=points[[i], row], mode="markers",
-            name=f"{held_out}: held out", legendgroup="held out", hoverinfo="skip",
-            marker={"color": MEASURED_COLOUR, "symbol": "circle-open", "size": 17, "line": {"width": 1.5}},
-            **place,
-        )  # fmt: skip
 
 
 def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:

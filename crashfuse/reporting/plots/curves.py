@@ -17,10 +17,8 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES, MEASURED_COLOUR, further_line, speed_lines
 from crashfuse.signals.pulse import FloatArray
 
-TEST = "test"
-"""Key of the measured curve among those of the approaches."""
+TEST = "test"  # key of the measured curve among those of the approaches
 POINTWISE, WHOLE = "95 of 100 tests inside at each point", "9 of 10 tests inside as a whole, 0–60 ms"
-"""Names of the band that is filled and of the dashed one."""
 
 Band = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -56,8 +54,7 @@ def draw_curves(
 
     The last is on top, above all bands. One band is filled and in the legend, by default that of the preferred
     approach, whose band of whole pulses is dashed. If only one curve beside the approaches has a band, that is filled,
-    too; of the others the edges are drawn. ``yaxis`` is ``"y2"`` for the second of stacked plots; the style applies to
-    all lines.
+    too; of the others the edges are drawn.
     """
     lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
     filled = with_filled_band(curves, filled)
@@ -152,7 +149,7 @@ def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
         for row in rows:
             place = {"xref": "x", "yref": f"{row} domain", "x0": start, "y0": 0, "y1": 1}
             if end is None:
-                figure.add_shape(type="line", **place, x1=start, line={"color": CURSOR, "width": 1.5, "dash": "dot"})
+                figure.add_shape(type="line", **place, x1=start, line_color=CURSOR, line_width=1.5, line_dash="dot")
             else:
                 figure.add_shape(
                     type="rect", **place, x1=end, fillcolor=CURSOR, opacity=0.15, line_width=0, layer="below"
@@ -161,7 +158,7 @@ def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
         figure.add_annotation(
             x=start, xref="x", y=int(on_top), yref=f"{rows[-1]} domain", yshift=inside_px,
             xanchor="right" if late else "left", align="left",
-            yanchor="top" if on_top else "bottom", showarrow=False, font={"size": 12, "color": CURSOR},
+            yanchor="top" if on_top else "bottom", showarrow=False, font_size=12, font_color=CURSOR,
             bgcolor=_BEHIND, borderpad=1, text="<br>".join(escape(line, quote=False) for line in lines),
         )  # fmt: skip
     return figure

@@ -1,8 +1,4 @@
-"""Figures over displacement: the CAE model's bias, the corrected pulses, and the conversion back to time.
-
-A crash is shown from contact to its maximum crush, where a curve over displacement ends. Signs, units and colours are
-those of :mod:`crashfuse.reporting.plots.pulses`.
-"""
+"""Figures over displacement, to the maximum crush: the CAE model's bias, corrected pulses, and their integration."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -41,8 +37,8 @@ def over_displacement(
 ) -> go.Figure:
     """Draw acceleration over displacement: the test, the CAE model, and every correction with its 95 % band (Fig. 7).
 
-    The band at a displacement covers the draws that reach it; it ends where half of them have stopped. The mark at a
-    curve's end is the maximum dynamic crush, with its 95 % interval as far as ``crush`` has one for this name.
+    The band at a displacement covers the draws that reach it; it ends where half of them have stopped. A curve's end is
+    the maximum crush, with its 95 % interval as far as ``crush`` has one.
     """
     figure = displacement_figure(height=460 + room_for_names(predictions))
     scale = display.accel_scale
@@ -65,10 +61,7 @@ def over_displacement(
 
 
 def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> go.Figure:
-    """Check integration over displacement: integrate each pulse's a(s) by Eq. 29, and compare with its s(t) (Fig. 15).
-
-    Lines are the pulses integrated twice over time, up to zero velocity; marks are integrated over displacement.
-    """
+    """Compare each pulse's s(t) with that integrated over displacement by Eq. 29, which is drawn as marks (Fig. 15)."""
     figure = new_figure(height=520)
     phases = _loading_phases(measured, predictions, speed_mps)
     again = {name: replay(phase) for name, phase in phases.items()}
@@ -133,13 +126,10 @@ def displacement_figure(height: int) -> go.Figure:
 
 def fit_axis(figure: go.Figure) -> go.Figure:
     """Start the axes at contact and leave some room beyond the longest curve, and the interval of its end."""
-    longest = max(float(np.max(trace.x)) + _upward(trace.error_x.array) for trace in figure.data)
+    ends = [(float(np.max(trace.x)), trace.error_x.array) for trace in figure.data]
+    longest = max(end + max((length or 0.0 for length in error or ()), default=0.0) for end, error in ends)
     figure.update_xaxes(range=[0, 1.02 * longest])
     return figure
-
-
-def _upward(error: Sequence[float | None] | None) -> float:
-    return max((length or 0.0 for length in error), default=0.0) if error is not None else 0.0
 
 
 def _loading_phases(
@@ -152,7 +142,6 @@ def _loading_phases(
 
 
 def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, crush: Metric | None) -> None:
-    """Mark the end of a curve, its maximum crush, with its interval; an end that the record leaves open has no bar."""
     end, error = float(curve.x[-1]), None
     if crush is not None and (crush.lower is not None or crush.upper is not None):
         error = {
@@ -194,10 +183,7 @@ def bias_by_speed(
     highlight: str | None = None,
     display: Display = DEFAULT,
 ) -> go.Figure:
-    """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16).
-
-    ``biases`` are in the order of the tests; the test with the id ``highlight`` is drawn thick.
-    """
+    """Draw the CAE model's error in each test, over displacement and coloured by speed among all tests (Fig. 16)."""
     figure = displacement_figure(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
     for test, style in by_speed(tests, highlight, display, speeds_mps):
@@ -229,11 +215,7 @@ def bias_parts(
     measured: BiasPoints | None = None,
     display: Display = DEFAULT,
 ) -> go.Figure:
-    """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band.
-
-    The held-out test's ``measured`` bias is black over the total. The y axes cover the range up to its maximum crush,
-    if there is one: bands widen beyond it.
-    """
+    """Draw the parts of the bias expected at a condition, and their total, the last, each with its 95 % band."""
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)
     figure = displacement_figure(height=400 + 200 * rows)
@@ -264,7 +246,7 @@ def bias_parts(
             figure, measured.displacement_m / _MM, measured.bias_mps2 * scale, name="Measured in this test",
             line=curve_line(TEST), **places[0],
         )  # fmt: skip
-    figure.update_layout(margin={"t": 64})
+    figure.update_layout(margin_t=64)
     figure.update_xaxes(title=None, nticks=4)
     figure.update_xaxes(title="Displacement (mm)", row=1 + rows, col=min(2, len(some) - _IN_A_ROW * (rows - 1)))
     before = np.full(displacement_m.size, True) if measured is None else displacement_m <= measured.displacement_m.max()

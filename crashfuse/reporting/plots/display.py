@@ -22,11 +22,10 @@ _LAST_UNIT = re.compile(r"\(([^()]+)\)$")
 
 
 class DisplayOptions(TypedDict, total=False):
-    """How a figure is drawn, option by option.
+    """How a figure is drawn, option by option, as in :class:`Display`; ``unit`` may be ``m/s2``, too.
 
-    ``window_ms``: the rated window, 0 to this; ``unit``: of accelerations, ``g`` or ``m/s²`` (also ``m/s2``);
-    ``deceleration``: braking is positive; ``units``: of speeds and weights, ``mph-lb`` or ``kph-kg``, by default those
-    that the campaign's tests are declared in; ``display``: all of them at once, of which the others then change some.
+    ``units``: ``mph-lb`` or ``kph-kg``, by default those that the campaign's tests are declared in; ``display``: all at
+    once, of which the others then change some.
     """
 
     window_ms: float
@@ -40,21 +39,8 @@ class DisplayOptions(TypedDict, total=False):
 class Display:
     """The reader's display settings for all figures and tables.
 
-    Parameters
-    ----------
-    window_ms : float
-        The rating is computed over [0, window_ms); figures that show a test shade it.
-    unit : {"g", "m/s²"}
-        Unit of accelerations.
-    deceleration : bool
-        Show braking as positive; the data stay signed.
-    system : UnitSystem, or {"mph-lb", "kph-kg"}
-        Units of speeds and weights, such as :data:`crashfuse.wording.KPH_KG`.
-
-    Raises
-    ------
-    UsageError
-        If there is no such unit or system, the window is not of 10 to 100 ms, or the sign is no bool.
+    The rated window, 0 to 10 to 100 ms; ``g`` or ``m/s²`` as unit of accelerations; braking as positive, if
+    ``deceleration``; units of speeds and weights, ``mph-lb``, ``kph-kg`` or a :class:`crashfuse.wording.UnitSystem`.
     """
 
     window_ms: float = WINDOWS_MS[-1]

@@ -42,10 +42,7 @@ def overlay(
     *,
     filled: str | None = None,
 ) -> go.Figure:
-    """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their 95 % bands.
-
-    The band that is ``filled`` is by default that of the preferred approach; of the others the edges are drawn.
-    """
+    """Overlay the measured pulse, if there is one, and predictions by approach or other names, with their bands."""
     figure = new_figure(height=460 + room_for_names(predictions))
     draw_curves(figure, _accelerations(measured, predictions, display, filled), filled=filled)
     figure.update_yaxes(title=display.accel_title)
@@ -62,22 +59,32 @@ def motion(
     *,
     filled: str | None = None,
 ) -> go.Figure:
-    """Stack acceleration, velocity and displacement over one time axis, with one cursor through all three.
-
-    Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
-    """
+    """Stack acceleration, velocity and displacement over one time axis, with one cursor; see :func:`overlay`."""
     figure = new_figure(height=490 + room_for_names(predictions))
     accelerations = _accelerations(measured, predictions, display, filled)
     draw_curves(figure, accelerations, filled=filled)
-    velocities, displacements = _integrals(measured, predictions, speed_mps, display)
+    velocities, displacements = {}, {}
+    for name, prediction in predictions.items():
+        v_band = s_band = None
+        speed = prediction.condition.speed_mps
+        if prediction.draws_mps2 is not None:
+            drawn = kinematics(prediction.draws_mps2.astype(np.float64), speed, DT_S)
+            v_band, s_band = _central(display.speeds(drawn.velocity_mps)), _central(drawn.displacement_m / _MM)
+        own = kinematics(prediction.accel_mps2, speed, DT_S)
+        velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
+        displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
+    if measured is not None:
+        own = measured.kinematics(speed_mps)
+        velocities[TEST] = Curve(measured.time_s / MS, display.speeds(own.velocity_mps))
+        displacements[TEST] = Curve(measured.time_s / MS, own.displacement_m / _MM)
     for yaxis, curves in (("y2", velocities), ("y3", displacements)):
         draw_curves(figure, curves, yaxis, filled, showlegend=False, hovertemplate=None, hoverinfo="none")
-    name = with_filled_band(accelerations, filled)
-    _join_hover(figure, display, {name: accelerations[name].band} if name else {})
+    lead = with_filled_band(accelerations, filled)
+    _join_hover(figure, display, {lead: accelerations[lead].band} if lead else {})
     look = {**figure.layout.yaxis.to_plotly_json(), "title_font_size": 12}  # else the titles would touch
     figure.update_layout(
         hoversubplots="axis",
-        xaxis={"anchor": "y3"},
+        xaxis_anchor="y3",
         yaxis={"domain": [0.53, 1.0], "title": display.accel_title},
         yaxis2={**look, "domain": [0.27, 0.5], "title_text": display.title("Velocity", "km/h")},
         yaxis3={**look, "domain": [0.0, 0.24], "title_text": "Displacement (mm)"},
@@ -90,23 +97,17 @@ def motion(
 def residuals(
     measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT, *, filled: str | None = None
 ) -> go.Figure:
-    """Draw prediction minus test, with its 95 % band: where the band excludes zero, the test is outside the band.
-
-    Arguments as for :func:`overlay`; the root mean square in the legend is over the rated window.
-    """
+    """Draw prediction minus test, with its 95 % band; the root mean square in the legend is over the rated window."""
     figure = new_figure(height=460 + room_for_names(predictions))
     draw_curves(figure, _accelerations(None, predictions, display, filled, minus=measured), filled=filled)
-    figure.add_hline(y=0, line={"color": CURSOR, "width": 1})
+    figure.add_hline(y=0, line_color=CURSOR, line_width=1)
     figure.update_yaxes(title=f"Prediction − test ({display.unit})")
     shade_window(figure, display.window_ms)
     return figure
 
 
 def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT) -> go.Figure:
-    """Shade both corridors over the rated window of a figure whose first row is acceleration over time; returns it.
-
-    A curve scores 1 inside the inner corridor, 0 outside the outer; both widths follow from the test's largest value.
-    """
+    """Shade both corridors over the rated window of a figure whose first row is acceleration over time; returns it."""
     inside = measured.time_s < display.window_ms * MS
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
     largest = np.abs(accel).max()
@@ -128,13 +129,9 @@ def measured_pulses(
     highlight: str | None = None,
     cfc: float | None = None,
     display: Display = DEFAULT,
-    further: Mapping[str, Prediction] | None = None,
+    further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
-    """Draw tests, coloured by their speeds among all; the one with the id ``highlight`` is thick.
-
-    With a channel filter class (SAE J211-1, at most 1000) the curves as read are thin behind the filtered ones.
-    """
-    further = further or {}
+    """Draw tests, coloured by their speeds among all; with a filter class the curves as read are thin behind."""
     figure = new_figure(height_under_names(len(tests) + len(further)))
     for test, style in by_speed(tests, highlight, display, speeds_mps):
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
@@ -171,10 +168,9 @@ def library_band(
     *,
     speeds_mps: Mapping[str, float] | None = None,
     display: Display = DEFAULT,
-    further: Mapping[str, Prediction] | None = None,
+    further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
     """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
-    further = further or {}
     figure = new_figure(height_under_names(len(tests) + len(further)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale
@@ -220,26 +216,6 @@ def _accelerations(
     return curves
 
 
-def _integrals(
-    measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, display: Display
-) -> tuple[dict[str, Curve], dict[str, Curve]]:
-    velocities, displacements = {}, {}
-    for name, prediction in predictions.items():
-        v_band = s_band = None
-        speed = prediction.condition.speed_mps
-        if prediction.draws_mps2 is not None:
-            drawn = kinematics(prediction.draws_mps2.astype(np.float64), speed, DT_S)
-            v_band, s_band = _central(display.speeds(drawn.velocity_mps)), _central(drawn.displacement_m / _MM)
-        own = kinematics(prediction.accel_mps2, speed, DT_S)
-        velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
-        displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
-    if measured is not None:
-        own = measured.kinematics(speed_mps)
-        velocities[TEST] = Curve(measured.time_s / MS, display.speeds(own.velocity_mps))
-        displacements[TEST] = Curve(measured.time_s / MS, own.displacement_m / _MM)
-    return velocities, displacements
-
-
 def _central(draws: FloatArray) -> Band:
     lower, upper = central_interval(draws)
     return _GRID_MS, lower, upper
@@ -275,10 +251,7 @@ _MOST_CHANNELS, _MOST_POINTS = 8, 4000
 def imported_pulse(
     channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw a record's resulting pulse over its channels as recorded, at most eight, contact at 0.
-
-    As long as the record can't be settled, draw its channels alone, in the file's own time and unit.
-    """
+    """Draw a record's pulse over its channels, contact at 0; the channels alone as long as it can't be settled."""
     figure = new_figure(height=420)
     scale = display.accel_scale
     factor, zero_s = 1.0, 0.0

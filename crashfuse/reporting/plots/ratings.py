@@ -1,4 +1,4 @@
-"""Figures of ratings by test and approach, and of the calibration of bands."""
+"""Figures of ratings by test and approach, of two studies beside each other, and of the calibration of bands."""
 
 from collections.abc import Mapping
 
@@ -23,8 +23,10 @@ from crashfuse.reporting.plots.pulses import add_corridors
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import GRADES, WEIGHTS, Rating, graded
 from crashfuse.signals.rating_explanation import Compared, RatingExplanation
+from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.units import MS
+from crashfuse.wording import difference
 
 _ROW_PX, _NAMES_PX, _BELOW_PX = 31, 52, 8  # of a heat map: a row, the names of its columns above, the margin below
 
@@ -32,10 +34,7 @@ _ROW_PX, _NAMES_PX, _BELOW_PX = 31, 52, 8  # of a heat map: a row, the names of 
 def rating_heatmap(
     scores: Mapping[str, Mapping[str, float]], repeats: Mapping[str, Repeatability] | None = None
 ) -> go.Figure:
-    """Draw overall ratings by test id and approach as a table coloured by grade, below several their mean.
-
-    Ratings that are not known yet are left empty. The last column is what repeats would rate, if it is known for all.
-    """
+    """Draw overall ratings by test id and approach as a table coloured by grade, with their mean and a repeat's."""
     tests = list(scores)
     approaches = max((list(own) for own in scores.values()), key=len)
     names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
@@ -52,24 +51,17 @@ def rating_heatmap(
     figure.add_heatmap(
         z=z, x=names, y=rows, text=text, texttemplate="%{text}", hoverinfo="skip", colorscale=_grade_scale(),
         zmin=0, zmax=1, xgap=2, ygap=2, showscale=False,
-        textfont={"color": MEASURED_COLOUR, "size": 12},  # without a size, words shrink with their cells
+        textfont_color=MEASURED_COLOUR, textfont_size=12,  # without a size, words shrink with their cells
     )  # fmt: skip
     columns = [*(f":{name}" for name in approaches), ""][: len(names)]  # a repeat is by no approach
     clicked = [test and test + name for test in [*tests, ""][: len(rows)] for name in columns]  # the mean is of no test
     heads = [name.replace("<br>", " ") for name in names]
     told = [f"{row}, {head}: {text[i][j]}" for i, row in enumerate(rows) for j, head in enumerate(heads)]
     make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
-    fix_cells(figure)
-    figure.update_layout(margin={"t": _NAMES_PX, "b": _BELOW_PX})
-    figure.update_xaxes(
-        side="top", title=None, range=[-0.5, len(names) - 0.5], tickfont={"size": 12}, ticks="", showline=False,
-        showgrid=False, showspikes=False,
-    )  # fmt: skip
-    ends = [len(rows) - 0.5, -0.5]  # the marks would widen it
-    figure.update_yaxes(
-        range=ends, type="category", tickvals=rows, ticktext=[f"Test {tick_name(test)}" for test in tests] + mean,
-        ticks="", showline=False, zeroline=False, showgrid=False,
-    )  # fmt: skip
+    fix_cells(figure, len(names), len(rows))
+    figure.update_layout(margin_t=_NAMES_PX, margin_b=_BELOW_PX)
+    figure.update_xaxes(tickfont_size=12)
+    figure.update_yaxes(tickvals=rows, ticktext=[f"Test {tick_name(test)}" for test in tests] + mean)
     return figure
 
 
@@ -107,26 +99,23 @@ def rating_spread(
             hovertemplate="%{y:.3f}, single draws %{customdata[0]:.3f} to %{customdata[1]:.3f}",
         )
     for limit, _ in GRADES:
-        figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
+        figure.add_hline(y=limit, line_color=AXIS, line_width=1, line_dash="dot")
     name_tests(figure, [*map(tick_name, tests)])
     figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
     return figure
 
 
 def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> go.Figure:
-    """Draw how much of the left-out tests lies inside bands of each level; on the diagonal a band is calibrated.
-
-    ``levels`` are nominal, from 0 to 1, ``observed`` is the coverage by approach at each of them.
-    """
+    """Draw the coverage of left-out tests by approach at each nominal level; on the diagonal a band is calibrated."""
     figure = new_figure(height=440)
     figure.add_scatter(
-        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"},
+        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line_color=AXIS, line_dash="dot",
         hoverinfo="skip",
     )  # fmt: skip
     for name, shares in observed.items():
         figure.add_scatter(
             x=100 * levels, y=100 * shares, mode="lines+markers", name=LABELS[name],
-            line={"color": COLOURS[name], "width": 2}, marker={"size": 5}, hovertemplate="%{y:.0f} %",
+            line_color=COLOURS[name], line_width=2, marker_size=5, hovertemplate="%{y:.0f} %",
         )  # fmt: skip
     figure.update_xaxes(
         title="Level of the band (%)", range=[0, 100], dtick=20, unifiedhovertitle={"text": "%{x:.0f} % band"}
@@ -143,8 +132,7 @@ def _grade_scale() -> list[tuple[float, str]]:
 
 _OUTSIDE, _BEYOND = "#E69F00", "#C1121F"  # of a curve outside the inner and the outer corridor
 _LAST = 2000  # in the legend, where 1000 is usual
-_DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))
-"""Of the rows, from the top, as shares of the height."""
+_DOMAINS = ((0.67, 0.985), (0.45, 0.6), (0.225, 0.375), (0.0, 0.15))  # of the rows, as shares of the height
 
 
 def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
@@ -154,11 +142,11 @@ def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
     for name, rating in ratings.items():
         scores = [getattr(rating, part) for part in WEIGHTS]
         figure.add_bar(
-            x=parts, y=scores, name=LABELS[name], marker={"color": COLOURS[name]},
-            text=[f"{score:.2f}" for score in scores], textposition="outside", textangle=0, textfont={"size": 11},
+            x=parts, y=scores, name=LABELS[name], marker_color=COLOURS[name],
+            text=[f"{score:.2f}" for score in scores], textposition="outside", textangle=0, textfont_size=11,
             constraintext="none", cliponaxis=False, hovertemplate="%{y:.3f}",
         )  # fmt: skip
-    figure.update_layout(barmode="group", bargap=0.25, hovermode="closest", margin={"b": 36})  # without a title below
+    figure.update_layout(barmode="group", bargap=0.25, hovermode="closest", margin_b=36)  # without a title below
     figure.update_xaxes(
         title=None, range=None, type="category", ticks="", zeroline=False, showspikes=False, showgrid=False,
         unifiedhovertitle=None,
@@ -171,14 +159,9 @@ def rated_curves(
     explanation: RatingExplanation,
     approach: str,
     display: Display = DEFAULT,
-    further: Mapping[str, Prediction] | None = None,
+    further: Mapping[str, Prediction] = {},
 ) -> go.Figure:
-    """Stack what the four scores compare over one time axis: as it stands, shifted, warped, and the slopes.
-
-    In the first row the corridors are shaded, the prediction is marked where it leaves them, and humps have their
-    numbers: at the test, and at the prediction where it has the same hump.
-    """
-    further = further or {}
+    """Stack what the four scores compare over one time axis, with corridors, and humps numbered."""
     figure = new_figure(height=570 + room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale
     add_corridors(figure, Pulse(curves.time_s, curves.reference), display)
@@ -216,7 +199,7 @@ def rated_curves(
         **layout,
         hoversubplots="axis",
         xaxis={"anchor": f"y{len(_DOMAINS)}", "range": [0, explanation.window_ms]},
-        margin={"t": 96},
+        margin_t=96,
     )
     return figure
 
@@ -246,5 +229,44 @@ def _number_humps(figure: go.Figure, explanation: RatingExplanation, approach: s
         for time_s, values, side, colour in marks:
             figure.add_annotation(
                 x=time_s / MS, y=float(np.interp(time_s, curves.time_s, values)) * scale, text=f"{number}", ax=0,
-                ay=24 * side, showarrow=True, arrowhead=0, arrowcolor=colour, font={"color": INK, "size": 13},
+                ay=24 * side, showarrow=True, arrowhead=0, arrowcolor=colour, font_color=INK, font_size=13,
             )  # fmt: skip
+
+
+_APART = 0.14  # of the distance between two tests
+_SMALL, _NONE = 0.01, 5e-4  # differences: no axis is drawn narrower, and none is shown
+
+
+def rating_differences(compared: StudyComparison, window_ms: float, left_out: str) -> go.Figure:
+    """Draw by how much the second study rates each test higher, by approach; last their mean ± 2 standard errors."""
+    table = compared.over(window_ms, left_out)
+    tests, means = list(table["held_out"].unique()), compared.means(window_ms, left_out).set_index("approach")
+    figure = new_figure(height=380)
+    for place, name in enumerate(means.index):
+        own, mean = table[table["approach"] == name].set_index("held_out"), means.loc[name]
+        gains = own["difference"]
+        pairs = [*own[["second", "first"]].values.tolist(), mean[["second", "first"]].tolist()]
+        shift = _APART * (place - (len(means) - 1) / 2)
+        error = [0.0] * gains.size + [0.0 if np.isnan(mean["standard_error"]) else 2 * mean["standard_error"]]
+        colour = COLOURS.get(name, AXIS)
+        figure.add_scatter(
+            x=[*(tests.index(test) + shift for test in gains.index), len(tests) + shift],
+            meta={"x": [*gains.index, "Mean"]},
+            y=[*gains, mean["difference"]],
+            error_y={"array": error, "width": 0, "thickness": 1.5},
+            mode="markers",
+            name=LABELS.get(name, name),
+            marker={"color": colour, "size": 8, "symbol": ["circle"] * gains.size + ["diamond"]},
+            hovertemplate=[difference(second, first, 3) for second, first in pairs],
+        )
+    figure.add_hline(y=0, line_color=AXIS, line_width=1)
+    figure.add_vline(x=len(tests) - 0.5, line_color=AXIS, line_width=1, line_dash="dot")
+    name_tests(figure, [*map(tick_name, tests), "<b>Mean</b>"])
+    figure.update_yaxes(title="Rating, second minus first")
+    largest = float(table["difference"].abs().max())
+    if largest < _SMALL:
+        figure.update_yaxes(range=[-_SMALL, _SMALL])
+    if largest < _NONE:
+        words = "Every test is rated the same in both studies."
+        figure.add_annotation(text=words, x=0.25, y=0.88, xref="paper", yref="paper", showarrow=False)
+    return figure

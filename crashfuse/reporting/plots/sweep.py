@@ -20,11 +20,7 @@ from crashfuse.units import MPH
 
 
 def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, display: Display = DEFAULT) -> go.Figure:
-    """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points.
-
-    The line has a gap where a pulse lacks the metric because its record is too short. Speeds without CAE runs are
-    shaded; a tick on the axis marks the speed of each test. All sweeps have the same speeds and weights.
-    """
+    """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points."""
     figure = new_figure(height=460)
     readings = {sweep.approach: list(map(display.metric, sweep.over_speed(metric))) for sweep in sweeps}
     speeds = sweeps[0].speeds_mps
@@ -49,7 +45,6 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, displ
 
 
 def _curve(speeds: FloatArray, metrics: Sequence[Metric]) -> Curve:
-    """A metric over speed, with gaps where it or a bound of its interval is missing."""
     value, lower, upper = (
         np.array([getattr(metric, name) for metric in metrics], dtype=np.float64)
         for name in ("value", "lower", "upper")
@@ -82,20 +77,15 @@ def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps
         speed = display.speeds(test.condition.speed_mps)
         figure.add_shape(
             type="line", xref="x", yref="y domain", x0=speed, x1=speed, y0=0, y1=0.03,
-            line={"color": MEASURED_COLOUR, "width": 1.5},
+            line_color=MEASURED_COLOUR, line_width=1.5,
         )  # fmt: skip
 
 
 BEST = 5
-"""How many of the best candidates are numbered in the figure, and listed beside it."""
 
 
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
-    """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run.
-
-    Candidates, the largest gain first, are joined by a line if all have the same weights. The best five are numbered,
-    and those outside the CAE runs' range are drawn open.
-    """
+    """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run."""
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
     weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
@@ -109,10 +99,10 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
         customdata=[
             [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
         ],
-        name="Candidates, the best numbered", line={"color": colour, "width": 2},
+        name="Candidates, the best numbered", line_color=colour, line_width=2,
         mode="lines+markers+text" if all(own == weights[0] for own in weights) else "markers+text",
-        textposition="top center", cliponaxis=False, textfont={"size": 14},
-        marker={"color": colour, "size": sizes, "symbol": symbols, "line": {"width": 1.5}},
+        textposition="top center", cliponaxis=False, textfont_size=14,
+        marker_color=colour, marker_size=sizes, marker_symbol=symbols, marker_line_width=1.5,
         hovertemplate=f"%{{x:.1f}} {units.speed}, front %{{customdata[0]:.0f}} {units.weight}, "
         f"rear %{{customdata[1]:.0f}} {units.weight}<br>band ± %{{customdata[2]:.2f}} {units.acceleration} now, "
         f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
@@ -120,13 +110,13 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
     figure.add_scatter(
         x=[display.speeds(test.condition.speed_mps) for test in tests], y=[0.0] * len(tests),
         text=[test.id for test in tests], name="Tests that were run", mode="markers",
-        marker={"color": MEASURED_COLOUR, "symbol": "line-ns-open", "size": 16, "line": {"width": 2}},
+        marker_color=MEASURED_COLOUR, marker_symbol="line-ns-open", marker_size=16, marker_line_width=2,
         hovertemplate=f"%{{text}}, %{{x:.1f}} {units.speed}<extra></extra>",
     )  # fmt: skip
     if any(test.extrapolation for test in ranked):
         figure.add_scatter(
             x=[None], y=[None], name="Outside the CAE runs", mode="markers",
-            marker={"color": colour, "symbol": "circle-open", "size": 9, "line": {"width": 1.5}},
+            marker_color=colour, marker_symbol="circle-open", marker_size=9, marker_line_width=1.5,
         )  # fmt: skip
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(title=display.title("Impact speed", "mph"), range=None, unifiedhovertitle=None)

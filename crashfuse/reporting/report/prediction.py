@@ -27,8 +27,7 @@ _ABREAST = 2  # predictions beside the first in one table: more would be wider t
 
 NEXT_TEST_MEANING = (
     "How much a test narrows the band is known before it is run: the variance of a Gaussian process depends on where "
-    "the tests are, not on what they measure. The band is the 95 % band of the displacement domain's bias, as a root "
-    "mean square over the range and over displacement."
+    "tests are, not on what they measure. The band is that of the displacement domain's bias, in the root mean square."
 )
 
 
@@ -40,11 +39,7 @@ def prediction_report(
     beside: Sequence[PredictedPulse] = (),
     form: ReportForm = "whole",
 ) -> str:
-    """HTML report of a prediction, from one estimate per approach at one condition.
-
-    What the same approaches predict at further conditions, or with other settings, is shown ``beside`` it. A short
-    report has recommendation, pulses, metrics and limits on two or three pages.
-    """
+    """HTML report of a prediction by each approach; those at further conditions or settings are ``beside`` it."""
     condition = estimates[0].prediction.condition
     prediction = PredictedPulse(campaign, tuple(estimates), config)
     advice = recommend_for(estimates, campaign, condition)
@@ -107,13 +102,12 @@ def next_test_report(ranking: NextTests, display: Display = DEFAULT) -> str:
 
 
 LEARNING_CURVE_MEANING = (
-    "Parts of the tests, chosen evenly over speed and at random, take the place of the campaign in turn; all other "
-    "tests are predicted from each part and rated. Every mean counts each held-out test once."
+    "From parts of the tests, chosen evenly over speed and at random, all other tests are predicted and rated. Every "
+    "mean counts each held-out test once."
 )
 ONE_MORE_MEANING = (
-    "Each gain is the mean difference on the same held-out tests, with its standard error. One more test is "
-    "extrapolated by the law rating = limit − a / n, fitted to the means by least squares; its interval covers "
-    "exponents of n from 0.5 to 2."
+    "Each gain is the mean difference on the same held-out tests, with its standard error. One more test follows from "
+    "rating = limit − a / n, fitted by least squares; its interval covers exponents of n from 0.5 to 2."
 )
 
 

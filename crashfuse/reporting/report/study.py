@@ -13,14 +13,10 @@ from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError, require_a
 from crashfuse.reporting.cae_events import events_sentences, events_table, study_events
 from crashfuse.reporting.fit_explanations import coverage_table
-from crashfuse.reporting.past_results import (
-    comparison_means,
-    left_out_in_words,
-    studies_table,
-)
-from crashfuse.reporting.plots.compared import rating_differences
+from crashfuse.reporting.past_results import comparison_means, left_out_in_words, studies_table
 from crashfuse.reporting.plots.displacement import missing_force
 from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.ratings import rating_differences
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.rating_tables import TABLE_3, TABLE_5, best, mean_values, rating_table
 from crashfuse.reporting.report.page import ReportOptions, render, render_in_frame
@@ -36,7 +32,7 @@ from crashfuse.version import __version__
 from crashfuse.wording import speed
 
 _CAPTIONS = (
-    (TABLE_3, "Table 3: the network before (LF) and after (MF) it has learned from the other tests"),
+    (TABLE_3, "Table 3: the network before (LF) and after (MF) learning from the other tests"),
     (TABLE_5, "Table 5: the approaches against the raw CAE model"),
 )
 
@@ -83,10 +79,8 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
 
 
 def _left_out(config: StudyConfig, alone: bool) -> str:
-    which = "The test was left out" if alone else "Each test was left out"
-    if config.leave_out == "speed group":
-        return f"{which} together with all tests at about its speed, and predicted from the rest."
-    return f"{which}{'' if alone else ' in turn'} and predicted from the others."
+    with_it = " with all tests at about its speed" if config.leave_out == "speed group" else ""
+    return f"{'The' if alone else 'Each'} test was left out{with_it} and predicted from the others."
 
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
@@ -135,7 +129,6 @@ def _shown(ratings: pd.DataFrame) -> pd.DataFrame:
 
 
 def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) -> Mapping[str, object]:
-    """The recommendation made for a test before it was run, and the actual outcome; its notes and marks."""
     test, window = study.campaign.test(fold.held_out), display.window_ms
     notes = [note for note in options.notes if note.test == test.id]
     advice, repeat = recommend_without(study, fold, window), study.repeats(window).get(test.id)
@@ -164,7 +157,6 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
 
 
 def _why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> dict[str, object]:
-    """How the expectation came out, what the rating of the recommended approach is made of, and its curves."""
     window, expected = display.window_ms, advice.expected
     rating, explanation = fold.ratings[advice.approach][window].overall, fold.explained(advice.approach, window)
     missed = expected is not None and expected.is_missed_by(rating)
@@ -190,10 +182,7 @@ def _weak_spots(study: Study, approach: str) -> list[str]:
 
 
 def comparison_report(compared: StudyComparison, display: Display = DEFAULT) -> str:
-    """HTML report of two studies: which one rates higher, in which tests, by how much, and what they are.
-
-    Over the rated window of the display, if both were rated over it, else over the longest one.
-    """
+    """HTML report of two studies: which one rates higher, in which tests, by how much, and what they are."""
     first, second = compared.first, compared.second
     window = compared.window(display.window_ms)
     names = dict.fromkeys([first.campaign, second.campaign])

@@ -20,7 +20,7 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.files.archive import zipped
-from crashfuse.reporting.earlier_prediction import otherwise
+from crashfuse.reporting.figures import otherwise
 from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached

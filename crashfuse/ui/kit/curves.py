@@ -18,8 +18,16 @@ from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.earlier_prediction import LEFT_OUT, EarlierPrediction, earlier_name, otherwise
-from crashfuse.reporting.figures import RUN, Further, prediction_name, pulse_name
+from crashfuse.reporting.figures import (
+    LEFT_OUT,
+    RUN,
+    EarlierPrediction,
+    Further,
+    earlier_name,
+    otherwise,
+    prediction_name,
+    pulse_name,
+)
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse

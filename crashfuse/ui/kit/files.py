@@ -13,9 +13,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.files.archive import zipped
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting.earlier_prediction import LEFT_OUT
 from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for
-from crashfuse.reporting.figures import RUN, Further
+from crashfuse.reporting.figures import LEFT_OUT, RUN, Further
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import ReportForm, ReportOptions

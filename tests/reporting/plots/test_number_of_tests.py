@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
+from crashfuse.reporting.plots.learning import over_number_of_tests
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import one_more
