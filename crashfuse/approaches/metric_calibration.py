@@ -167,10 +167,7 @@ def metric_distributions(drawn: Mapping[str, FloatArray], errors: Errors) -> dic
 
 
 def calibrated_metrics(
-    prediction: Prediction,
-    drawn: Mapping[str, FloatArray],
-    errors: Errors,
-    occupant: OccupantModel = USUAL_OCCUPANT,
+    prediction: Prediction, drawn: Mapping[str, FloatArray], errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
 ) -> tuple[Metric, ...]:
     """Metrics that a single test shows in the middle, with calibrated 95 % intervals; without draws, of the pulse."""
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)

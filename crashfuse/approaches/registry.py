@@ -17,22 +17,7 @@ from crashfuse.approaches.time_domain.config import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
 from crashfuse.extensions import NO_FAULTS, Broken, load, said
 
-_ALL: tuple[type[Approach], ...] = (
-    Cae,
-    AboutLfTcn,
-    AboutTimeDomain,
-    DisplacementDomain,
-    AboutFused,
-)
-
-
-def _with_networks() -> tuple[type[Approach], ...]:
-    """The classes behind the abstract bases above."""
-    from crashfuse.approaches.fused import Fused
-    from crashfuse.approaches.time_domain.approach import TimeDomain
-    from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-
-    return LfTcn, TimeDomain, Fused
+_ALL: tuple[type[Approach], ...] = (Cae, AboutLfTcn, AboutTimeDomain, DisplacementDomain, AboutFused)
 
 
 def _checked(name: str, loaded: object) -> type[Approach]:
@@ -85,8 +70,12 @@ def require_approach(name: str) -> type[Approach]:
 def create(name: str, settings: Settings) -> Approach:
     """Create an unfitted approach; a UsageError if there is none that can be used."""
     approach = require_approach(name)
-    if isabstract(approach):
-        approach = next((network for network in _with_networks() if issubclass(network, approach)), approach)
+    if isabstract(approach):  # the class behind it
+        from crashfuse.approaches.fused import Fused
+        from crashfuse.approaches.time_domain.approach import TimeDomain
+        from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+
+        approach = next((network for network in (LfTcn, TimeDomain, Fused) if issubclass(network, approach)), approach)
     return approach.create(settings)
 
 

@@ -13,8 +13,7 @@ class TcnConfig:
     """Network, LF training (Eq. 5) and fine-tuning (Eq. 6), as by :meth:`fast` or :meth:`paper`.
 
     Waves are sines and cosines, as inputs beside the paper's four, of time and of the typical displacement (travel) and
-    velocity of CAE runs at this speed at that time. They transfer what tests show to the same crush, or the same stage
-    of stopping, at another speed. Without travel waves, neither displacement nor velocity is an input.
+    velocity of CAE runs at this speed at that time. Without travel waves, neither of these is an input.
     """
 
     channels: int = 48

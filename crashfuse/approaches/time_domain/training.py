@@ -38,16 +38,15 @@ _SIDE_BY_SIDE = 2  # members per thread: more would leave a core idle, fewer wou
 
 
 class Adam:
-    """The optimiser Adam (Kingma and Ba, 2015, algorithm 1), with the steps ``taken`` and its ``moments``.
+    """The optimiser Adam (Kingma and Ba, 2015, algorithm 1).
 
-    torch's own gives the same steps, but loads torch's compiler, 1.6 CPU-seconds and 70 MB in every process. Moments
-    are the mean of each weight's gradients, then that of their squares for each.
+    torch's own gives the same steps, but loads torch's compiler, 1.6 CPU-seconds and 70 MB in every process.
     """
 
     def __init__(self, weights: Iterable[Tensor]) -> None:
         self.weights = tuple(weights)
         self.taken = 0
-        self.moments = tuple(torch.zeros_like(weight) for weight in 2 * self.weights)
+        self.moments = tuple(torch.zeros_like(weight) for weight in 2 * self.weights)  # means, then squares' means
 
     @torch.no_grad()
     def step(self, gradients: Sequence[Tensor], rate: float) -> None:
@@ -97,8 +96,7 @@ def minimise(
 ) -> FloatArray:
     """Train networks in place, side by side, from their checkpoint if there is one.
 
-    Returns the learning curves of all members, shape (n_members, n_epochs, n_columns). Raises Cancelled if the watch
-    was told to stop; the state is then in the checkpoint.
+    Returns the learning curves of all members, shape (n_members, n_epochs, n_columns).
     """
     n_steps, columns = objectives[0].n_steps, objectives[0].columns
     runs = [_Run(network, objective) for network, objective in zip(networks, objectives, strict=True)]
