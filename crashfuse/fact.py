@@ -20,22 +20,12 @@ IMPORTANCE = (
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A fact with its sentence, and the values that it rests on.
+    """A fact with its sentence, and the values that it rests on."""
 
-    Parameters
-    ----------
-    code : str
-        One of :data:`IMPORTANCE`, or of the catalogue of a kind of result.
-    sentence, label : str
-        With its subject, its size and what to do; in two or three words, for a badge.
-    values : mapping of str to object
-        Ids, and numbers in the units that their names end in, as JSON has them.
-    """
-
-    code: str
-    sentence: str
-    label: str
-    values: Mapping[str, object] = field(default_factory=dict)
+    code: str  # one of IMPORTANCE, or of the catalogue of a kind of result
+    sentence: str  # with its subject, its size and what to do
+    label: str  # in two or three words, for a badge
+    values: Mapping[str, object] = field(default_factory=dict)  # as JSON has them; units end the names
 
     @property
     def record(self) -> dict[str, object]:

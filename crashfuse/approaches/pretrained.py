@@ -209,7 +209,7 @@ class Pretrained(BandedApproach):
     name = "pretrained"
     label = "Pre-trained network"
     in_words = "the pre-trained network"
-    description = "a network that was trained once on simulated vehicles of many kinds and reads the tests of this one."
+    description = "a network, trained once on simulated vehicles, that reads the tests of this one."
     colour = "#8C564B"
     preference = 35
 

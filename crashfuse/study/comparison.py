@@ -33,9 +33,8 @@ class StudyComparison:
         is_named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
         if not (is_named or any(_alike(first, second).values())):
             raise UsageError(
-                f"{first.campaign} and {second.campaign} are not known to be one vehicle (the raw CAE model is rated "
-                "equally in no common test), so nothing is compared. Choose two studies of one campaign, or of a "
-                "changed copy of it."
+                f"{first.campaign} and {second.campaign} are not known to be one vehicle: the raw CAE model is rated "
+                "equally in no common test. Choose two studies of one campaign, or of a changed copy of it."
             )
 
     @cached_property
@@ -96,8 +95,7 @@ class StudyComparison:
         if self.ways[0] not in first.by_way:  # both
             harder = "second" if "speed group" in second.by_way else "first"
             cautions.append(
-                f"Each left tests out in its own way, the {harder} with all tests at about their speed: the harder "
-                "question."
+                f"Each left tests out in its own way, the {harder} all at about their speed: the harder question."
             )
         if first.fingerprint != second.fingerprint:
             cautions.append(f"Their data differ: {_what_differs(first, second)}")

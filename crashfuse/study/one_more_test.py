@@ -47,7 +47,7 @@ class Cost:
         amount = float(match["number"].replace(",", "")) if match else 0.0
         if match is None or not 0 < amount < math.inf:
             raise UsageError(
-                f"The cost of a test is a number above 0, with a currency or without (60000, 60,000 EUR), not {text!r}."
+                f"The cost of a test is a number above 0, with or without a currency (60,000 EUR), not {text!r}."
             )
         return cls(amount, (match["before"] or match["after"]).strip())
 

@@ -43,24 +43,21 @@ _README = f"""# {NAME}
 
 {NOTICE}
 
-It is there to try crashfuse on, and says nothing about any car. `crashfuse sample DIR` writes it anew.
+To try crashfuse on; it says nothing about any car. `crashfuse sample DIR` writes it anew.
 
-- `tests.csv`, `tests/`: 11 "tests" at the conditions of Table 1 in Zeng et al. 2023, simulated with a model that
-  stands for reality: strain-rate hardening, two powertrains, two drives, scatter from test to test, sensor noise.
+- `tests.csv`, `tests/`: 11 "tests" at the conditions of Table 1 in Zeng et al. 2023, simulated with strain-rate
+  hardening, two powertrains, two drives, scatter from test to test and sensor noise.
 - `cae.csv`, `cae_pulses.parquet`: {_N_RUNS} runs of a deliberately wrong model of the same vehicle (Latin hypercube
-  over 0–35.2 mph, 1922–2185 lb front and 1349–1770 lb rear weight) and one run at the condition of each test
-  (`CAE-T01` to `CAE-T11`).
-- `criteria.toml`, `matrix.csv`: acceptance criteria and conditions to try `crashfuse certify` on. The limits lie near
-  the middle of what these tests show, so that there is something to tell; they are no requirement of anyone.
+  over 0–35.2 mph, 1922–2185 lb front and 1349–1770 lb rear weight) and one at the condition of each test.
+- `criteria.toml`, `matrix.csv`: acceptance criteria and conditions to try `crashfuse certify` on, with limits near the
+  middle of what these tests show; they are no requirement of anyone.
 
-Both models are three masses (body, powertrain, rear mass) joined by crushable elements, in front of a rigid barrier.
-All pulses are the body's, CFC 60, 12.5 kHz, 0–100 ms from first contact, braking negative. The constants of both were
-set so that the CAE runs rate against the tests about as in Table 5 of that paper: 0.62, 0.64 and 0.63 over the first
-20, 40 and 60 ms on average (ISO/TS 18571, tests 3, 4, 5, 7, 9 and 10).
+Both models are three masses joined by crushable elements, in front of a rigid barrier. All pulses are the body's, CFC
+60, 12.5 kHz, 0–100 ms from first contact, braking negative. The CAE runs rate against the tests about as in Table 5 of
+that paper: 0.62, 0.64 and 0.63 over the first 20, 40 and 60 ms.
 """
 
-_CRITERIA = """# Acceptance criteria to try crashfuse on: limits near the middle of what the synthetic tests show.
-# They are no requirement of anyone.
+_CRITERIA = """# To try crashfuse on: limits near the middle of what the tests show, and no requirement of anyone.
 confidence = 0.95
 
 [[criterion]]

@@ -97,8 +97,8 @@ def equipped(vehicle: Vehicle, condition: Condition) -> Vehicle:
     factors = {"powertrain": "Type I", "drive": "FWD"} | dict(condition.factors)
     if factors["powertrain"] not in ("Type I", "Type II") or factors["drive"] not in ("FWD", "AWD"):
         raise UsageError(
-            f"The synthetic vehicle comes as Type I or Type II with FWD or AWD, not as {factors['powertrain']} "
-            f"with {factors['drive']}."
+            f"The synthetic vehicle is Type I or Type II with FWD or AWD, not {factors['powertrain']} with "
+            f"{factors['drive']}."
         )
     if factors["powertrain"] == "Type II":
         engine = replace(_scaled(vehicle.engine, 1.1), gap_m=vehicle.engine.gap_m - 0.03)
