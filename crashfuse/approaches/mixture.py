@@ -1,8 +1,7 @@
 """The mixture behind the fused prediction: its components, and weights learned from left-out tests.
 
 A mixture takes a share of its draws from each component, and is judged by the continuous ranked probability score over
-time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21): zero for a perfect prediction, in the unit of the
-acceleration. The score is quadratic in the weights, so nothing has to be drawn twice.
+time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21), which is quadratic in the weights.
 """
 
 from collections.abc import Sequence

@@ -25,6 +25,11 @@ class Settings:
         Device for training networks; ``auto`` uses CUDA if available. Everything else runs on the CPU.
     cache : Cache, optional
         Storage for results that do not depend on the tests (LF training, emulator).
+
+    Raises
+    ------
+    UsageError
+        If there is no preset or device with that name.
     """
 
     preset: Preset = "fast"

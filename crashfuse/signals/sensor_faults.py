@@ -89,10 +89,7 @@ class _Signal(NamedTuple):
 
 
 def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFault, ...]:
-    """What looks like a fault of the sensor in a record at its own rate, raw or filtered, in the order of time.
-
-    Both arrays have shape (n,), evenly sampled and finite; the record may begin before contact.
-    """
+    """What looks like a fault of the sensor in a record at its own rate, raw or filtered, in the order of time."""
     step_s = float((time_s[-1] - time_s[0]) / (time_s.size - 1))
     if time_s.size * step_s < _PADDING_S or 1 / step_s < 10 * _CFC:
         return ()

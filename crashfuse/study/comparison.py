@@ -95,7 +95,8 @@ class StudyComparison:
         if self.ways[0] not in first.by_way:  # both
             harder = "second" if "speed group" in second.by_way else "first"
             cautions.append(
-                f"Each left tests out in its own way, the {harder} all at about their speed: the harder question."
+                f"Each left tests out in its own way, the {harder} with all tests at about their speed: the harder "
+                "question."
             )
         if first.fingerprint != second.fingerprint:
             cautions.append(f"Their data differ: {_what_differs(first, second)}")

@@ -175,10 +175,8 @@ class Study:
             test with other settings.
         band : str, optional
             The approach whose band is filled; by default the preferred one.
-        measured : bool
-            Whether to show the test itself.
-        corridors : bool
-            Whether to shade the corridors of the rating about the test.
+        measured, corridors : bool
+            Whether to show the test itself, and to shade the corridors of the rating about it.
         notes : sequence of Note
             Drawn as marks over time, those that are about this test.
         **display

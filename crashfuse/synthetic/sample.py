@@ -109,12 +109,11 @@ def sample_campaign(seed: int = 0) -> Campaign:
 
     The seed chooses the Latin hypercube, the tests' scatter and their noise; 0 is the sample that comes with crashfuse.
     """
-    test_conditions = [_of_the_kind(*row) for row in TABLE_1]
+    test_conditions = [_condition(*row) for row in TABLE_1]
+    measured = zip(test_conditions, measured_pulses(test_conditions, seed), strict=True)
     tests = [
         CrashTest(f"T{number:02d}", condition, Pulse(GRID_S, accel))
-        for number, (condition, accel) in enumerate(
-            zip(test_conditions, measured_pulses(test_conditions, seed), strict=True), start=1
-        )
+        for number, (condition, accel) in enumerate(measured, start=1)
     ]
     from scipy.stats import qmc  # half a second
 
@@ -146,7 +145,7 @@ def _write(campaign: Campaign, folder: Path) -> None:
     _write_text(folder / "campaign.toml", settings)
     _write_text(folder / "README.md", _README)
     header = "id,speed_mph,front_weight_lb,rear_weight_lb"
-    asked = [(f"M{number:02d}", _of_the_kind(*row)) for number, row in enumerate(_MATRIX, start=1)]
+    asked = [(f"M{number:02d}", _condition(*row)) for number, row in enumerate(_MATRIX, start=1)]
     for name, listed in (("tests", [(test.id, test.condition) for test in campaign.tests]), ("matrix", asked)):
         rows = [",".join([own, _in_mph_and_lb(c), *(value for _, value in c.factors)]) for own, c in listed]
         _write_text(folder / f"{name}.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
@@ -174,16 +173,9 @@ def _write_cae_pulses(library: CaeLibrary, path: Path) -> None:
     pq.write_table(table, path, compression="zstd", compression_level=12)
 
 
-def _condition(
-    speed_mph: float, front_weight_lb: float, rear_weight_lb: float, factors: tuple[tuple[str, str], ...] = ()
-) -> Condition:
+def _condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float, *kind: str) -> Condition:
+    factors = tuple(zip(("powertrain", "drive"), kind, strict=False))
     return Condition.of_vector([speed_mph * MPH, front_weight_lb * LB, rear_weight_lb * LB], factors)
-
-
-def _of_the_kind(
-    speed_mph: float, front_weight_lb: float, rear_weight_lb: float, powertrain: str, drive: str
-) -> Condition:
-    return _condition(speed_mph, front_weight_lb, rear_weight_lb, (("powertrain", powertrain), ("drive", drive)))
 
 
 def _in_mph_and_lb(condition: Condition) -> str:

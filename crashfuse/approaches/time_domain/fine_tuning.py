@@ -65,10 +65,9 @@ class Increments:
     """
 
     def fit(self, kernel: FloatArray, misfit: FloatArray, together: Sequence[tuple[int, ...]] = ()) -> Self:
-        """Fit to the tangent kernel between the tests, shape (n, n_times, n, n_times), and their misfit.
+        """Fit to the tangent kernel between the tests, shape (n, n_times, n, n_times), and their misfit, (n, n_times).
 
-        The misfit is measured minus LF prediction, in units of the network's output, shape (n, n_times). Besides each
-        test alone, the tests in each entry of ``together`` are left out at once; that takes no further fit.
+        Besides each test alone, the tests in each entry of ``together`` are left out at once.
         """
         n, n_times = misfit.shape
         unit = float(np.trace(kernel.reshape(n * n_times, -1))) / misfit.size
