@@ -6,10 +6,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from crashfuse import views
 from crashfuse.cae_library import CaeLibrary, QualityLimits
 from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest, at_the_speed_of, evenly_over_speed
+from crashfuse.crash_test import CrashTest, at_the_speed_of
 from crashfuse.errors import UsageError
 from crashfuse.signals.metrics import Metric, checked_metrics, metric_bases, metric_headings
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
@@ -26,42 +28,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """CAE runs and tests of one vehicle, all on the study grid.
-
-    Parameters
-    ----------
-    notice : str
-        A sentence shown wherever the campaign is shown (such as "synthetic"); empty for none.
-    warnings : tuple of str
-        Findings of the check that are allowed but worth knowing.
-    channel_filter_class : float, optional
-        CFC that records were filtered with on reading (SAE J211-1); None if they were not filtered.
-    quality_limits : QualityLimits, optional
-        Limits that the CAE runs are judged by; None if the campaign sets none.
-    occupant : OccupantModel
-        Distances of the OLC, slack and spring of the VPI.
-    tests_filtered_with : float, optional
-        CFC that every test was filtered with on import; None if the campaign does not say, or they differ.
-    units : UnitSystem
-        Units of speed and weight that the tests are declared in: those that its readers see first.
-    unused : tuple of (str, Condition)
-        Tests that are left out of use, by id and condition: nothing learns from them, and they are not rated.
-    why_unused : mapping of str to str
-        Why, by id; without words if nobody says.
-    """
+    """CAE runs and tests of one vehicle, all on the study grid."""
 
     name: str
     cae: CaeLibrary
     tests: tuple[CrashTest, ...]
-    notice: str = ""
-    warnings: tuple[str, ...] = ()
-    channel_filter_class: float | None = None
-    quality_limits: QualityLimits | None = None
+    notice: str = ""  # shown wherever the campaign is, such as "Synthetic"
+    warnings: tuple[str, ...] = ()  # findings of the check that are allowed but worth knowing
+    channel_filter_class: float | None = None  # CFC that records were filtered with on reading; None if they were not
+    quality_limits: QualityLimits | None = None  # that the CAE runs are judged by
     occupant: OccupantModel = USUAL_OCCUPANT
-    tests_filtered_with: float | None = None
-    units: UnitSystem = MPH_LB
-    unused: tuple[tuple[str, Condition], ...] = ()
-    why_unused: Mapping[str, str] = field(default_factory=dict)
+    tests_filtered_with: float | None = None  # CFC of every test on import; None if not said, or they differ
+    units: UnitSystem = MPH_LB  # that the tests are declared in: those that its readers see first
+    unused: tuple[tuple[str, Condition], ...] = ()  # tests left out of use: neither learned from nor rated
+    why_unused: Mapping[str, str] = field(default_factory=dict)  # by id
 
     @staticmethod
     def from_frames(
@@ -84,11 +64,8 @@ class Campaign:
         test_pulses, cae_pulses : DataFrame
             Tidy: ``id``, a time (``time_ms`` or ``time_s``), an acceleration (``acceleration_g`` or
             ``acceleration_mps2``).
-        notice : str
-            A sentence shown wherever the campaign is shown; empty for none.
         channel_filter_class, filtered_with : float, optional
-            The CFC that pulses are to be filtered with on reading, or were filtered with before, as in
-            ``campaign.toml``.
+            The CFC that pulses are to be filtered with on reading, or were filtered with before.
 
         Raises
         ------
@@ -177,10 +154,7 @@ class Campaign:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the CAE runs and the tests: equal content gives the same fingerprint from any files.
-
-        An occupant model of the campaign's own counts as content, as metrics and their errors depend on it.
-        """
+        """SHA-256 of the CAE runs, the tests and an unusual occupant model: the same from any files."""
         digest = hashlib.sha256(self.cae.fingerprint.encode())
         if self.occupant != USUAL_OCCUPANT:
             digest.update(f"{self.occupant!r}\n".encode())
@@ -227,13 +201,7 @@ class Campaign:
         return tuple(test.id for test in self.tests)
 
     def test(self, test_id: str) -> CrashTest:
-        """The test with this id.
-
-        Raises
-        ------
-        UsageError
-            If there is none.
-        """
+        """The test with this id; a UsageError if there is none."""
         for test in self.tests:
             if test.id == test_id:
                 return test
@@ -259,12 +227,12 @@ class Campaign:
         return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
 
     def evenly_over_speed(self, most: int) -> "Campaign":
-        """The campaign with at most ``most`` tests, evenly spaced in the order of speed, slowest and fastest included.
-
-        A campaign with no more tests is returned unchanged.
-        """
-        kept = evenly_over_speed(self.tests, most)
-        return self if kept == self.tests else replace(self, tests=kept)
+        """The campaign with at most so many tests, evenly spaced in the order of speed, the ends included."""
+        if len(self.tests) <= most:
+            return self
+        ordered = sorted(self.tests, key=lambda test: test.condition.speed_mps)
+        kept = {ordered[i].id for i in np.linspace(0, len(ordered) - 1, most).round().astype(int)}
+        return replace(self, tests=tuple(test for test in self.tests if test.id in kept))
 
     def speed_group(self, test_id: str) -> tuple[str, ...]:
         """Ids of the tests at about the speed of this one, itself included, in the order of the table.

@@ -1,4 +1,4 @@
-"""A physical test, and how tests lie over speed: those at about one speed, and some spread evenly."""
+"""A physical test, and the tests at about its speed."""
 
 import hashlib
 import math
@@ -53,21 +53,9 @@ class CrashTest:
 
 
 def at_the_speed_of(test: CrashTest, tests: Sequence[CrashTest]) -> tuple[CrashTest, ...]:
-    """The tests at about the speed of one of them, itself included, in their order.
-
-    Sorted by speed, neighbours less than :data:`SPEED_STEP_MPS` apart belong together.
-    """
+    """The tests at about the speed of one of them, itself included: sorted, neighbours under 2 mph apart."""
     speeds = np.array([other.condition.speed_mps for other in tests])
     ordered = np.sort(speeds)
     groups = np.r_[0, np.cumsum(np.diff(ordered) >= SPEED_STEP_MPS)]
     group_of, wanted = (groups[np.searchsorted(ordered, speed)] for speed in (speeds, test.condition.speed_mps))
     return tuple(other for other, group in zip(tests, group_of, strict=True) if group == wanted)
-
-
-def evenly_over_speed(tests: tuple[CrashTest, ...], most: int) -> tuple[CrashTest, ...]:
-    """At most ``most`` of the tests, evenly spaced in the order of speed, the ends included; in their order."""
-    if len(tests) <= most:
-        return tests
-    ordered = sorted(tests, key=lambda test: test.condition.speed_mps)
-    kept = {ordered[i].id for i in np.linspace(0, len(ordered) - 1, most).round().astype(int)}
-    return tuple(test for test in tests if test.id in kept)

@@ -37,28 +37,14 @@ class CrashfuseError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One problem with the data, and how to fix it.
+    """One problem with the data, and how to fix it: texts are shortened, and safe to print."""
 
-    Parameters
-    ----------
-    where : str
-        The file (relative to the campaign folder), upload or signal.
-    expected, found : str
-        What the data contract requires and what was found instead.
-    advice : str
-        How to fix it, as an instruction.
-    column, row : str, int, optional
-        Location in the file; the header is row 1, as in a spreadsheet.
-
-    All texts are shortened, with control characters escaped, so any file content is safe to print.
-    """
-
-    where: str
+    where: str  # the file (relative to the campaign folder), upload or signal
     expected: str
     found: str
-    advice: str
+    advice: str  # an instruction
     column: str | None = None
-    row: int | None = None
+    row: int | None = None  # the header is row 1, as in a spreadsheet
 
     def __post_init__(self) -> None:
         for part in ("where", "expected", "found", "advice", "column"):
@@ -153,8 +139,8 @@ def out_of_memory(error: BaseException) -> bool:
 
 
 OUT_OF_MEMORY = (
-    "Memory ran out. Close other programs, or ask for less at once: fewer workers, fewer CAE runs, a shorter record. "
-    "Whatever was finished is in the cache."
+    "Memory ran out. Close other programs, or ask for less at once: fewer workers or CAE runs, a shorter record. What "
+    "was finished is in the cache."
 )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from typing import TypeVar
 
 from crashfuse.errors import printable
@@ -28,7 +28,7 @@ def load(group: str, kind: str, check: Callable[[str, object], T]) -> Iterator[t
     ValueError that says what is wrong with it. Yields name, checked object and the name of its package, or a Broken.
     """
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
-        package = _package(entry)
+        package = entry.dist.name if entry.dist is not None else entry.value.partition(".")[0]
         try:
             one: tuple[str, T, str] | Broken = entry.name, check(entry.name, entry.load()), package
         except NO_FAULTS:
@@ -43,7 +43,3 @@ def said(error: BaseException) -> str:
     """An error of another package in a sentence for its authors."""
     text = printable(" ".join(str(error).split()))
     return f"{type(error).__name__}{f': {text}' if text else ''}. Tell its authors."
-
-
-def _package(entry: EntryPoint) -> str:
-    return entry.dist.name if entry.dist is not None else entry.value.partition(".")[0]

@@ -34,7 +34,6 @@ ROOMS = (
     "files",
     "extensions",
     "errors",
-    "fact",
     "views",
     "wording",
     "units",

@@ -218,10 +218,7 @@ class Approach(ABC):
 
     @property
     def device(self) -> str:
-        """Device it trains on, ``cpu`` or ``cuda``, if that affects the last bits of the result; else empty.
-
-        Raises a UsageError if the requested device is not available.
-        """
+        """Device it trains on, ``cpu`` or ``cuda``, if that affects the last bits; a UsageError if there is none."""
         return ""
 
     @property

@@ -127,10 +127,7 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 
 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
-    """Whether values lie inside the central interval of draws, shape (n_draws, ...).
-
-    Quantiles, for which draws are sorted, are computed only where counting does not decide.
-    """
+    """Whether values lie inside the central interval of draws, shape (n_draws, ...): by quantiles if need be."""
     tail = (1 - LEVEL) / 2
     end = int(tail * (len(draws) - 1))  # draws that lie beyond the interval's end for sure
     true = np.asarray(true)
@@ -226,8 +223,7 @@ def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[
 def widening_far(measured_mps2: FloatArray, speeds_mps: FloatArray, left_out: LeftOut) -> float:
     """Smallest widening with which a(t) of tests predicted from other speeds lies inside as often as it should.
 
-    That is on average up to the time of zero velocity; 1 without such tests. ``measured_mps2`` and ``speeds_mps`` are
-    those of all tests.
+    That is on average up to the time of zero velocity; 1 without such tests.
     """
     reach = []  # by how much each band would have to be widened at each time
     for number, mean, draws in zip(left_out.numbers, left_out.mean_mps2, left_out.draws_mps2, strict=True):
@@ -255,15 +251,11 @@ def decay_over_speed(log_errors: Mapping[tuple[int, ...], Sequence[FloatArray]])
 
 
 class BandedApproach(Approach):
-    """An approach whose band is calibrated on left-out tests.
-
-    ``left_out_`` has their predictions, ``left_out_groups_`` those of each test with its whole speed group left out;
-    the latter is empty if all tests are at one speed.
-    """
+    """An approach whose band is calibrated on left-out tests."""
 
     calibration_: Calibration
     left_out_: LeftOut
-    left_out_groups_: LeftOut
+    left_out_groups_: LeftOut  # each test with its whole speed group; empty if all tests are at one speed
 
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Predictions of the tests from the check of the band."""

@@ -21,7 +21,6 @@ from crashfuse.approaches.mixture import (
     Tests,
     mixed,
     spread,
-    thinned_out,
 )
 from crashfuse.approaches.neighbours import nearness
 from crashfuse.approaches.pretrained import Pretrained
@@ -101,8 +100,11 @@ class Fused(AboutFused):
         # A mixture of valid bands is wider than necessary where the components agree: beside tests it may be narrowed.
         near = bands.calibrate(check, _WIDENINGS) if mixtures else Calibration(1.0, ())
         near = near.with_whole((test, mixture.widened(near.widening)) for test, mixture in mixtures)
-        of_others = {left_out.number: self._mixed(left_out.components) for left_out in apart}
-        far = bands.widening_far(measured, self._tests.speeds_mps, thinned_out(of_others))
+        of_others = [self._mixed(left_out.components) for left_out in apart]
+        numbers = np.array([left_out.number for left_out in apart], dtype=np.int64)
+        means = np.array([mixture.mean for mixture in of_others])
+        draws = np.array([mixture.draws for mixture in of_others], dtype=np.float32)
+        far = bands.widening_far(measured, self._tests.speeds_mps, bands.LeftOut(numbers, means, draws))
         self.calibration_ = replace(near, far=max(far / near.widening, 1.0))
         watch.report("Weights of the mixture", 1, 1)
         return self

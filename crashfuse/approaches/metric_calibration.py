@@ -63,8 +63,7 @@ class Distribution:
         """Calibrate draws, shape (n_draws,), by the standardised errors of left-out tests, shape (n_tests,).
 
         The draws' median moves by the mean error of the left-out tests, the half width of their central 80 % is scaled
-        by the size of these errors; both are shrunk as if 8 more tests had come out as draws usually do. The half width
-        is no smaller than by what repeats usually differ. The error of a single value is a share of it. None if the
+        by the size of these errors; both are shrunk as if 8 more tests had come out as draws usually do. None if the
         record ends too early for more than one draw in ten, or a single value has no left-out tests.
         """
         spread = _spread(values, metric)
@@ -167,10 +166,7 @@ def metric_distributions(drawn: Mapping[str, FloatArray], errors: Errors) -> dic
 
 
 def calibrated_metrics(
-    prediction: Prediction,
-    drawn: Mapping[str, FloatArray],
-    errors: Errors,
-    occupant: OccupantModel = USUAL_OCCUPANT,
+    prediction: Prediction, drawn: Mapping[str, FloatArray], errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
 ) -> tuple[Metric, ...]:
     """Metrics that a single test shows in the middle, with calibrated 95 % intervals; without draws, of the pulse."""
     metrics = checked_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
@@ -197,12 +193,10 @@ def representative_pulses(
 ) -> FloatArray:
     """A whole pulse that looks like a test, then the draws with these numbers as single tests, shape (1 + n, 1250).
 
-    An average of pulses is softer than any of them. The averaged pulse is changed until its peak, SM25, OLC and crush
-    are the medians of their calibrated distributions, a draw until they are as rare as they were among the draws. Each
-    change is the most probable one by the covariance of the draws, given these metrics (the update of the ensemble
-    Kalman filter; Evensen, Ocean Dynamics 53, 2003), repeated because they are not linear. Where the average is too
-    flat for that, the draw nearest to these medians is changed. A metric that some draws lack is left as it is; so is
-    a pulse without draws.
+    An average of pulses is softer than any of them. It is changed until its peak, SM25, OLC and crush are the medians
+    of their calibrated distributions, a draw until they are as rare as they were among the draws: by the update of the
+    ensemble Kalman filter (Evensen, Ocean Dynamics 53, 2003), repeated because they are not linear. Where the average
+    is too flat, the draw nearest to these medians is changed. A metric that some draws lack is left as it is.
     """
     draws, chosen = _drawn(prediction).astype(np.float64), list(numbers)
     names = [name for name in MATCHED if np.isfinite(drawn[name]).all() and np.ptp(drawn[name])]

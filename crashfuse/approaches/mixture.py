@@ -1,11 +1,10 @@
 """The mixture behind the fused prediction: its components, and weights learned from left-out tests.
 
 A mixture takes a share of its draws from each component, and is judged by the continuous ranked probability score over
-time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21): zero for a perfect prediction, in the unit of the
-acceleration. The score is quadratic in the weights, so nothing has to be drawn twice.
+time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21), which is quadratic in the weights.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple, Self
@@ -130,13 +129,6 @@ def mixed(components: Sequence[Component], weights: FloatArray, n_draws: int, se
     return Component(weights @ np.array([component.mean for component in components]), np.concatenate(chosen))
 
 
-def thinned_out(mixtures: Mapping[int, Component]) -> LeftOut:
-    """Thinned mixtures for left-out tests, by test number."""
-    means = np.array([mixture.mean for mixture in mixtures.values()])
-    draws = np.array([mixture.draws for mixture in mixtures.values()], dtype=np.float32)
-    return LeftOut(np.array(list(mixtures), dtype=np.int64), means, draws)
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Scores:
     """Terms of the score of any mixture, for one left-out test: mean distances of draws."""
@@ -187,15 +179,9 @@ def spread(draws: FloatArray) -> float:
 class Pool:
     """Component weights: a softmax of logits, linear in log ratios of the components' spreads.
 
-    Parameters
-    ----------
-    prior : ndarray, shape (n_components, n_components + 1)
-        Prior mean of the logits where all spreads are equal, and of their slopes by the log ratio of each spread to the
-        geometric mean of the approaches'; the fitted ``logits_`` are of this shape.
-    spread : float or ndarray, shape (n_components + 1,)
-        Prior standard deviation of the logits, and of the slopes.
-    strength : float
-        Nats per test that a score improved by 100 % counts against the prior.
+    ``prior`` is the mean of the logits where all spreads are equal, and of their slopes, shape (n_components,
+    n_components + 1), as of the fitted ``logits_``; ``spread`` their standard deviation; ``strength`` the nats per test
+    that a score improved by 100 % counts against the prior.
     """
 
     def __init__(

@@ -100,16 +100,10 @@ class PretrainedNetwork(nn.Module):
             nn.init.zeros_(head.bias)
 
     def forward(self, measured_mps2: Tensor, cae_mps2: Tensor, conditions: Tensor, known: Tensor) -> Forecast:
-        """Predict every pulse that is not known from those that are.
+        """Predict every pulse that is not known from those that are, at least one of each campaign.
 
-        Parameters
-        ----------
-        measured_mps2, cae_mps2 : Tensor, shape (n_campaigns, n_pulses, 125)
-            Tests, of which only known ones are read, and the CAE model at their conditions: every tenth sample.
-        conditions : Tensor, shape (n_campaigns, n_pulses, 3)
-            Impact speed in m/s, front and rear weight in kg.
-        known : bool Tensor, shape (n_campaigns, n_pulses)
-            Which tests are learned from, at least one of each campaign.
+        Pulses are every tenth sample, shape (n_campaigns, n_pulses, 125); conditions are impact speed in m/s, front and
+        rear weight in kg.
         """
         weight = known[..., None].to(conditions.dtype)
         mean_kg = (conditions[..., 1:] * weight).sum(1, keepdim=True) / weight.sum(1, keepdim=True)
@@ -215,7 +209,7 @@ class Pretrained(BandedApproach):
     name = "pretrained"
     label = "Pre-trained network"
     in_words = "the pre-trained network"
-    description = "a network that was trained once on simulated vehicles of many kinds and reads the tests of this one."
+    description = "a network, trained once on simulated vehicles, that reads the tests of this one."
     colour = "#8C564B"
     preference = 35
 

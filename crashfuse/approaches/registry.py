@@ -26,15 +26,6 @@ _ALL: tuple[type[Approach], ...] = (
 )
 
 
-def _with_networks() -> tuple[type[Approach], ...]:
-    """The classes behind the abstract bases above."""
-    from crashfuse.approaches.fused import Fused
-    from crashfuse.approaches.time_domain.approach import TimeDomain
-    from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-
-    return LfTcn, TimeDomain, Fused
-
-
 def _checked(name: str, loaded: object) -> type[Approach]:
     if not (isinstance(loaded, type) and issubclass(loaded, Approach)):
         raise ValueError("expected a subclass of crashfuse.approaches.base.Approach")
@@ -85,8 +76,12 @@ def require_approach(name: str) -> type[Approach]:
 def create(name: str, settings: Settings) -> Approach:
     """Create an unfitted approach; a UsageError if there is none that can be used."""
     approach = require_approach(name)
-    if isabstract(approach):
-        approach = next((network for network in _with_networks() if issubclass(network, approach)), approach)
+    if isabstract(approach):  # the class behind it
+        from crashfuse.approaches.fused import Fused
+        from crashfuse.approaches.time_domain.approach import TimeDomain
+        from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+
+        approach = next((network for network in (LfTcn, TimeDomain, Fused) if issubclass(network, approach)), approach)
     return approach.create(settings)
 
 

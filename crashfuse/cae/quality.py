@@ -14,17 +14,8 @@ _NAMED = 5  # runs in a sentence
 class QualityVerdict:
     """The CAE runs of a campaign, those left out included, judged by limits.
 
-    Parameters
+    Attributes
     ----------
-    limits : QualityLimits, optional
-        None if the campaign sets none; then no run passes or fails.
-    runs, passed, unknown : int
-        Numbers of runs judged, of those with every limited quantity recorded and within its limit, and of those with
-        nothing beyond a limit but something not recorded.
-    failing : tuple of str
-        Ids of the runs with a quantity beyond its limit.
-    left_out : bool
-        Whether the failing runs are left out of the campaign.
     table : DataFrame
         One row a quantity: quantity, limit, passed, failed, not_recorded, worst, worst_run (shares; without a limit
         passed and failed are 0).
@@ -32,12 +23,12 @@ class QualityVerdict:
         One row a failing run: id, the three shares, and what fails.
     """
 
-    limits: QualityLimits | None
+    limits: QualityLimits | None  # None if the campaign sets none; then no run passes or fails
     runs: int
-    passed: int
-    failing: tuple[str, ...]
-    unknown: int
-    left_out: bool
+    passed: int  # with every limited quantity recorded and within its limit
+    failing: tuple[str, ...]  # ids of the runs with a quantity beyond its limit
+    unknown: int  # with nothing beyond a limit but something not recorded
+    left_out: bool  # the failing runs are left out of the campaign
     table: pd.DataFrame
     failing_runs: pd.DataFrame
 

@@ -28,8 +28,8 @@ from crashfuse.readers.format import FORMATS
 from crashfuse.readers.isomme import Channel, read_isomme
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, doubt_of
-from crashfuse.signals.comparison_metrics import FURTHER_METRICS
 from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.metrics import FURTHER_METRICS
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import WEIGHTS, filter_class_text, rate_windows, rated_curves, rating_basis
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating

@@ -11,7 +11,6 @@ from crashfuse.certification.changes import Changes
 from crashfuse.certification.forecasts import quantity
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.condition import Condition
-from crashfuse.fact import Fact, by_importance
 from crashfuse.reporting.certification_tables import ANSWER_WORDS
 from crashfuse.reporting.evidence_facts import (
     change_facts,
@@ -23,7 +22,7 @@ from crashfuse.reporting.evidence_facts import (
     listed_conditions,
     record_facts,
 )
-from crashfuse.study.facts import campaign_facts, tuning_fact
+from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
 from crashfuse.wording import Sentence, joined, probability_text, read_out
 
@@ -306,7 +305,7 @@ def _not_used(certification: Certification) -> Iterator[Fact]:
     campaign, since = certification.campaign, certification.since
     removed = () if since is None else since.gone_runs
     planned, unused = dict(certification.matrix.items), dict(campaign.unused)
-    told = "{}: {} was run there{} and is left out of use ({})."
+    told = "{}: {} was run there{} and is left out of use ({}): the verdicts do not know it."
     for i, names in _unused_at(certification).items():
         for name in names:
             if name in unused and name not in {test.test for test in removed}:

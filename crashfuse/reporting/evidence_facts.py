@@ -8,10 +8,10 @@ from crashfuse.certification.changes import Changes, saved_and_missed
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import MOST_OF_A_TEST, TrackRecord, Trial, WrongShare, at_most
-from crashfuse.fact import Fact
 from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
 from crashfuse.reporting.provenance import certification_settings
+from crashfuse.study.facts import Fact
 from crashfuse.wording import Quantity, Sentence, joined, probability_text, speed, weight
 
 _NAMED = 20  # in a sentence

@@ -214,15 +214,9 @@ def pulse_metrics(
     Parameters
     ----------
     accel_mps2 : ndarray, shape (n,)
-        Signed acceleration in m/s², the first sample at contact.
-    speed_mps : float
-        Impact speed in m/s.
-    dt_s : float
-        Time step in s.
+        Signed acceleration, the first sample at contact.
     draws_mps2 : ndarray, shape (n_draws, n), optional
         Equally likely whole pulses.
-    occupant : OccupantModel
-        Distances of the OLC, slack and spring of the VPI.
 
     Raises
     ------
@@ -248,12 +242,10 @@ def pulse_metrics(
 
     If the record ends too early the value is None. A draw that ends too early is not left out, as that would overstate
     certainty. One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far;
-    one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean.
-    One whose occupant is still moving forward counts as smaller in olc, as the same loss of speed takes longer, unless
-    the vehicle moves freely by then (:func:`crashfuse.signals.pulse_shape.moves_freely`): it goes on at its last
-    velocity, which tells olc all the same.
-    One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
-    more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
+    one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean. One whose
+    occupant is still moving forward counts as smaller in olc, unless the vehicle moves freely by then
+    (:func:`crashfuse.signals.pulse_shape.moves_freely`). One whose vpi has yet to peak counts as smaller at the lower
+    end and as larger at the upper. An end is thus None if more than one draw in forty is missing there.
     """
     accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, dt_s, draws_mps2)
     require_a(OccupantModel, occupant, "crashfuse.OccupantModel()")
@@ -290,6 +282,34 @@ def _interval(values: FloatArray) -> tuple[float | None, float | None]:
 def _finite(value: npt.ArrayLike) -> float | None:
     number = float(np.asarray(value))
     return number if math.isfinite(number) else None
+
+
+def sprague_geers(reference: FloatArray, comparison: FloatArray) -> dict[str, float]:
+    """Errors of magnitude and phase, each blind to the other, and both together (Geers 1984; Sprague and Geers 2003).
+
+    The magnitude's is relative, positive where the comparison is the stronger; that of the phase is 0 to 1, as a share
+    of half a period, NaN of a comparison that is zero throughout. 0 is a perfect match; neither is a grade.
+    """
+    of_reference, of_comparison, of_both = (
+        float(np.trapezoid(product)) for product in (reference**2, comparison**2, reference * comparison)
+    )
+    magnitude, phase = float(np.sqrt(of_comparison / of_reference)) - 1, math.nan
+    if of_comparison:
+        phase = float(np.arccos(np.clip(of_both / np.sqrt(of_reference * of_comparison), -1, 1)) / np.pi)
+    return {"sg_magnitude": magnitude, "sg_phase": phase, "sg_comprehensive": float(np.hypot(magnitude, phase))}
+
+
+def residual_anova(reference: FloatArray, comparison: FloatArray) -> dict[str, float]:
+    """Mean and standard deviation of the differences, as shares of the largest value of the reference (Ray 1996)."""
+    residuals = (comparison - reference) / np.abs(reference).max()
+    return {"anova_mean": float(residuals.mean()), "anova_deviation": float(residuals.std(ddof=1))}
+
+
+FURTHER_METRICS: Mapping[str, Callable[[FloatArray, FloatArray], dict[str, float]]] = {
+    "sprague-geers": sprague_geers,
+    "anova": residual_anova,
+}
+"""Of two curves as they are, by the names that ``crashfuse rate --also`` knows; each gives columns."""
 
 
 def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:

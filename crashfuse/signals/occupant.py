@@ -17,23 +17,13 @@ from crashfuse.signals.pulse import FloatArray
 class OccupantModel:
     """Distances of the OLC, slack and spring of the VPI; those of their definitions unless given.
 
-    Parameters
-    ----------
-    olc_free_flight_mm, olc_restraint_mm : float
-        How far the occupant moves within the vehicle before the restraint takes hold, and while it slows him down.
-    vpi_slack_mm, vpi_stiffness_npm : float
-        Slack of the spring, and its stiffness in N/m for a mass of 1 kg.
-
-    Raises
-    ------
-    UsageError
-        If one is outside of :data:`OCCUPANT_RANGES`, or a length is in m.
+    A UsageError if one is outside of :data:`OCCUPANT_RANGES`, or a length is in m.
     """
 
-    olc_free_flight_mm: float = 65.0
-    olc_restraint_mm: float = 235.0
+    olc_free_flight_mm: float = 65.0  # how far the occupant moves within the vehicle before the restraint takes hold
+    olc_restraint_mm: float = 235.0  # and while it slows him down
     vpi_slack_mm: float = 30.0
-    vpi_stiffness_npm: float = 2500.0
+    vpi_stiffness_npm: float = 2500.0  # of the spring, for a mass of 1 kg
 
     def __post_init__(self) -> None:
         for name, (low, high) in OCCUPANT_RANGES.items():
@@ -94,21 +84,10 @@ def occupant_load_criterion(
     - v0·t1 − s(t1) = 65 mm,
     - (v0 + v(t2))/2·(t2 − t1) − (s(t2) − s(t1)) = 235 mm, as the occupant slows evenly from v0 to v(t2),
 
-    and OLC = (v0 − v(t2))/(t2 − t1). A vehicle that brakes at a constant rate a has OLC = a·300/235. An occupant model
-    with other distances takes the place of 65 and 235 mm.
-
-    Parameters
-    ----------
-    velocity_mps, displacement_m : ndarray, shape (..., n)
-        Motion of the vehicle, the first sample at contact.
-    free : ndarray of bool, shape (...)
-        Whether the vehicle moves freely when the record ends: it then goes on at its last velocity.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        In m/s², positive; NaN where the record ends before t2, unless the vehicle is free, or before t1, and where a
-        free vehicle leaves no slower than it came.
+    and OLC = (v0 − v(t2))/(t2 − t1) in m/s². A vehicle that brakes at a constant rate a has OLC = a·300/235. An
+    occupant model with other distances takes the place of 65 and 235 mm. A vehicle that moves freely (``free``) when
+    the record ends goes on at its last velocity. NaN where the record ends before t1, or before t2 of one that does
+    not, and where a free vehicle leaves no slower than it came.
 
     References
     ----------

@@ -34,18 +34,9 @@ _LEAST_BRAKING = 0.5  # share of the mean deceleration so far: cut anywhere, no 
 
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """Vehicle X acceleration against time, evenly sampled.
+    """Vehicle X acceleration, signed, against time, which increases in even steps; shape (n,).
 
-    Parameters
-    ----------
-    time_s, accel_mps2 : ndarray, shape (n,)
-        Time in s, strictly increasing in even steps, and signed acceleration in m/s².
-
-    Raises
-    ------
-    DataError
-        If the two differ in length, have fewer than two samples or a NaN, time steps are not even, or the time can only
-        be in ms.
+    A DataError if the two differ in length, have fewer than two samples or a NaN, or the time can only be in ms.
     """
 
     time_s: FloatArray
@@ -53,8 +44,7 @@ class Pulse:
 
     def __post_init__(self) -> None:
         time, accel = numbers("time_s", self.time_s), numbers("accel_mps2", self.accel_mps2)
-        found = _trouble(time, accel)
-        if found:
+        if found := _trouble(time, accel):
             raise DataError(Problem("pulse", "evenly sampled, finite numbers", found, "mend the record"))
         require_step(float(time[1] - time[0]), time.size)
         for name, values in (("time_s", time), ("accel_mps2", accel)):
@@ -141,8 +131,7 @@ class Kinematics:
 def kinematics(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: float) -> Kinematics:
     """Integrate acceleration twice by the trapezoidal rule (Eqs. 11 and 13, second order instead of first).
 
-    The rule conserves energy exactly: the sum of mean acceleration times step in displacement is the change of v²/2.
-    Time is the last axis; the impact speed may differ along the others.
+    The rule conserves energy exactly. Time is the last axis; the impact speed may differ along the others.
     """
     velocity, displacement = motion(accel_mps2, speed_mps, dt_s)
     return Kinematics(accel_mps2, velocity, displacement, zero_velocity_time(velocity, dt_s), dt_s)

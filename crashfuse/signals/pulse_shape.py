@@ -118,10 +118,7 @@ def restitution(motion: Kinematics) -> FloatArray:
 
 
 def static_crush(motion: Kinematics) -> FloatArray:
-    """Displacement when the vehicle leaves the barrier: the crush that remains.
-
-    Minus infinity if the record ends before, as the vehicle still moves back then.
-    """
+    """Displacement when the vehicle leaves the barrier: the crush that remains; minus infinity beyond the record."""
     left, at = _separation(motion)
     crush = np.take_along_axis(motion.displacement_m, at[..., None], axis=-1)[..., 0]
     return np.where(left, crush, np.where(motion.t0_s <= motion.end_s, -np.inf, np.nan))

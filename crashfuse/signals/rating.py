@@ -107,9 +107,8 @@ def rate_iso18571(
 
     Notes
     -----
-    A flat comparison has no correlation, so no shift is better than none: phase is 1, and the other scores show the
-    mismatch. If several shifts correlate equally well the smallest wins, left before right; "equally" means to
-    the last bit of NumPy's ``corrcoef``, as in other public implementations.
+    A flat comparison has no correlation, so no shift is better than none: phase is 1. If several shifts correlate
+    equally well, to the last bit of NumPy's ``corrcoef``, the smallest wins, left before right.
     """
     t, c = curves_at_10_khz(reference, comparison, dt_s, window_ms)
     return rate_many(t, c[None], dt_s=RATING_DT_S)[0]
@@ -242,8 +241,7 @@ def overlap(reference: FloatArray, comparisons: FloatArray, shift: int) -> tuple
 def best_shifts(reference: FloatArray, comparisons: FloatArray) -> npt.NDArray[np.int_]:
     """Each curve's shift of best correlation, shape (n_curves,): the first of equals, 0 first, then 1, −1, 2, −2, ….
 
-    All correlations come from one Fourier transform, with a bound of their rounding errors; the few shifts that these
-    errors leave undecided are recomputed by the formula of the standard.
+    All come from one Fourier transform; the few that its rounding errors leave undecided, from the standard's formula.
     """
     largest = math.floor(MAX_SHIFT * reference.size)
     shifts = np.array([0, *(side * m for m in range(1, largest + 1) for side in (1, -1))])
@@ -332,9 +330,9 @@ def warping_paths(comparisons: FloatArray, reference: FloatArray, *, band: float
 def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> FloatArray:
     """Least sum of squared differences from (0, 0) to each cell (i, j) of the band |i − j| ≤ r, i counting C, j T.
 
-    The cells of one anti-diagonal depend only on the two before it, so each is one step for all cells and curves. Row i
-    + j + 1 holds a diagonal, column k of it the cell i − j = 2 (k − h), one less where i + j is odd; what lies outside
-    the band or the curves is infinite, and so is row 0. Shape (2 L, 2 h + 2, n_curves).
+    The cells of one anti-diagonal depend only on the two before it. Row i + j + 1 holds a diagonal, column k of it the
+    cell i − j = 2 (k − h), one less where i + j is odd; what lies outside, and row 0, is infinite. Shape (2 L, 2 h + 2,
+    n_curves).
     """
     length, n_curves = reference.size, len(comparisons)
     r = math.ceil(band * length) - 1

@@ -48,36 +48,27 @@ class Compared:
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """A stretch of time outside the inner corridor, and what it costs of the overall rating.
-
-    ``difference_mps2`` is comparison minus reference where they are farthest apart.
-    """
+    """A stretch of time outside the inner corridor, and what it costs of the overall rating."""
 
     begin_s: float
     end_s: float
-    difference_mps2: float
+    difference_mps2: float  # comparison minus reference where they are farthest apart
     beyond_outer: bool
     loss: float
 
 
 @dataclass(frozen=True, slots=True)
 class RatedHump:
-    """A hump of the reference, and what happens to each score while it lasts.
-
-    ``counterpart_s`` is the peak of the same hump in the comparison, as it stands, None if there is none;
-    ``shift_gain`` what the shift gains here of the correlation. ``magnitude_share`` and ``slope_share`` are the shares
-    of the errors of these scores that arise here, ``difference_mps2`` the mean of comparison minus reference here,
-    shifted and warped, negative where it is nearer to zero.
-    """
+    """A hump of the reference, and what happens to each score while it lasts."""
 
     begin_s: float
     peak_s: float
     end_s: float
-    counterpart_s: float | None
-    shift_gain: float
-    magnitude_share: float
+    counterpart_s: float | None  # the peak of the same hump in the comparison, as it stands
+    shift_gain: float  # of the correlation
+    magnitude_share: float  # of the errors of this score
     slope_share: float
-    difference_mps2: float
+    difference_mps2: float  # mean of comparison minus reference, shifted and warped; negative where nearer to zero
 
     @property
     def late_s(self) -> float | None:
@@ -87,39 +78,20 @@ class RatedHump:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RatingExplanation:
-    """A rating with what it is made of.
-
-    Attributes
-    ----------
-    window_ms : float
-        Rated is [0, window_ms).
-    compared : Compared
-        Both curves as they stand, as the corridor score compares them.
-    inner_mps2, outer_mps2 : float
-        Half widths of the corridors.
-    excursions, humps : tuple
-        In order of time, humps of the reference.
-    shift_s : float
-        How late the comparison comes by the shift of best correlation; negative if it comes early.
-    at_limit : bool
-        Whether no larger shift is tried.
-    shifted, warped, slopes : Compared
-        The curves shifted; shifted and warped, as the magnitude score compares them, one value for each step of the
-        path; and the slopes of those shifted.
-    """
+    """A rating with what it is made of."""
 
     rating: Rating
     window_ms: float
-    compared: Compared
-    inner_mps2: float
+    compared: Compared  # both curves as they stand, as the corridor score compares them
+    inner_mps2: float  # half widths of the corridors
     outer_mps2: float
     excursions: tuple[Excursion, ...]
-    shift_s: float
-    at_limit: bool
+    shift_s: float  # how late the comparison comes by the shift of best correlation; negative if it comes early
+    at_limit: bool  # no larger shift is tried
     shifted: Compared
-    warped: Compared
-    slopes: Compared
-    humps: tuple[RatedHump, ...]
+    warped: Compared  # and shifted, as the magnitude score compares them, one value for each step of the path
+    slopes: Compared  # of those shifted
+    humps: tuple[RatedHump, ...]  # of the reference, in order of time
 
     def __repr__(self) -> str:
         lost = ", ".join(f"{part} {loss:.3f}" for part, loss in self.losses.items())
@@ -143,11 +115,7 @@ def explain_rating(
     *,
     dt_s: float | None = None,
 ) -> RatingExplanation:
-    """Rate two curves and keep what the rating is made of.
-
-    Parameters and errors are those of :func:`crashfuse.signals.rating.rate_iso18571`. The sizes of an explanation are
-    in the curves' unit.
-    """
+    """Rate two curves as :func:`crashfuse.signals.rating.rate_iso18571` does, and keep what the rating is made of."""
     t, c = curves_at_10_khz(reference, comparison, dt_s, window_ms)
     rating = rate_iso18571(t, c, dt_s=RATING_DT_S)
     time_s = np.arange(t.size) * RATING_DT_S

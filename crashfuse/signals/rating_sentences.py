@@ -22,7 +22,8 @@ def rating_sentences(explanation: RatingExplanation, comparison: str = "predicti
     reasons = {name: reason_of(explanation, comparison) for name, reason_of in _REASONS.items()}
     overall = rating_headline(explanation)
     if 1 - rating.overall >= _NOTHING:
-        overall = Sentence("{} {}.", overall, _capital(reasons[explanation.costliest]))
+        reason = reasons[explanation.costliest]
+        overall = Sentence(f"{{}} {reason.template[0].upper()}{reason.template[1:]}.", overall, *reason.values)
     parts = {
         name: Sentence("{}: {}.", f"{name.capitalize()} {getattr(rating, name):.2f} (costs {losses[name]:.3f})", reason)
         for name, reason in reasons.items()
@@ -57,18 +58,19 @@ def _corridor(explanation: RatingExplanation, comparison: str) -> Sentence:
 def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
     humps, shift_s = explanation.humps, explanation.shift_s
     displaced = [hump for hump in humps if hump.late_s is not None and abs(hump.late_s) > _IN_PLACE_S]
-    farthest = max(displaced, key=lambda hump: abs(hump.late_s or 0.0), default=None)
+    farthest, out_of_place = max(displaced, key=lambda hump: abs(hump.late_s or 0.0), default=None), ""
+    if farthest is not None and (late_s := farthest.late_s):
+        late = f"{_ms(abs(late_s))} ms {'late' if late_s > 0 else 'early'} in the {comparison}"
+        out_of_place = f"; farthest out of place is the {_nth(explanation, farthest)} hump, {late}"
     if shift_s == 0:
-        text = f"no shift of the {comparison} correlates better with the test"
-        return Sentence(text if farthest is None else f"{text}; {_displaced(explanation, farthest, comparison)}")
+        return Sentence(f"no shift of the {comparison} correlates better with the test{out_of_place}")
     way = f"{_ms(abs(shift_s))} ms {'earlier' if shift_s > 0 else 'later'}"
     limit = ", the largest shift that is tried" if explanation.at_limit else ""
     text = f"the {comparison} correlates best with the test when moved {way}{limit}"
-    if not humps:
-        return Sentence(text)
-    decisive = max(humps, key=lambda hump: hump.shift_gain)
-    text += f"; that gains most at the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms)"
-    return Sentence(text if farthest is None else f"{text}; {_displaced(explanation, farthest, comparison)}")
+    if humps:
+        decisive = max(humps, key=lambda hump: hump.shift_gain)
+        text += f"; that gains most at the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms)"
+    return Sentence(text + out_of_place)
 
 
 def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
@@ -97,15 +99,6 @@ def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
 _REASONS = {"corridor": _corridor, "phase": _phase, "magnitude": _magnitude, "slope": _slope}
 
 
-def _displaced(explanation: RatingExplanation, hump: RatedHump, comparison: str) -> str:
-    return f"farthest out of place is the {_nth(explanation, hump)} hump, {_lateness(hump)} in the {comparison}"
-
-
-def _lateness(hump: RatedHump) -> str:
-    late_s = hump.late_s or 0.0
-    return f"{_ms(abs(late_s))} ms {'late' if late_s > 0 else 'early'}"
-
-
 def _nth(explanation: RatingExplanation, hump: RatedHump) -> str:
     place = explanation.humps.index(hump)
     return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 1}th"
@@ -121,10 +114,6 @@ def _side(difference: float) -> str:
 
 def _ms(time_s: float) -> str:
     return f"{time_s / MS:.1f}"
-
-
-def _capital(reason: Sentence) -> Sentence:
-    return Sentence(reason.template[0].upper() + reason.template[1:], *reason.values)
 
 
 def rating_range(lower: float, upper: float) -> str:

@@ -43,25 +43,20 @@ _LEAP = 4.0  # the same within 0.3 ms
 _SPIKE, _SPIKE_S, _SPIKE_MPS2 = 4.0, 1.8e-3, 8 * G
 _BUMP, _BUMP_S = 4.5, 3.1e-3
 _AROUND_S = 30e-3
-_BEYOND_S = 1e-3
+_BEYOND_S, _EDGE_S = 1e-3, 4e-3
 _CUT, _ODD = 1.3, 1.5  # of the level, and of the difference elsewhere; sound, with a flat top: 1.24 and 3.1
 _NOISE, _NOISE_MPS2, _BLOCK_S, _STEADY = 2.2, 0.8 * G, 10e-3, 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class SensorFault:
-    """What happened to a sensor, from when to when, and its size.
-
-    ``size_mps2`` is the signed level of what is saturated or held, the level around what is lost, the signed height of
-    a spike, or the root mean square of noise. From a ``strength`` of 1 on, the record alone shows it; from
-    :data:`LIKELY` on it is one if other records do not show it.
-    """
+    """What happened to a sensor, from when to when, and its size."""
 
     kind: Kind
     start_s: float
     end_s: float
-    size_mps2: float
-    strength: float
+    size_mps2: float  # signed level, that around what is lost, signed height of a spike, or root mean square of noise
+    strength: float  # from 1 on, the record alone shows it; from LIKELY on it is one if other records do not show it
 
     @property
     def text(self) -> str:
@@ -94,10 +89,7 @@ class _Signal(NamedTuple):
 
 
 def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFault, ...]:
-    """What looks like a fault of the sensor in a record at its own rate, raw or filtered, in the order of time.
-
-    Both arrays have shape (n,), evenly sampled and finite; the record may begin before contact.
-    """
+    """What looks like a fault of the sensor in a record at its own rate, raw or filtered, in the order of time."""
     step_s = float((time_s[-1] - time_s[0]) / (time_s.size - 1))
     if time_s.size * step_s < _PADDING_S or 1 / step_s < 10 * _CFC:
         return ()
@@ -112,7 +104,8 @@ def sensor_faults(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[SensorFau
         _flat_top(band), _left_at_once(raw), _held(band), _noise(raw, accel_mps2 - smooth),
     ):  # fmt: skip
         for one in candidates:
-            if one.strength >= LIKELY and not any(_overlap(one, other) for other in found):
+            apart = (one.start_s >= other.end_s + _EDGE_S or other.start_s >= one.end_s + _EDGE_S for other in found)
+            if one.strength >= LIKELY and all(apart):  # edges of one are no other
                 found.append(one)
     return tuple(sorted(found, key=lambda one: one.start_s))
 
@@ -135,11 +128,6 @@ def confirmed(
     return tuple(
         replace(fault, strength=max(fault.strength, 1.0)) for fault in faults if fault.strength >= 1 or is_odd(fault)
     )
-
-
-def _overlap(one: SensorFault, other: SensorFault) -> bool:
-    margin = 4 * MS  # edges of one are no other
-    return one.start_s < other.end_s + margin and other.start_s < one.end_s + margin
 
 
 def _signal(time_s: FloatArray, accel: FloatArray, step_s: float, smooth: FloatArray) -> _Signal | None:

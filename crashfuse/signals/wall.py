@@ -60,7 +60,10 @@ class Wall:
         peak = int(self.force_n.argmax())
         calm = self.time_s[:peak][self.force_n[:peak] < _LOADED * self.force_n[peak]]
         begins_s = float(calm[-1]) if calm.size else float(self.time_s[0])
-        return Witness(impulse, change, begins_s, _lag_s(force, -accel_mps2))
+        n = 2 * force.size
+        alike = np.fft.irfft(np.fft.rfft(-accel_mps2, n) * np.conj(np.fft.rfft(force, n)), n)
+        most = int(alike.argmax())
+        return Witness(impulse, change, begins_s, (most if most < force.size else most - n) * DT_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,11 +97,3 @@ class Witness:
             late = f"{abs(self.lag_s) / MS:.1f} ms {'behind' if self.lag_s > 0 else 'ahead of'}"
             rows.append(f"its deceleration is {late} the barrier's force; check the trigger of its sensor")
         return rows
-
-
-def _lag_s(force: FloatArray, braking: FloatArray) -> float:
-    """By how much one signal follows another, where they are most alike."""
-    n = 2 * force.size
-    alike = np.fft.irfft(np.fft.rfft(braking, n) * np.conj(np.fft.rfft(force, n)), n)
-    most = int(alike.argmax())
-    return (most if most < force.size else most - n) * DT_S

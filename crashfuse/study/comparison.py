@@ -33,9 +33,8 @@ class StudyComparison:
         is_named = first.campaign == second.campaign or first.fingerprint == second.fingerprint
         if not (is_named or any(_alike(first, second).values())):
             raise UsageError(
-                f"{first.campaign} and {second.campaign} are not known to be one vehicle (the raw CAE model is rated "
-                "equally in no common test), so nothing is compared. Choose two studies of one campaign, or of a "
-                "changed copy of it."
+                f"{first.campaign} and {second.campaign} are not known to be one vehicle: the raw CAE model is rated "
+                "equally in no common test. Choose two studies of one campaign, or of a changed copy of it."
             )
 
     @cached_property

@@ -37,11 +37,6 @@ class StudyConfig:
         measures extrapolation to a new speed. "both" runs both studies. Hyphens count as spaces.
     device : {"auto", "cpu", "cuda"}
         Device for training networks; results of different devices differ in their last digits.
-
-    Raises
-    ------
-    UsageError
-        If there is no such approach, preset, device or way to leave tests out, or a seed or window is impossible.
     """
 
     approaches: tuple[str, ...] = APPROACHES
@@ -126,11 +121,7 @@ def require_rated(what: str, window_ms: float, known: Sequence[float]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class StudyPlan:
-    """Which tests of a campaign to leave out in turn (empty: all), and how; checked, so any plan can be run.
-
-    A UsageError if a name, a window or the number of tests makes the study impossible, a DataError if a held-out test
-    cannot be rated over a window.
-    """
+    """Which tests of a campaign to leave out in turn (empty: all), and how; checked, so any plan can be run."""
 
     campaign: Campaign
     config: StudyConfig = StudyConfig()
@@ -174,10 +165,7 @@ def check_window(test: CrashTest, window_ms: float) -> None:
 
 
 def telling_test(campaign: Campaign) -> CrashTest:
-    """The test to leave out first: the nearest to the middle of the speeds with slower and faster tests beside it.
-
-    Tests of its speed group are no neighbours. Where no test lies between others, the one nearest to the middle.
-    """
+    """The test to leave out first: the nearest to the middle of the speeds, with slower and faster ones if any has."""
     speeds = np.array([test.condition.speed_mps for test in campaign.tests])
     middle = (speeds.min() + speeds.max()) / 2
 

@@ -47,22 +47,14 @@ _LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An approach's prediction at one condition, with its fit results and the duration of both.
-
-    Attributes
-    ----------
-    left_out_mps2 : mapping of str to ndarray, shape (1250,)
-        Prediction for each test that it learned from, left out; empty if unknown.
-    agreements : mapping of str to float
-        How well the draws of each of these agree with it: :func:`crashfuse.study.rating_distribution.agreement`.
-    """
+    """An approach's prediction at one condition, with its fit results and the duration of both."""
 
     approach: str
     prediction: Prediction
     state: dict[str, object]  # fit results as plain JSON values
     seconds: float
-    left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
-    agreements: Mapping[str, float] = field(default_factory=dict)
+    left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)  # of each test learned from, (1250,)
+    agreements: Mapping[str, float] = field(default_factory=dict)  # of the draws of each with it
     metric_errors: Errors = field(default_factory=dict)  # of these predictions
     occupant: OccupantModel = USUAL_OCCUPANT
 
@@ -112,15 +104,7 @@ class Fit:
         cache: Cache | None = None,
         watch: Watch = SILENT,
     ) -> Self:
-        """Fit an approach to the whole campaign as given, or load that fit from the cache.
-
-        Raises
-        ------
-        UsageError
-            If there is no such approach, preset or device, or not enough to learn from.
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Fit an approach to the whole campaign as given, or load that fit; a UsageError if there is too little."""
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
         require_a(StudyConfig, config, "crashfuse.StudyConfig()")
         cache = cache or Cache()
@@ -182,8 +166,7 @@ def is_beyond(condition: Condition) -> bool:
 def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     """Predictions of several approaches, fitted to one campaign, at a condition, with numbers rounded as for storage.
 
-    Predictions that a mixture shares with other approaches are computed once, those that need no networks while
-    networks predict. A UsageError if the speed or a weight is not above 0, or beyond any barrier test.
+    A UsageError if the speed or a weight is not above 0, or beyond any barrier test.
     """
     require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):

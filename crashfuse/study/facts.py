@@ -1,6 +1,7 @@
-"""What has to be known of a campaign, and of a condition in it, wherever results of it are shown."""
+"""Facts that whoever reads a result has to know, of a campaign and of a condition: found once, shown wherever it is."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
 from crashfuse.approaches.neighbours import doubtful_tests
@@ -8,11 +9,44 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.condition import ABOUT, Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.fact import Fact, by_importance
 from crashfuse.signals.metrics import checked_metrics
 from crashfuse.study.outliers import Departure, departures, departures_near
 from crashfuse.units import G
 from crashfuse.wording import Sentence, acceleration, joined, read_out
+
+IMPORTANCE = (
+    "test.stands_apart",
+    "test.in_doubt",
+    "test.beyond_window",
+    "tests.cae_tuned",
+    "condition.extrapolated",
+    "cae.ended_otherwise",
+    "cae.runs_fail",
+    "tests.left_out_of_use",
+    "campaign.warning",
+    "campaign.notice",
+)
+"""Codes of facts, the most important one first: the order in which pages, reports and files have them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """A fact with its sentence, and the values that it rests on."""
+
+    code: str  # one of IMPORTANCE, or of the catalogue of a kind of result
+    sentence: str  # with its subject, its size and what to do
+    label: str  # in two or three words, for a badge
+    values: Mapping[str, object] = field(default_factory=dict)  # as JSON has them; units end the names
+
+    @property
+    def record(self) -> dict[str, object]:
+        """The fact as JSON values."""
+        return {"code": self.code, **self.values, "sentence": str(self.sentence)}
+
+
+def by_importance(facts: Iterable[Fact], order: Sequence[str] = IMPORTANCE) -> tuple[Fact, ...]:
+    """Facts in the order of their codes; of one code, as they come."""
+    return tuple(sorted(facts, key=lambda fact: order.index(fact.code)))
 
 
 def campaign_facts(campaign: Campaign) -> tuple[Fact, ...]:

@@ -50,14 +50,10 @@ class PastResult:
     basis: str  # what its ratings rest on
     approach: str  # the recommended one
     date: str  # UTC
-    ratings: Ratings = field(default_factory=dict)
-    """Of a study, by each test left out alone or, if only that was asked for, with its speed group."""
-    speed_groups: Ratings = field(default_factory=dict)
-    """With whole speed groups left out, if both were asked for."""
-    condition: Condition | None = None
-    """Of a prediction."""
-    expected: str = ""
-    """Rating to expect of a prediction: ``0.78 to 0.93``; or empty."""
+    ratings: Ratings = field(default_factory=dict)  # of a study
+    speed_groups: Ratings = field(default_factory=dict)  # with whole speed groups left out, if both were asked for
+    condition: Condition | None = None  # of a prediction
+    expected: str = ""  # rating to expect of a prediction: "0.78 to 0.93"
     note: str = ""
 
     @classmethod

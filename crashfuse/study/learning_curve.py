@@ -1,11 +1,8 @@
 """Learning curve: how well tests are predicted from fewer of the others.
 
 Parts of the tests, evenly spaced over speed or at random, take the place of the campaign in turn; all other tests are
-predicted from each and rated. The largest parts leave out one test each: these predictions are shared with a study.
-
-Sorted by speed, an even choice of k of n tests takes one test of each kth part of the list (systematic sampling). The
-place within the parts moves from choice to choice, in as many steps as it takes for each test to be left out at least
-once.
+predicted from each and rated. Sorted by speed, an even choice of k of n tests takes one test of each kth part of the
+list (systematic sampling), at places that move until each test was left out at least once.
 """
 
 import json
@@ -108,8 +105,6 @@ class LearningCurve:
         were learned from, separated by spaces), choice (``even`` or ``random``), held_out, approach, window_ms,
         overall (ISO/TS 18571 rating), inside (share of a(t) over the window inside the 95 % band), half_width_g
         (half the mean width of that band in g; both NaN without a band) and basis (what the rating rests on).
-    repeats : int
-        Random choices of each number of tests.
     forecasts : tuple of dict
         For each row, the calibrated distributions of all metrics for the held-out test, by name; None where unknown.
     """
@@ -139,8 +134,7 @@ class LearningCurve:
     def by_test(self, approach: str) -> pd.DataFrame:
         """Ratings over the longest window: one row for each held-out test, one column for each number of tests.
 
-        Each is a mean over the even choices that leave the test out. So means over the rows count every test once, and
-        differences between columns compare the same tests. A UsageError if the curve is not of this approach.
+        Each is a mean over the even choices that leave the test out.
         """
         one_of("approach of this learning curve", approach, dict.fromkeys(self.config.approaches))
         table = self.table
@@ -148,10 +142,7 @@ class LearningCurve:
         return table[rows].pivot_table(index="held_out", columns="n_tests", values="overall")
 
     def decided(self, criteria: "views.CriteriaGiven") -> "LearningCurve":
-        """The same curve with the share of verdicts that each prediction decides, as ``crashfuse learning-curve`` adds.
-
-        ``criteria`` are as in :func:`crashfuse.reporting.verdicts.certify`.
-        """
+        """The same curve with the share of verdicts that each prediction decides under such criteria."""
         return views.with_decided(self, views.criteria_given(criteria))
 
     def plot(self, **display: "Unpack[views.DisplayOptions]") -> "go.Figure":
@@ -160,15 +151,7 @@ class LearningCurve:
         return views.over_number_of_tests(self.over(shown.window_ms), shown)
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[views.DisplayOptions]") -> None:
-        """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        UsageError
-            If the cost is none.
-        """
+        """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
         price = None if cost is None else views.Cost.of(cost)
         views.write_result("learning curve", folder, self, price, views.Display.of(self.campaign.units, **display))
 

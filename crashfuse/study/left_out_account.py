@@ -30,21 +30,14 @@ class Account:
 
     test: CrashTest
     approach: str
-    rating: float
-    """Overall, over [0, window_ms)."""
+    rating: float  # overall, over [0, window_ms)
     window_ms: float
     expected: ExpectedRating | None
-    """Before the test was known; None if that was not asked."""
-    neighbours: int
-    """Number of other tests at about its speed."""
-    departure: Departure | None
-    """From the neighbours, if they are enough to tell."""
-    without_neighbours: float | None
-    """The rating of the same approach if these are left out as well, where it is known."""
-    inside: float | None
-    """Share of a(t) up to the time of zero velocity inside the 95 % band, if there is one."""
-    with_group: bool
-    """Whether the neighbours were left out with it."""
+    neighbours: int  # number of other tests at about its speed
+    departure: Departure | None  # from the neighbours, if they are enough to tell
+    without_neighbours: float | None  # the rating of the same approach if these are left out as well, where it is known
+    inside: float | None  # share of a(t) up to the time of zero velocity inside the 95 % band, if there is one
+    with_group: bool  # the neighbours were left out with it
 
     def __repr__(self) -> str:
         return f"<Account of {self.test.id}: {self.outcome}>"
@@ -135,17 +128,7 @@ def account(
 def worst_test(
     study: Study, window_ms: float | None = None, *, approach: str | None = None, cache: Cache | None = None
 ) -> Account:
-    """Account of the test that an approach predicted worst.
-
-    Parameters
-    ----------
-    window_ms : float, optional
-        The rating is over [0, window_ms); by default the longest window of the study.
-    approach : str, optional
-        By default the one that the study recommends for the campaign.
-    cache : Cache, optional
-        Where the CAE model and, if it was ever made, the prediction without the neighbours are found.
-    """
+    """Account of the test that an approach, by default the recommended one, predicted worst over a window."""
     require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms
     approach = recommend(study).approach if approach is None else approach

@@ -1,9 +1,8 @@
 """Next test: where one more test would shrink the displacement domain's band most, over a range of conditions.
 
-The bias is a Gaussian process, whose variance depends on where tests were run and not on their results: how much a test
-would shrink the band is known before it is run. This is the sequential design of Sacks et al., Statistical Science 4
-(1989), or Cohn, Neural Networks 9 (1996), but with the mean standard deviation, which is what an engineer sees, instead
-of the mean variance, which a few wide spots dominate.
+The bias is a Gaussian process, whose variance depends on where tests were run and not on their results. This is the
+sequential design of Sacks et al., Statistical Science 4 (1989), or Cohn, Neural Networks 9 (1996), but with the mean
+standard deviation instead of the mean variance, which a few wide spots dominate.
 """
 
 from collections import Counter
@@ -27,10 +26,7 @@ _N_TARGETS = 48
 
 @dataclass(frozen=True, slots=True)
 class ConditionRange:
-    """The range of speeds and weights of interest, for one combination of factors; equal limits keep a value fixed.
-
-    A UsageError if a value is not above 0, a low one is above the high one, or the factors differ.
-    """
+    """The range of speeds and weights of interest, for one combination of factors; equal limits keep a value fixed."""
 
     low: Condition
     high: Condition
@@ -100,10 +96,9 @@ def rank_next_tests(
 ) -> tuple[NextTest, ...]:
     """Rank conditions by how much a test there would shrink the band over a range, the largest gain first.
 
-    The band is that of a new test's bias, including its specific deviation and stop. It is averaged over conditions
-    spread over the range and, for each, over displacement up to the crush of its CAE pulse. A candidate is assumed to
-    crush like its CAE pulse, and to scatter as tests do. Hyperparameters stay those of the tests that were run;
-    Student's t gets narrower too. Other contributions to the band (rebound, emulator) are left out.
+    The band is that of a new test's bias, averaged over conditions spread over the range and, for each, over
+    displacement up to the crush of its CAE pulse. A candidate is assumed to crush like its CAE pulse, and to scatter
+    as tests do. Hyperparameters stay; Student's t gets narrower too. Rebound and emulator are left out.
 
     Parameters
     ----------

@@ -5,8 +5,7 @@ Gains compare the same held-out tests. Beyond the campaign, the mean rating with
     rating(n) = limit - a n^-b,  b = 1,
 
 fitted to the curve by least squares. One more test after N then adds a (N^-b - (N + 1)^-b). The interval runs from the
-lowest to the highest gain with b = 0.5, 1 and 2, for what happens beyond a curve depends on b more than on anything in
-it, and beyond both by the 95 % of Student's t, from the scatter about the law and between the tests.
+lowest to the highest gain with b = 0.5, 1 and 2, on which it depends most, and beyond both by the 95 % of Student's t.
 """
 
 import math
@@ -48,7 +47,7 @@ class Cost:
         amount = float(match["number"].replace(",", "")) if match else 0.0
         if match is None or not 0 < amount < math.inf:
             raise UsageError(
-                f"The cost of a test is a number above 0, with a currency or without (60000, 60,000 EUR), not {text!r}."
+                f"The cost of a test is a number above 0, with or without a currency (60,000 EUR), not {text!r}."
             )
         return cls(amount, (match["before"] or match["after"]).strip())
 

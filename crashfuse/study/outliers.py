@@ -39,18 +39,10 @@ _KIND = "departures"  # in the cache
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """How a test differs from its neighbours, the tests at about its speed, and they from each other.
+    """How a test differs from its neighbours, three other tests of its speed group at least, and they from each other.
 
-    Attributes
-    ----------
-    neighbours : tuple of str
-        Ids of at least three other tests of its speed group.
-    bias_mps2, bias_between_mps2 : tuple of float
-        Root mean square differences of what the CAE model gets wrong, over displacement: of the test from each
-        neighbour, and of every two of them from each other.
-    ratings, ratings_between : tuple of float
-        Overall ratings of the pulses against each other, mean of both directions, likewise; each pulse is scaled to
-        the other's speed.
+    By root mean square differences of what the CAE model gets wrong over displacement, and by ratings of the pulses
+    against each other, scaled to the other's speed: of the test with each neighbour, and between every two of them.
     """
 
     test: str
@@ -125,14 +117,9 @@ def with_both_folds(
 ) -> Prediction:
     """The prediction near a test that stands apart: a test here may fold as it did, or as the others at its speed.
 
-    The two differ by what the test showed more than the others alone predict, in proportion to the speed. A fit to all
-    tests lies between: what it has learned of the difference, as its prediction at the test's own condition shows, is
-    taken out again. Then 1½ of n + 1 draws (n tests, one of them apart; Jeffreys' prior) have the whole difference.
-
-    Parameters
-    ----------
-    left_out_mps2, fitted_mps2 : ndarray, shape (1250,)
-        What is predicted for the test without it, and by the fit that learned from it.
+    The two differ by what the test showed more than is predicted without it (``left_out_mps2``), in proportion to the
+    speed. What a fit to all has learned of that, as its prediction for the test (``fitted_mps2``) shows, is taken out.
+    Then 1½ of n + 1 draws (n tests, one of them apart; Jeffreys' prior) have the whole difference.
     """
     if prediction.draws_mps2 is None:
         return prediction

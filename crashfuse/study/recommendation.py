@@ -34,22 +34,12 @@ _GOOD = 0.80
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
-    """A recommended approach, with reasons.
-
-    Attributes
-    ----------
-    sentences : tuple of str
-        The recommendation, its basis, and cautions.
-    expected : ExpectedRating, optional
-        Expected rating of that approach, for a single prediction.
-    undecided : str
-        From which approaches the tests cannot tell it, and what prefers one of these; empty if they can.
-    """
+    """A recommended approach, with reasons."""
 
     approach: str
-    sentences: tuple[str, ...]
-    expected: ExpectedRating | None = None
-    undecided: str = ""
+    sentences: tuple[str, ...]  # the recommendation, its basis, and cautions
+    expected: ExpectedRating | None = None  # of that approach, for a single prediction
+    undecided: str = ""  # from which approaches the tests cannot tell it, and what prefers one of these
 
     def __repr__(self) -> str:
         return f"<Recommendation: {self.sentences[0]}>"

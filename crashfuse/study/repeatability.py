@@ -1,9 +1,7 @@
 """Repeatability: the rating that a repeat of each test would get against it, a measure for its predictions.
 
-A rating of 0.85 is poor where repeats rate 0.97, and as good as another test where they rate 0.86. How well tests
-repeat is estimated from all tests of a campaign: pulses of repeats are drawn with the scatter that the tests show
-(:class:`crashfuse.approaches.displacement_domain.scatter.Scatter`) and rated against the test. Where a test has been
-repeated, what the repeats rate counts too, by how much it says. Nothing of this is used to predict.
+Pulses of repeats are drawn with the scatter that all tests of a campaign show and rated against the test. Where it has
+been repeated, what the repeats rate counts too, by how much it says. Nothing of this is used to predict.
 """
 
 from collections.abc import Sequence
@@ -34,16 +32,12 @@ _MODEL_SPREAD, _SPREAD_OF_A_TEST = 0.15, 2.0
 
 @dataclass(frozen=True, slots=True)
 class Repeatability:
-    """The overall ISO/TS 18571 rating that a repeat of a test would get against it over one window.
-
-    Its expectation, the central 95 % interval for a single repeat, and the ids of the tests at about the same condition
-    whose rating counted, beside the scatter of all tests.
-    """
+    """The overall rating that a repeat of a test would get against it over one window: expectation and central 95 %."""
 
     value: float
     lower: float
     upper: float
-    repeats: tuple[str, ...] = ()
+    repeats: tuple[str, ...] = ()  # ids of the tests at about the same condition whose rating counted
 
     @property
     def text(self) -> str:
@@ -68,8 +62,7 @@ def repeatability(
 ) -> dict[str, dict[float, Repeatability]]:
     """Estimate for tests, by default all, and windows [0, w) how a repeat would rate against each; cached.
 
-    A campaign of one test says nothing about repeats: the result is empty. So is that of a test over a window which its
-    record does not fill.
+    Empty of a campaign of one test, and of a test over a window which its record does not fill.
     """
     if len(campaign.tests) < 2:
         return {}

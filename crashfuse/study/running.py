@@ -33,10 +33,7 @@ _EARLY, _LATE = "Held-out predictions", "Held-out predictions by networks"
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """One prediction of a study: of a test, by an approach that learned from all tests but those left out.
-
-    A speed group of one test is the same as that test left out alone, so it is predicted once.
-    """
+    """One prediction of a study: of a test, by an approach that learned from all tests but those left out."""
 
     left_out: tuple[str, ...]
     test: str
@@ -207,12 +204,8 @@ def run_study(
 
     Raises
     ------
-    UsageError, DataError
-        If the study is impossible, see :class:`crashfuse.study.config.StudyPlan`.
-    Cancelled
-        If the watch was told to stop.
     CrashfuseError
-        If workers die repeatedly, or the cluster cannot be reached or has other versions.
+        If the study is impossible, the watch was told to stop, or workers die or cannot be reached.
     """
     if approaches:
         config = replace(config, approaches=several(approaches))

@@ -66,10 +66,7 @@ class Fold:
         return tuple(e.approach for e in self.estimates if e.prediction.draws_mps2 is not None)
 
     def coverage(self, approach: str) -> Coverage | None:
-        """Whether the test lies inside an approach's band, its crush and peak inside calibrated intervals; or None.
-
-        The band counts for crush and peak where their intervals are unknown.
-        """
+        """Whether the test lies inside an approach's band, its crush and peak inside calibrated intervals; or None."""
         estimate = self.estimate(approach)
         draws, speed_mps = estimate.prediction.draws_mps2, self.test.condition.speed_mps
         if draws is None:
@@ -91,10 +88,7 @@ class Fold:
         return self._explained[key]
 
     def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
-        """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,).
-
-        If the band is right, these are plausible ratings of a repeated test.
-        """
+        """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,)."""
         if (key := (approach, window_ms)) not in self._drawn:  # a hundred ratings: computed on request, and once
             draws = self.estimate(approach).prediction.draws_mps2
             if draws is None:
@@ -113,22 +107,14 @@ class Fold:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A finished study: one fold for each held-out test, in the order of the campaign.
-
-    Attributes
-    ----------
-    speed_groups : Study, optional
-        The same tests, each left out with all others at about its speed, if both ways were requested.
-    repeatability : mapping of str to mapping of float to Repeatability
-        By test, then window in ms.
-    """
+    """A finished study: one fold for each held-out test, in the order of the campaign."""
 
     campaign: Campaign
     config: StudyConfig
     folds: tuple[Fold, ...]
     seconds: dict[str, float] = field(default_factory=dict)
-    speed_groups: "Study | None" = None
-    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)
+    speed_groups: "Study | None" = None  # each left out with all others at about its speed, if both were requested
+    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)  # by test, window in ms
 
     def fold(self, held_out: str) -> Fold:
         """The fold with this test held out; a UsageError if there is none."""
@@ -189,10 +175,8 @@ class Study:
             test with other settings.
         band : str, optional
             The approach whose band is filled; by default the preferred one.
-        measured : bool
-            Whether to show the test itself.
-        corridors : bool
-            Whether to shade the corridors of the rating about the test.
+        measured, corridors : bool
+            Whether to show the test itself, and to shade the corridors of the rating about it.
         notes : sequence of Note
             Drawn as marks over time, those that are about this test.
         **display
@@ -202,8 +186,7 @@ class Study:
         Raises
         ------
         UsageError
-            If the test was not held out; if there is no such figure, approach, test, CAE run, option or unit; or if the
-            study was not rated over this window.
+            If there is no such test, figure, approach, CAE run, option, unit or rated window.
         """
         if not held_out:
             return views.overview(self, figure or "ratings", approaches, **display)
@@ -219,13 +202,7 @@ class Study:
         report: "views.ReportOptions | None" = None,
         **display: "Unpack[views.DisplayOptions]",
     ) -> None:
-        """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        """
+        """Write what ``crashfuse study`` writes: tables, ``study.json``, ``report.html``."""
         shown = views.Display.of(self.campaign.units, **display)
         views.write_result("study", folder, self, shown, report or views.ReportOptions())
 

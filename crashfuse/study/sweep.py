@@ -48,10 +48,9 @@ def sweep_speed(
     *,
     each: Callable[[Sequence[Estimate]], None] | None = None,
 ) -> tuple[Sweep, ...]:
-    """Predict at several impact speeds (such as :func:`usual_speeds`), all else equal: one sweep for each fit.
+    """Predict at several impact speeds, all else equal: one sweep for each fit, all of one campaign.
 
-    All fits are of one campaign. ``each`` is called with the estimates at each speed; the sweep keeps their metrics
-    only.
+    ``each`` is called with the estimates at each speed; the sweep keeps their metrics only.
     """
     speeds = np.unique(speeds_mps)
     rows = []

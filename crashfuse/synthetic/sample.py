@@ -43,24 +43,21 @@ _README = f"""# {NAME}
 
 {NOTICE}
 
-It is there to try crashfuse on, and says nothing about any car. `crashfuse sample DIR` writes it anew.
+To try crashfuse on; it says nothing about any car. `crashfuse sample DIR` writes it anew.
 
-- `tests.csv`, `tests/`: 11 "tests" at the conditions of Table 1 in Zeng et al. 2023, simulated with a model that
-  stands for reality: strain-rate hardening, two powertrains, two drives, scatter from test to test, sensor noise.
+- `tests.csv`, `tests/`: 11 "tests" at the conditions of Table 1 in Zeng et al. 2023, simulated with strain-rate
+  hardening, two powertrains, two drives, scatter from test to test and sensor noise.
 - `cae.csv`, `cae_pulses.parquet`: {_N_RUNS} runs of a deliberately wrong model of the same vehicle (Latin hypercube
-  over 0–35.2 mph, 1922–2185 lb front and 1349–1770 lb rear weight) and one run at the condition of each test
-  (`CAE-T01` to `CAE-T11`).
-- `criteria.toml`, `matrix.csv`: acceptance criteria and conditions to try `crashfuse certify` on. The limits lie near
-  the middle of what these tests show, so that there is something to tell; they are no requirement of anyone.
+  over 0–35.2 mph, 1922–2185 lb front and 1349–1770 lb rear weight) and one at the condition of each test.
+- `criteria.toml`, `matrix.csv`: acceptance criteria and conditions to try `crashfuse certify` on, with limits near the
+  middle of what these tests show; they are no requirement of anyone.
 
-Both models are three masses (body, powertrain, rear mass) joined by crushable elements, in front of a rigid barrier.
-All pulses are the body's, CFC 60, 12.5 kHz, 0–100 ms from first contact, braking negative. The constants of both were
-set so that the CAE runs rate against the tests about as in Table 5 of that paper: 0.62, 0.64 and 0.63 over the first
-20, 40 and 60 ms on average (ISO/TS 18571, tests 3, 4, 5, 7, 9 and 10).
+Both models are three masses joined by crushable elements, in front of a rigid barrier. All pulses are the body's, CFC
+60, 12.5 kHz, 0–100 ms from first contact, braking negative. The CAE runs rate against the tests about as in Table 5 of
+that paper: 0.62, 0.64 and 0.63 over the first 20, 40 and 60 ms.
 """
 
-_CRITERIA = """# Acceptance criteria to try crashfuse on: limits near the middle of what the synthetic tests show.
-# They are no requirement of anyone.
+_CRITERIA = """# To try crashfuse on: limits near the middle of what the tests show, and no requirement of anyone.
 confidence = 0.95
 
 [[criterion]]
@@ -112,12 +109,11 @@ def sample_campaign(seed: int = 0) -> Campaign:
 
     The seed chooses the Latin hypercube, the tests' scatter and their noise; 0 is the sample that comes with crashfuse.
     """
-    test_conditions = [_of_the_kind(*row) for row in TABLE_1]
+    test_conditions = [_condition(*row) for row in TABLE_1]
+    measured = zip(test_conditions, measured_pulses(test_conditions, seed), strict=True)
     tests = [
         CrashTest(f"T{number:02d}", condition, Pulse(GRID_S, accel))
-        for number, (condition, accel) in enumerate(
-            zip(test_conditions, measured_pulses(test_conditions, seed), strict=True), start=1
-        )
+        for number, (condition, accel) in enumerate(measured, start=1)
     ]
     from scipy.stats import qmc  # half a second
 
@@ -149,7 +145,7 @@ def _write(campaign: Campaign, folder: Path) -> None:
     _write_text(folder / "campaign.toml", settings)
     _write_text(folder / "README.md", _README)
     header = "id,speed_mph,front_weight_lb,rear_weight_lb"
-    asked = [(f"M{number:02d}", _of_the_kind(*row)) for number, row in enumerate(_MATRIX, start=1)]
+    asked = [(f"M{number:02d}", _condition(*row)) for number, row in enumerate(_MATRIX, start=1)]
     for name, listed in (("tests", [(test.id, test.condition) for test in campaign.tests]), ("matrix", asked)):
         rows = [",".join([own, _in_mph_and_lb(c), *(value for _, value in c.factors)]) for own, c in listed]
         _write_text(folder / f"{name}.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
@@ -177,16 +173,9 @@ def _write_cae_pulses(library: CaeLibrary, path: Path) -> None:
     pq.write_table(table, path, compression="zstd", compression_level=12)
 
 
-def _condition(
-    speed_mph: float, front_weight_lb: float, rear_weight_lb: float, factors: tuple[tuple[str, str], ...] = ()
-) -> Condition:
+def _condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float, *kind: str) -> Condition:
+    factors = tuple(zip(("powertrain", "drive"), kind, strict=False))
     return Condition.of_vector([speed_mph * MPH, front_weight_lb * LB, rear_weight_lb * LB], factors)
-
-
-def _of_the_kind(
-    speed_mph: float, front_weight_lb: float, rear_weight_lb: float, powertrain: str, drive: str
-) -> Condition:
-    return _condition(speed_mph, front_weight_lb, rear_weight_lb, (("powertrain", powertrain), ("drive", drive)))
 
 
 def _in_mph_and_lb(condition: Condition) -> str:

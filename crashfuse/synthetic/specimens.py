@@ -88,17 +88,16 @@ _BEFORE_CONTACT = 250  # samples: sensors run before the crash, so the filter tr
 
 
 def equipped(vehicle: Vehicle, condition: Condition) -> Vehicle:
-    """The vehicle with the condition's powertrain ("Type I", "Type II") and drive ("FWD", "AWD").
+    """The vehicle with the condition's powertrain ("Type I", "Type II") and drive ("FWD", "AWD"), else Type I and FWD.
 
     Type II is the larger engine: heavier, closer to the barrier, with a stiffer block. All-wheel drive adds a transfer
-    case to the powertrain, and its propeller shaft braces the mounts. A condition without them means Type I and FWD;
-    another one raises a UsageError.
+    case to the powertrain, and its propeller shaft braces the mounts.
     """
     factors = {"powertrain": "Type I", "drive": "FWD"} | dict(condition.factors)
     if factors["powertrain"] not in ("Type I", "Type II") or factors["drive"] not in ("FWD", "AWD"):
         raise UsageError(
-            f"The synthetic vehicle comes as Type I or Type II with FWD or AWD, not as {factors['powertrain']} "
-            f"with {factors['drive']}."
+            f"The synthetic vehicle is Type I or Type II with FWD or AWD, not {factors['powertrain']} with "
+            f"{factors['drive']}."
         )
     if factors["powertrain"] == "Type II":
         engine = replace(_scaled(vehicle.engine, 1.1), gap_m=vehicle.engine.gap_m - 0.03)
@@ -118,11 +117,7 @@ def scattered(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
 
 
 def measured_pulses(conditions: Sequence[Condition], seed: int) -> FloatArray:
-    """Simulate tests at these conditions with the truth: a new specimen and new noise for each test.
-
-    Test i of a seed has the same scatter for any condition and any number of further tests. Pulses are as from
-    :func:`cae_pulses`.
-    """
+    """Simulate tests at these conditions with the truth: a new specimen and new noise for each test of a seed."""
     streams = [np.random.default_rng([seed, i]) for i in range(len(conditions))]
     specimens = [scattered(equipped(TRUTH, c), rng) for c, rng in zip(conditions, streams, strict=True)]
     records = _records(simulate(specimens, conditions, N_SAMPLES + _BEFORE_CONTACT).accel_mps2)

@@ -25,26 +25,16 @@ _COUPLING_INCIDENCE = np.array([[1, -1, 0], [-1, 0, 1]], dtype=np.float64)
 class CrushZone:
     """Sheet metal that resists crushing, unloads steeply and keeps a permanent set.
 
-    Parameters
-    ----------
-    crush_m, force_n : tuple of float
-        Knots of the quasi-static loading curve, which is linear between them and constant beyond.
-    unloading_npm : float
-        Slope of unloading and reloading in N/m; steeper than the loading curve anywhere, so that the zone is passive.
-    gap_m : float
-        Free travel before first contact.
-    fold_share, fold_length_m : float
-        Progressive buckling: the curve oscillates by this share of its value, one wave per fold.
-    rate_mps : float
-        Crush velocity at which the force doubles, Cowper and Symonds' D times the folds' length scale: with the mean
-        strain rate 0.33 v/C of a square tube of width C (Abramowicz and Jones, Int. J. Impact Eng. 2, 1984), D·C/0.33.
+    ``rate_mps`` is the crush velocity at which the force doubles, Cowper and Symonds' D times the folds' length scale:
+    with the mean strain rate 0.33 v/C of a square tube of width C (Abramowicz and Jones, Int. J. Impact Eng. 2, 1984),
+    D·C/0.33.
     """
 
-    crush_m: tuple[float, ...]
+    crush_m: tuple[float, ...]  # knots of the quasi-static loading curve: linear between them, constant beyond
     force_n: tuple[float, ...]
-    unloading_npm: float
-    gap_m: float = 0.0
-    fold_share: float = 0.0
+    unloading_npm: float  # slope; steeper than the loading curve anywhere, so that the zone is passive
+    gap_m: float = 0.0  # free travel before first contact
+    fold_share: float = 0.0  # by which the curve oscillates, one wave per fold
     fold_length_m: float = 0.1
     rate_mps: float = np.inf
 

@@ -27,26 +27,17 @@ TEST_SPEEDS_MPH = (15.0, 25.0, 26.0, 35.0)
 _HELD_OUT = "T3"
 
 
-def half_sine(condition: Condition, duration_s: float) -> FloatArray:
-    """A half-sine pulse that stops the vehicle and throws it back at a tenth of its speed."""
+def _half_sine(condition: Condition, lasts_s: float) -> FloatArray:
+    """A half-sine pulse that stops the vehicle and throws it back at a tenth of its speed; longer if it is heavy."""
+    duration_s = lasts_s * condition.mass_kg / 1700
     peak = 1.1 * condition.speed_mps * np.pi / (2 * duration_s)
     return np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
-
-
-def cae_pulse(condition: Condition) -> FloatArray:
-    """The CAE model: a half sine that lasts longer the heavier the vehicle is."""
-    return half_sine(condition, 80 * MS * condition.mass_kg / 1700)
-
-
-def real_pulse(condition: Condition) -> FloatArray:
-    """The real car: stiffer, so a shorter half sine."""
-    return half_sine(condition, 70 * MS * condition.mass_kg / 1700)
 
 
 def small_campaign() -> Campaign:
     """A campaign of 24 CAE runs, four of them paired, and 4 tests, all with closed-form pulses."""
     tests = tuple(
-        CrashTest(f"T{i + 1}", condition, Pulse(GRID_S, real_pulse(condition)))
+        CrashTest(f"T{i + 1}", condition, Pulse(GRID_S, _half_sine(condition, 70 * MS)))  # stiffer than the CAE model
         for i, condition in enumerate(
             Condition.of_vector([v * MPH, (2000 + 40 * i) * LB, (1450 + 50 * i) * LB], (("drive", "FWD"),))
             for i, v in enumerate(TEST_SPEEDS_MPH)
@@ -61,7 +52,7 @@ def small_campaign() -> Campaign:
         Condition.of_vector([v * MPH, f * LB, m * LB - f * LB]) for v, f, m in zip(speed, front, mass, strict=True)
     ]
     conditions += [Condition.of_vector(test.condition.vector) for test in tests]
-    accel = np.array([cae_pulse(condition) for condition in conditions], dtype=np.float32)
+    accel = np.array([_half_sine(condition, 80 * MS) for condition in conditions], dtype=np.float32)
     return Campaign("Tiny", CaeLibrary(tuple(f"C{i:02d}" for i in range(N_RUNS)), tuple(conditions), accel), tests)
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crashfuse.signals.comparison_metrics import residual_anova, sprague_geers
+from crashfuse.signals.metrics import residual_anova, sprague_geers
 from crashfuse.signals.pulse import FloatArray
 
 TIME_S = np.linspace(0.0, 2.0, 20001)

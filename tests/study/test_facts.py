@@ -9,7 +9,6 @@ import pytest
 
 from crashfuse.cae_library import QualityLimits, RunQuality
 from crashfuse.campaign import Campaign
-from crashfuse.fact import IMPORTANCE, by_importance
 from crashfuse.reporting.notebook import campaign_html
 from crashfuse.reporting.outgoing_pulses import PulseExport
 from crashfuse.reporting.predicted import predict
@@ -17,7 +16,7 @@ from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.verdicts import certify
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.facts import campaign_facts, condition_facts, window_facts
+from crashfuse.study.facts import IMPORTANCE, by_importance, campaign_facts, condition_facts, window_facts
 from crashfuse.study.running import run_study
 from crashfuse.units import MPH
 from tests.study.test_outliers import at_one_speed

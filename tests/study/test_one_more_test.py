@@ -36,7 +36,7 @@ def test_a_cost_is_an_amount_with_or_without_a_currency(text: str, amount: float
 @pytest.mark.parametrize("text", ["-5", "0", "", "many", "1e400", "60,00 EUR", "5 6", "nan", "inf"])
 def test_what_is_no_cost_is_a_sentence(text: str) -> None:
     """Nothing is guessed."""
-    with pytest.raises(UsageError, match="number above 0, with a currency or without"):
+    with pytest.raises(UsageError, match="number above 0, with or without a currency"):
         Cost.of(text)
 
 

@@ -116,8 +116,7 @@ def uniform_points(
     """Sample the bias from contact to the test's maximum crush: evenly in displacement, while it stops in time.
 
     Points are as far apart as the vehicle comes at impact speed in ``step_s``, or farther, for about ``most`` in all.
-    Below ``end_share`` of its impact speed points are even in time, as displacement hardly grows, and the stopping
-    phases of CAE vehicle and test are aligned.
+    It stops below ``end_share`` of its impact speed; there the phases of CAE vehicle and test are aligned.
     """
     slow_m = test.displacement_at_speed(end_share)
     slow_s, fast_s = float(np.interp(slow_m, test.displacement_m, test.time_s)), slow_m / condition.speed_mps

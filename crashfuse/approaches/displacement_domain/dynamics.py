@@ -23,9 +23,8 @@ def integrate(
 ) -> Kinematics:
     """Integrate the motion for each draw of the acceleration, the sum of a function of s and one of v / v0.
 
-    Whole functions are drawn, not new noise at every step, so the spread does not depend on the time step. This is the
-    velocity Verlet scheme, second order in the step (Eq. 29: first) at the same cost; its velocity is the trapezoidal
-    integral of the acceleration. Each motion is valid up to its time of zero velocity.
+    This is the velocity Verlet scheme, second order in the step (Eq. 29: first) at the same cost; its velocity is the
+    trapezoidal integral of the acceleration. Each motion is valid up to its time of zero velocity.
 
     Parameters
     ----------

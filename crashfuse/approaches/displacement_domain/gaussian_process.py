@@ -27,18 +27,9 @@ _GAIN_A_POINT = 0.25  # nats: reducing the error by less than a fifth, exp(-0.25
 class GaussianProcess:
     """Regression with a zero-mean sum of parts, following scikit-learn's conventions.
 
-    ``noise`` is the prior of its standard deviation, relative to the root mean square of the training output. A fit
-    that explains nothing is retried ``restarts`` times from other starts.
-
-    Attributes
-    ----------
-    theta_, touched_ : ndarray
-        Logarithms of the hyperparameters (scale and length scales part by part, then the noise), and which of them
-        ended at a bound of the search range.
-    output_scale_ : float
-        Root mean square of the training output, the unit of ``log_marginal_likelihood_``.
-    dead_ : bool
-        Whether the fit explains no more than noise would.
+    ``noise`` is the prior of its standard deviation, relative to the root mean square of the training output
+    (``output_scale_``). A fit that explains no more than noise (``dead_``) is retried ``restarts`` times. ``theta_``
+    are logarithms: scale and length scales part by part, then the noise; ``touched_`` those at a bound.
     """
 
     def __init__(self, parts: Sequence[Part], noise: LogNormal, *, restarts: int = 3, seed: int = 0) -> None:
@@ -48,10 +39,9 @@ class GaussianProcess:
         self.seed = seed
 
     def fit(self, x: FloatArray, y: FloatArray, like: "GaussianProcess | None" = None) -> Self:
-        """Find the most probable hyperparameters, and condition on n rows and their output.
+        """Find the most probable hyperparameters, and condition on n rows, the last column the test's number.
 
-        The last of the n_columns + 1 columns is the test's number. The search starts from the priors' medians, or from
-        the result of a process fitted before (``like``) for the parts that it has too.
+        The search starts from the priors' medians, or for parts in common from a process fitted before (``like``).
         """
         self._take(x, y)
         rng = np.random.default_rng(self.seed)

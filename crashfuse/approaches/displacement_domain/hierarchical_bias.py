@@ -68,10 +68,9 @@ def bias_parts(factor_columns: Iterable[tuple[str, int]]) -> tuple[Part, ...]:
 def scatter_parts(
     factor_columns: Iterable[tuple[str, int]], growth_column: int, unit_mps2: float
 ) -> tuple[tuple[Part, ...], LogNormal]:
-    """Parts of the bias up to the stop with the scatter of tests in two parts, and the noise.
+    """Parts of the bias up to the stop, the scatter of tests even and growing with crush, and the noise.
 
-    Scatter has physical units, independent of how wrong the CAE model is: a sensor's few tenths of a g throughout, and
-    a part that grows with crush, as every fold begins where the last one ended. The unit is the RMS of the bias.
+    Scatter has physical units, independent of how wrong the CAE model is; the unit is the RMS of the bias.
     """
     common = [part for part in bias_parts(factor_columns) if part.same != TEST and part not in OVER_VELOCITY]
     unit = unit_mps2 / G

@@ -43,9 +43,7 @@ def follow_unloading(
 ) -> FloatArray:
     """Replace the rebound by the CAE pulse's unloading, shifted to the time of zero velocity and scaled to join.
 
-    ``accel_mps2``, shape (n_draws, n), is on the study grid; a pulse that does not stop the vehicle is unchanged.
-    ``cae_loading`` is of the CAE pulse, which keeps its last value beyond its end; if it never stops the vehicle, the
-    acceleration just fades.
+    A pulse that does not stop the vehicle is unchanged; if the CAE pulse never does, the acceleration just fades.
     """
     pulses = kinematics(accel_mps2, speed_mps, DT_S)
     return _unloaded(pulses, _SinceStop.of(pulses), cae, cae_loading)

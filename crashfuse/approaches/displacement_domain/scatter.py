@@ -64,8 +64,7 @@ class _ScatterBias(HierarchicalBias):
 class Scatter:
     """The scatter of tests, learned from all of a campaign; it draws pulses of repeats of a measured test.
 
-    A repeat differs from a test by twice the variance of one, drawn over displacement, added to the test's pulse and
-    integrated (Eq. 29). It also learns from the test that is judged, so it is never part of a prediction.
+    A repeat differs from a test by twice the variance of one. It learns from the test judged: no part of a prediction.
     """
 
     def __init__(self, config: DisplacementConfig | None = None, *, cache: Cache | None = None) -> None:

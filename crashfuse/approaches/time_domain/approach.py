@@ -11,7 +11,7 @@ from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
 from crashfuse.approaches.calibration import BandedApproach, LeftOut, check_band_far, speed_groups
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.neighbours import nearness
-from crashfuse.approaches.time_domain.band import Band, stopping_notes
+from crashfuse.approaches.time_domain.band import Band, Stopping, stopping_notes
 from crashfuse.approaches.time_domain.config import AboutTimeDomain
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
@@ -121,7 +121,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach, BandedApproach):
                 pulses[number] = self._band.pulses(tests[number].condition, without(number, group), calibration)
         apart = LeftOut.of(pulses if max(map(len, groups)) < len(tests) else {})
         self.calibration_, self.left_out_, self.left_out_groups_ = check_band_far(campaign, calibration, alone, apart)
-        ends = [self._band.stopping(tests[n].condition).end_share(p.mean) for n, p in left_out.items()]
+        ends = [Stopping.of(tests[n].condition, self.scaling_).end_share(p.mean) for n, p in left_out.items()]
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 
     def _blocks(self, lf: LfTcn, campaign: Campaign) -> KernelBlocks:

@@ -49,10 +49,7 @@ class Stopping:
         return after
 
     def imposed(self, posterior: Posterior, end_shares: FloatArray) -> Posterior:
-        """Condition the output on a vehicle that stops and rebounds about as those in the tests did, if there are any.
-
-        Eq. 11 over the whole record is one more measurement: acceleration must integrate to ΔV.
-        """
+        """Condition the output on a vehicle that stops and rebounds about as in the tests: one more measurement, ΔV."""
         if not len(end_shares):
             return posterior
         spread = max(float(end_shares.std(ddof=1)), _LEAST_SPREAD) if len(end_shares) > 1 else _UNKNOWN_SPREAD
@@ -92,17 +89,13 @@ class Band:
         shares = [Stopping.of(test.condition, scaling).end_share(pulse) for test, pulse in pairs]
         return cls(scaling, seed, np.array(shares))
 
-    def stopping(self, condition: Condition) -> Stopping:
-        """How the networks' output at a condition changes the velocity."""
-        return Stopping.of(condition, self.scaling)
-
     def stopped(
         self, condition: Condition, lf: FloatArray, posterior: Posterior, without: Sequence[int] = ()
     ) -> Posterior:
         """LF networks and increments, smoothed and made to stop the vehicle, without some tests."""
         n_steps = SMOOTH_S / (DT_S * self.scaling.config.stride)
         total = Posterior(lf + posterior.mean, posterior.covariance).smoothed(n_steps)
-        return self.stopping(condition).imposed(total, np.delete(self.end_shares, without))
+        return Stopping.of(condition, self.scaling).imposed(total, np.delete(self.end_shares, without))
 
     def pulses(
         self, condition: Condition, posterior: Posterior, calibration: Calibration, further: float = 1.0
@@ -120,7 +113,7 @@ class Band:
         # Student's t, as the variance itself is learned from a handful of tests
         factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
         deviations = np.vstack([np.zeros(n_times), factors[:, None] * normal])
-        after = self.stopping(condition).after_t0(posterior.mean)
+        after = Stopping.of(condition, self.scaling).after_t0(posterior.mean)
         parts = [posterior.mean[None], deviations * (1 - after), deviations * after]
         mean, early, late = (self.scaling.pulses(part, np.tile(condition.vector, (len(part), 1))) for part in parts)
         return lambda widening, late_widening: mean + widening * early + late_widening * late

@@ -13,8 +13,7 @@ class TcnConfig:
     """Network, LF training (Eq. 5) and fine-tuning (Eq. 6), as by :meth:`fast` or :meth:`paper`.
 
     Waves are sines and cosines, as inputs beside the paper's four, of time and of the typical displacement (travel) and
-    velocity of CAE runs at this speed at that time. They transfer what tests show to the same crush, or the same stage
-    of stopping, at another speed. Without travel waves, neither displacement nor velocity is an input.
+    velocity of CAE runs at this speed at that time. Without travel waves, neither of these is an input.
     """
 
     channels: int = 48
@@ -72,8 +71,7 @@ class AboutLfTcn(Approach):
     label = "LF TCN"
     in_words = "the LF TCN"
     description = (
-        "the low-fidelity (LF) networks: temporal convolutional networks (TCN) trained on the CAE runs and on no test "
-        "(Eq. 5)."
+        "the low-fidelity (LF) networks: temporal convolutional networks (TCN) trained on the CAE runs alone (Eq. 5)."
     )
     colour, dash = "#C871A1", "dot"
     preference = 40
@@ -89,8 +87,7 @@ class AboutTimeDomain(Approach):
     in_words = "the time domain"
     description = (
         "the multi-fidelity (MF) networks: those of the LF TCN with increments of their weights learned from the "
-        "tests (Eq. 6); under the fast preset in closed form, their strength chosen by leaving tests out, with the "
-        "posterior as the band."
+        "tests (Eq. 6); under the fast preset in closed form, with the posterior as the band."
     )
     colour, dark_colour = "#0072B2", "#2E93D6"
     preference = 30

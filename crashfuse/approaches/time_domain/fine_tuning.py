@@ -59,24 +59,15 @@ class Increments:
     """Increments shared by all tests plus those specific to each test (repeats differ): θ_HF + θ_k.
 
     Minimises ‖θ_HF‖² + Σ‖θ_k‖² / ρ + misfit² / unresolved variance; ρ is chosen from :data:`PENALTIES` by leaving out
-    each test in turn. The mean uses the first ρ whose error is within one standard error of the least; the covariance
-    uses the ρ with the highest likelihood of the errors on left-out tests.
-
-    Attributes
-    ----------
-    penalty_, band_penalty_ : float
-        ρ of the mean and of the covariance.
-    left_out_ : dict of tuple of int to tuple of Posterior
-        By the numbers of tests left out together, the posterior for each of them from all others.
-    left_out_error_, error_ : dict of float to float
-        RMS error for each ρ in units of the network's output: on left-out tests, and on tests that were learned from.
+    each test in turn. The mean uses the first ρ (``penalty_``) whose RMS error is within one standard error of the
+    least; the covariance that with the highest likelihood of the errors on left-out tests (``band_penalty_``).
+    ``left_out_`` has the posteriors of tests left out together, by their numbers.
     """
 
     def fit(self, kernel: FloatArray, misfit: FloatArray, together: Sequence[tuple[int, ...]] = ()) -> Self:
-        """Fit to the tangent kernel between the tests, shape (n, n_times, n, n_times), and their misfit.
+        """Fit to the tangent kernel between the tests, shape (n, n_times, n, n_times), and their misfit, (n, n_times).
 
-        The misfit is measured minus LF prediction, in units of the network's output, shape (n, n_times). Besides each
-        test alone, the tests in each entry of ``together`` are left out at once; that takes no further fit.
+        Besides each test alone, the tests in each entry of ``together`` are left out at once.
         """
         n, n_times = misfit.shape
         unit = float(np.trace(kernel.reshape(n * n_times, -1))) / misfit.size

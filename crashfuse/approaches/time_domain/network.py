@@ -1,8 +1,7 @@
 """The temporal convolutional network (TCN; Figs. 3 and 4, Eq. 4; after Bai et al. 2018).
 
 Sequences are time-major, shape (n_members, n_times, n_pulses, n_channels): a tap of a short causal convolution is then
-a matrix product with a view of them, and the members of an ensemble share it as a batch, a fifth faster than one by
-one. There is no weight normalisation, as it costs 15 % on a CPU.
+a matrix product with a view of them. There is no weight normalisation, as it costs 15 % on a CPU.
 """
 
 import math

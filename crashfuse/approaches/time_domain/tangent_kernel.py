@@ -2,9 +2,8 @@
 
 Only the first and last block and the head are fine-tuned: the blocks between contribute 3 % of the tangent kernel at
 half its cost. For the last block, an output's derivative is a sum of a few outer products of the gradient at the
-output of a convolution and its input; only these factors are stored, and scalar products are computed from them. An
-output depends on all of the first block's steps, so there the derivatives themselves are stored: 3 MB per pulse and
-member. All members are differentiated at once, as the calls would cost more than what they compute.
+output of a convolution and its input; only these factors are stored. An output depends on all of the first block's
+steps, so there the derivatives themselves are stored: 3 MB per pulse and member.
 """
 
 import hashlib
@@ -203,8 +202,7 @@ def _lagged(sequence: Tensor, steps: int) -> Tensor:
 class KernelBlocks:
     """J(x) J(x')ᵀ of the mean of an ensemble's members, all weights together, times the number of members.
 
-    A block does not depend on what was measured, so all folds, subsets and predictions share it. ``library`` is the
-    fingerprint of the CAE runs.
+    A block does not depend on what was measured. ``library`` is the fingerprint of the CAE runs.
     """
 
     def __init__(

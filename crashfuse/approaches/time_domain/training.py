@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, Protocol
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 import torch
@@ -36,18 +36,20 @@ _MOST_VALIDATED = 1000  # more would not make the loss more accurate
 _WARM_UP = 0.1  # share of the steps
 _SIDE_BY_SIDE = 2  # members per thread: more would leave a core idle, fewer would share no products
 
+TrainingObjective: TypeAlias = "LfTraining | FineTuning"
+"""Losses to differentiate and of each member; the first column of the curve is the mean loss of an epoch's steps."""
+
 
 class Adam:
-    """The optimiser Adam (Kingma and Ba, 2015, algorithm 1), with the steps ``taken`` and its ``moments``.
+    """The optimiser Adam (Kingma and Ba, 2015, algorithm 1).
 
-    torch's own gives the same steps, but loads torch's compiler, 1.6 CPU-seconds and 70 MB in every process. Moments
-    are the mean of each weight's gradients, then that of their squares for each.
+    torch's own gives the same steps, but loads torch's compiler, 1.6 CPU-seconds and 70 MB in every process.
     """
 
     def __init__(self, weights: Iterable[Tensor]) -> None:
         self.weights = tuple(weights)
         self.taken = 0
-        self.moments = tuple(torch.zeros_like(weight) for weight in 2 * self.weights)
+        self.moments = tuple(torch.zeros_like(weight) for weight in 2 * self.weights)  # means, then squares' means
 
     @torch.no_grad()
     def step(self, gradients: Sequence[Tensor], rate: float) -> None:
@@ -60,23 +62,6 @@ class Adam:
             mean.lerp_(gradient, 1 - first)
             square.mul_(second).addcmul_(gradient, gradient, value=1 - second)
             weight.addcdiv_(mean, square.sqrt().div_(root).add_(_EPSILON), value=-rate / whole)
-
-
-class TrainingObjective(Protocol):
-    """Objective of a training: loss, number of steps and learning rate."""
-
-    columns: ClassVar[tuple[str, ...]]  # of the learning curve by epoch; the first is the mean loss of its steps
-    n_steps: int
-    steps_an_epoch: int
-
-    def rate(self, step: int) -> float:
-        """Adam's learning rate."""
-
-    def loss(self, network: Tcn, step: int) -> tuple[Tensor, Tensor]:
-        """Loss to differentiate, and that of each member for the curve; random numbers depend only on the step."""
-
-    def validate(self, network: Tcn) -> tuple[Tensor, ...]:
-        """The other columns of the curve after an epoch, shape (n_members,) each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +82,7 @@ def minimise(
 ) -> FloatArray:
     """Train networks in place, side by side, from their checkpoint if there is one.
 
-    Returns the learning curves of all members, shape (n_members, n_epochs, n_columns). Raises Cancelled if the watch
-    was told to stop; the state is then in the checkpoint.
+    Returns the learning curves of all members, shape (n_members, n_epochs, n_columns).
     """
     n_steps, columns = objectives[0].n_steps, objectives[0].columns
     runs = [_Run(network, objective) for network, objective in zip(networks, objectives, strict=True)]

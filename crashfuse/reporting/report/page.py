@@ -17,7 +17,6 @@ from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.errors import one_of, require_a, several
-from crashfuse.fact import Fact
 from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.plots.canvas import without_links
 from crashfuse.reporting.plots.display import Display
@@ -25,7 +24,7 @@ from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.result_tables import about_table, quality_table, wall_table
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.facts import campaign_facts
+from crashfuse.study.facts import Fact, campaign_facts
 from crashfuse.wording import Sentence, speed, weight
 
 
