@@ -21,7 +21,8 @@ TABS = {"Tests": show_tests, "Conditions": show_conditions, "CAE model": show_li
 
 view = frame.enter()
 if (source := running_import()) is not None:
-    import_step.show_import(source, view)
+    with st.container(key="import-step"):
+        import_step.show_import(source, view)
     end_page()
 if view is None:
     st.title("crashfuse")

@@ -49,13 +49,6 @@ from crashfuse.wording import said
 _FOLDER, _INTO = "import folder", "import into"  # session keys
 _FACTOR_PX, _FOLDER_PX = 170, 380
 _MOST_ROWS = 100
-_KEY = "import-step"
-# fields and figure sit side by side only where both fit; Streamlit considers the window, not the space left
-_STACKED = f"""<style>
-.st-key-{_KEY} > [data-testid="stLayoutWrapper"] > [data-testid="stHorizontalBlock"] > [data-testid="stColumn"] {{
-    min-width: min(100%, 23rem);
-}}
-</style>"""
 
 
 def _show_add_form(
@@ -102,7 +95,7 @@ def _ask_folder() -> None:
         st.text_input(
             "Campaign folder on this computer", key=_FOLDER, persist_state="session",
             placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
-            help="A new folder, which will be made, or a campaign that is there already.", width=_FOLDER_PX,
+            help="A new folder, or a campaign that is there.", width=_FOLDER_PX,
         )  # fmt: skip
 
 
@@ -138,12 +131,6 @@ def _factors_in(table: Path, stamp: tuple[int, ...]) -> dict[str, list[str]]:  #
     pairs = [pair for condition in read_conditions(table, "cae").conditions for pair in condition.factors]
     names = dict.fromkeys(dict(pairs))
     return {name: sorted({value for factor, value in pairs if factor == name and value}) for name in names}
-
-
-def _own_class() -> float | None:
-    with suppress(DataError, OSError):
-        return own_filter_class(_target())
-    return None
 
 
 def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...]) -> None:
@@ -210,18 +197,12 @@ def show_unfinished() -> None:
     if IMPORT_UNFINISHED in st.session_state:
         sentence, problems = st.session_state[IMPORT_UNFINISHED]
         needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
-        then = "What is imported next goes to the same folder, unless you name another."
+        then = "What is imported next goes there, too, unless you name another folder."
         st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
 
 
 def show_import(source: Source, view: View | None) -> None:
     """Show the import step."""
-    st.html(_STACKED)
-    with st.container(key=_KEY):
-        _show_step(source, view)
-
-
-def _show_step(source: Source, view: View | None) -> None:
     with show_title("Import files" if source.several else f"Import {plain(source.path.name)}"):
         st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.", width="content")
         st.button("Back without importing", icon=":material/arrow_back:", on_click=leave_import)
@@ -243,9 +224,16 @@ def _show_step(source: Source, view: View | None) -> None:
     with left:
         for_all = ", of all records; a table of conditions gives each its own" if len(records) > 1 else ""
         st.caption(f"In grey: what was found. What is filled in overrules it{for_all}.")
-        choices, units = choices_of(source, records, first, role_of(first, role, cae), _own_class())
+        own_class = None
+        with suppress(DataError, OSError):
+            own_class = own_filter_class(_target())
+        choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class)
     settled, refused = settled_of(source, reading, choices, role, cae)
-    problems = [_in_units(problem, units) for problem in refused]
+    system = units.system
+    problems = [
+        replace(p, expected=said(p.expected, system), found=said(p.found, system), advice=said(p.advice, system))
+        for p in refused
+    ]
     with right:
         display = DEFAULT if view is None else view.display
         _preview(first, choices, next((one for one in settled if one.id == first.id), None), display, units)
@@ -323,11 +311,6 @@ def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
     st.dataframe(pd.DataFrame(rows), hide_index=True)
     if len(settled) > _MOST_ROWS:
         st.caption(f"The first {_MOST_ROWS} of {len(settled)}.")
-
-
-def _in_units(problem: Problem, units: Units) -> Problem:
-    expected, found, advice = (said(text, units.system) for text in (problem.expected, problem.found, problem.advice))
-    return replace(problem, expected=expected, found=found, advice=advice)
 
 
 def _need(problem: Problem, *, with_file: bool) -> str:

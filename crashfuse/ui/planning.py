@@ -55,11 +55,11 @@ def show_over_speed(answer: Answer) -> None:
         "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep_metric",
         persist_state="session", help=TTZV,
     )  # fmt: skip
-    approaches = answer.approach, BASELINE
+    approaches = answer.subject.approach, BASELINE
     shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
     show_figure(
         shown.plot(metric, display=view.display),
-        alt=f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.approach]}, tests as points",
+        alt=f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.subject.approach]}, tests as points",
         name=f"{metric} over speed {condition.text.partition(' ')[2]}",
     )
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
@@ -95,8 +95,10 @@ def show_next_test(answer: Answer) -> None:
         name=f"next test {over.low.text} to {over.high.text}",
     )  # fmt: skip
     st.caption(NEXT_TEST_MEANING)
-    if answer.approach != DisplacementDomain.name:
-        st.caption(f"Only the displacement domain can rank tests: this does not follow {LABELS[answer.approach]}.")
+    if answer.subject.approach != DisplacementDomain.name:
+        st.caption(
+            f"Only the displacement domain can rank tests: this does not follow {LABELS[answer.subject.approach]}."
+        )
     named = ", ".join(f"{name} {value}" for name, value in kind if value)
     usual_kind = "" if answer.condition.factors else ", of which there are most tests"
     st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
@@ -114,14 +116,19 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
 def _range(
     column: DeltaGenerator, axis: Field, view: View, runs: np.ndarray, tests: Sequence[float]
 ) -> tuple[float, float]:
-    """Slider for the ends of a range in SI, at first that of the tests; kept as they were chosen, ``20:35 mph``."""
+    """Slider for a range in SI, at first that of the tests; kept as it was chosen, ``20:35 mph``."""
     own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
     state, step = st.session_state, axis.step
     own_in_si, in_si = IN_SI[own_unit], IN_SI[unit]
     least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
     low = step * int(max(least / in_si, step) / step + 1e-6)
     high = -step * int(-most / in_si / step - 1 + 1e-6)
-    if not _lies_in(state[axis.key], least / 2, 2 * most):  # nothing yet, a link that was cut, or another campaign's
+    try:
+        first, last = _ends(state[axis.key] or "")
+        lies_in = least / 2 <= first <= last <= 2 * most
+    except (ValueError, KeyError):
+        lies_in = False
+    if not lies_in:  # nothing yet, a link that was cut, or another campaign's
         state[axis.key] = None
     address.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
     ends = _ends(state[axis.key])
@@ -144,11 +151,3 @@ def _ends(text: str) -> tuple[float, float]:
     numbers, _, unit = text.partition(" ")
     first, last = numbers.split(":")
     return float(first) * IN_SI[unit], float(last) * IN_SI[unit]
-
-
-def _lies_in(text: str | None, least: float, most: float) -> bool:
-    try:
-        first, last = _ends(text or "")
-    except (ValueError, KeyError):
-        return False
-    return least <= first <= last <= most

@@ -1,6 +1,6 @@
 """The page Predict: the predictions at a condition."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -10,7 +10,6 @@ import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.neighbours import nearest_sentences
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
@@ -70,7 +69,7 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
             address.put(key, None)
         factors[name] = column.selectbox(
             plain(name.capitalize()), values, index=None, placeholder="not given", key=key, persist_state="session",
-            help="Tests may differ by it; if it is not given, the band covers every value.",
+            help="If it is not given, the band covers every value.",
         )  # fmt: skip
     fields = zip(columns, _FIELDS, campaign.cae.vectors.T, strict=False)
     condition = Condition.of_vector(
@@ -91,7 +90,7 @@ def fill_in(campaign: Campaign, condition: Condition) -> None:
 
 
 def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs: np.ndarray) -> float:
-    """Slider over the CAE runs' range, and a number field beyond it; returns SI, kept in mph or lb in any units."""
+    """Slider over the CAE runs' range, and a field beyond it; returns SI, kept in mph or lb."""
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
     label, shown = display.title(field.label, field.unit), 1 / display.units.in_si(field.unit)
     state, values = st.session_state, runs * shown
@@ -157,21 +156,6 @@ class Answer:
         return advised(self.request.key, self.condition, window_ms, self.estimates, self.view.campaign)
 
     @property
-    def recommended(self) -> str | None:
-        """The approach to use, once it is known."""
-        return None if self.advice is None else self.advice.approach
-
-    @property
-    def predictions(self) -> Mapping[str, Prediction]:
-        """By approach."""
-        return {estimate.approach: estimate.prediction for estimate in self.estimates}
-
-    @property
-    def approach(self) -> str:
-        """The approach that was chosen."""
-        return str(st.session_state[self.subject.chosen_approach])
-
-    @property
     def prediction(self) -> PredictedPulse:
         """All of them, as the library has it."""
         return PredictedPulse(self.view.campaign, tuple(self.estimates), self.request.config)
@@ -211,8 +195,7 @@ def show_pins(answer: Answer) -> None:
 
     st.button(
         "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
-        help="Keeps it in the figures, a table of differences, the link, the report and the past results; up to "
-        f"{MOST_PINS}.",
+        help=f"Keeps it in figures, the link, the report and the past results; up to {MOST_PINS}.",
     )  # fmt: skip
     if pins:
         with st.popover(f"{len(pins)} pinned", key="pinned"):
@@ -228,7 +211,7 @@ def show_pulses(answer: Answer) -> None:
     condition, display = answer.condition, answer.view.display
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
-        curves = choose_curves(answer.subject, answer.approach, answer.predictions)
+        curves = choose_curves(answer.subject, answer.fitted.approaches)
 
     def draw() -> go.Figure:
         drawn = answer.prediction.plot(
@@ -254,8 +237,7 @@ def show_pulses(answer: Answer) -> None:
 
 
 def _show_differences(answer: Answer) -> None:
-    """Show the metrics by the chosen approach here, with other settings and at pinned conditions, and differences."""
-    display, shown = answer.view.display, by_one(answer.approach, [answer.prediction, *answer.others])
+    display, shown = answer.view.display, by_one(answer.subject.approach, [answer.prediction, *answer.others])
     names = column_names(shown, display)
     first, second, *more = names
 
@@ -286,5 +268,5 @@ def show_files(answer: Answer) -> None:
         if answer.whole:
             write = partial(prediction_report, campaign, estimates, config, display, others, form)
             download_report(write, f"{of} {form}")
-    if answer.recommended is not None:
-        offer_pulses(campaign, estimates, answer.recommended, config.seed)
+    if answer.advice is not None:
+        offer_pulses(campaign, estimates, answer.advice.approach, config.seed)

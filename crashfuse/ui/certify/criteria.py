@@ -72,7 +72,7 @@ def choose_criteria(view: View) -> Criteria | None:
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.number_input(
             "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session", width=150,
-            help="A criterion counts as met from this probability, as not met from its complement, else it is open.",
+            help="A criterion is met from this probability, not met from its complement, else open.",
         )  # fmt: skip
         st.selectbox(
             "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach",
@@ -86,8 +86,7 @@ def choose_criteria(view: View) -> Criteria | None:
         st.button(
             "Limits of these tests", icon=":material/speed:", type="secondary" if criteria else "primary",
             on_click=lambda: start(limits_of_tests(view.campaign, units)),
-            help="Start with the most that a test showed of crush, peak, velocity change and OLC, rounded up, and with "
-            "a rating of 0.8. They are no requirement of anyone: change them.",
+            help="Start with the most that a test showed, rounded up, and a rating of 0.8; then change them.",
         )  # fmt: skip
         st.button(
             "Good ratings", icon=":material/grade:", on_click=lambda: start(ratings_wanted()),

@@ -95,13 +95,6 @@ def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
         return read(path)
 
 
-def under_its_name(error: CrashfuseError, file: str, name: str) -> CrashfuseError:
-    """What is wrong with a file that was read under its usual name, under the name that it was uploaded with."""
-    if not isinstance(error, DataError):
-        return error
-    return DataError([replace(problem, where=problem.where.replace(file, name, 1)) for problem in error.problems])
-
-
 def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
     """Ask for a file that is kept on the server under a name, which the address has; ``file`` is its usual name.
 
@@ -129,8 +122,11 @@ def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]
         given, state[wrong] = state[key], None
         try:
             take(given and given.getvalue())
+        except DataError as error:  # it was read under its usual name
+            named = (replace(problem, where=problem.where.replace(file, given.name, 1)) for problem in error.problems)
+            state[wrong] = DataError([*named])
         except CrashfuseError as error:
-            state[wrong] = under_its_name(error, file, given.name)
+            state[wrong] = error
 
     st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=changed)
     error: CrashfuseError | None = state.get(wrong)
@@ -142,7 +138,7 @@ def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
     if (name := st.session_state[choice]) is None:
         return None
     if (content := file_store.find(name)) is None:
-        raise UsageError(f"The {file} of this link is not on this server any more. Upload it again.")
+        raise UsageError(f"The {file} of this link is no longer on this server. Upload it again.")
     return read(content)
 
 

@@ -160,7 +160,7 @@ def _usual(view: View) -> list[str]:
 
 
 def _edit(view: View) -> None:
-    """Fields for every planned test; numbers are kept in the units that the test was begun in."""
+    """Numbers are kept in the units that the test was begun in."""
     campaign, shown, state = view.campaign, _units(view.display.system), st.session_state
     address.put("planned", [SEPARATOR.join(_parts(text, campaign)) for text in state["planned"][:_MOST_ROWS]])
 
@@ -179,7 +179,6 @@ def _edit(view: View) -> None:
 
 
 def _add(view: View) -> None:
-    """Another row like the last, under another id."""
     state = st.session_state
     rows = state["planned"] or _usual(view)
     known = {text.partition(SEPARATOR)[0] for text in rows}

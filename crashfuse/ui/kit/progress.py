@@ -53,7 +53,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
         return
     st.info(
         f"{plain(campaign.test_ids[0])} is the only test of this campaign: left out, it would leave nothing to learn "
-        "from. How well the page Predict predicts cannot be checked before there is a second test.",
+        "from. How well Predict predicts can be checked with a second test.",
         icon=":material/looks_one:",
     )
     show_link("predict", "Predict another condition")
