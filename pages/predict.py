@@ -12,10 +12,9 @@ from crashfuse.ui.kit.curves import choose_approach
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.files import export_button
 from crashfuse.ui.kit.progress import patience, result_of, show_training
-from crashfuse.ui.planning import show_next_test, show_over_speed
 from crashfuse.ui.predict import Answer, choose_condition, show_pins
 
-TABS = {"Pulses": predict.show_pulses, "Over speed": show_over_speed, "Next test": show_next_test}
+TABS = {"Pulses": predict.show_pulses, "Over speed": predict.show_over_speed, "Next test": predict.show_next_test}
 
 view = frame.enter_with_campaign("Predict", lambda view: f"from {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()

@@ -91,11 +91,6 @@ class Comparison:
         return self.view.held_out
 
     @property
-    def window_ms(self) -> float:
-        """Length of the rated window."""
-        return self.view.display.window_ms
-
-    @property
     def subject(self) -> Subject:
         """What further predictions are of."""
         return Subject.held_out(self.view)
@@ -103,7 +98,7 @@ class Comparison:
     @property
     def repeat(self) -> Repeatability | None:
         """What a repeat of the test would rate, if it is known."""
-        return self.study.repeatability.get(self.test.id, {}).get(self.window_ms)
+        return self.study.repeatability.get(self.test.id, {}).get(self.view.display.window_ms)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""
@@ -117,13 +112,15 @@ class Comparison:
 def show_headline(comparison: Comparison) -> None:
     """Show the ratings in a row, and the recommendation."""
     st.html(_row(comparison))
-    for fact in window_facts(comparison.test, comparison.window_ms):
+    for fact in window_facts(comparison.test, comparison.view.display.window_ms):
         st.caption(plain(comparison.view.display.words(fact.sentence)))
     with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
         component("ratings")(key=_KEY, on_approach_change=_explain)
     if (advice := comparison.advice) is None:
         return
-    overall = {name: ratings[comparison.window_ms].overall for name, ratings in comparison.fold.ratings.items()}
+    overall = {
+        name: ratings[comparison.view.display.window_ms].overall for name, ratings in comparison.fold.ratings.items()
+    }
     rated = overall[advice.approach]
     missed = advice.expected is not None and advice.expected.is_missed_by(rated)
     repeat = comparison.repeat
@@ -139,7 +136,7 @@ def _explain() -> None:
 
 
 def _row(comparison: Comparison) -> str:
-    rated = {name: by_window[comparison.window_ms] for name, by_window in comparison.fold.ratings.items()}
+    rated = {name: by_window[comparison.view.display.window_ms] for name, by_window in comparison.fold.ratings.items()}
     items = []
     for name, rating in rated.items():
         change = _change(rating.overall, rated[BASELINE].overall) if BASELINE in rated and name != BASELINE else ""
@@ -150,7 +147,7 @@ def _row(comparison: Comparison) -> str:
     if (repeat := comparison.repeat) is not None:
         values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f} (95 %)</small>"
         items.append(_item(f"<i>{REPEAT}</i>", values))
-    window, basis = results.window_label(comparison.window_ms), comparison.view.campaign.rating_basis
+    window, basis = results.window_label(comparison.view.display.window_ms), comparison.view.campaign.rating_basis
     label = escape(f"Ratings over {window}, with the change from the raw CAE model: {basis}")
     return f'<div class="cf-ratings" role="list" aria-label="{label}" title="{label}">{"".join(items)}</div>'
 
@@ -194,7 +191,7 @@ def show_why(comparison: Comparison) -> None:
     """Explain the rating of one approach."""
     display, test, advice = comparison.view.display, comparison.test, comparison.advice
     approach = comparison.subject.approach
-    explanation = comparison.fold.explained(approach, comparison.window_ms)
+    explanation = comparison.fold.explained(approach, comparison.view.display.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
     st.markdown(f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**")
     draw = partial(comparison.study.plot, test.id, display=display)
@@ -222,12 +219,12 @@ def show_why(comparison: Comparison) -> None:
 @st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")
 def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account:  # noqa: ARG001
     campaign, config = _comparison.view.campaign, _comparison.config
-    return account(campaign, config, _comparison.fold, _comparison.window_ms, approach=approach)
+    return account(campaign, config, _comparison.fold, _comparison.view.display.window_ms, approach=approach)
 
 
 def show_ratings(comparison: Comparison) -> None:
     """Show ratings, metrics, and what the approaches say of themselves."""
-    campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.window_ms
+    campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.view.display.window_ms
     terms = f"By {campaign.rating_basis}. Single draws: {glossary.DRAWS} {glossary.REPEAT}"
     st.subheader("Rating by approach and window", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}

@@ -204,9 +204,7 @@ def prepare() -> tuple[Middleware, ...]:
     except (CrashfuseError, OSError) as error:
         sys.exit(f"crashfuse: {error}")
     handler = signal.getsignal(signal.SIGTERM)
-    if callable(
-        handler
-    ):  # uvicorn's own, which would raise SIGTERM once more, now fatal; as by Ctrl-C files are deleted
+    if callable(handler):  # uvicorn's own would raise SIGTERM once more, now fatal; by Ctrl-C uploads are deleted
         signal.signal(signal.SIGTERM, lambda _, frame: handler(signal.SIGINT, frame))
     share_one_heap()
     return (Middleware(Guard),)

@@ -85,7 +85,7 @@ def _show_headline(outcome: "_Outcome", *, grouped: bool) -> list[str]:
     use, _, why = first.partition(". ")
     rated = others.pop(-1 if study.speed_groups is not None and grouped else 0)
     longest = max(study.config.windows_ms)
-    if outcome.window_ms != longest:  # what is said does not follow the choice in the sidebar
+    if outcome.view.display.window_ms != longest:  # what is said does not follow the choice in the sidebar
         rated += f" This is over {results.window_label(longest)}."
     results.show_recommendation([f"{use}. {rated}"])
     return [why, *others]
@@ -113,11 +113,6 @@ class _Outcome:
         tests = len(self.study.folds) == len(self.view.campaign.tests)
         return tests and self.study.config.approaches == self.config.approaches
 
-    @property
-    def window_ms(self) -> float:
-        """Length of the rated window."""
-        return self.view.display.window_ms
-
 
 def by_group(request: StudyRequest) -> bool:
     """Whether the tests shown were left out with all at about their speed; of both ways, as the reader has chosen."""
@@ -141,7 +136,7 @@ def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
     campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
     if outcome.whole:
-        worst = worst_test(study, outcome.window_ms, approach=recommend(outcome.study).approach)
+        worst = worst_test(study, outcome.view.display.window_ms, approach=recommend(outcome.study).approach)
         results.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
     show_table(results.coloured(rating_tables.mean_ratings(study)), "means")
@@ -154,7 +149,7 @@ def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
 
 def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     tests = [fold.held_out for fold in study.folds]
-    st.markdown(f"**Each test, {results.window_label(outcome.window_ms)}**")
+    st.markdown(f"**Each test, {results.window_label(outcome.view.display.window_ms)}**")
 
     def open_test(cell: str) -> None:
         """Open a test as this study left it out; *Why* explains the approach whose cell it was."""
@@ -175,7 +170,7 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
         )  # fmt: skip
     if clicked or chosen is not None:
         open_page("compare")
-    if study.repeats(outcome.window_ms):
+    if study.repeats(outcome.view.display.window_ms):
         st.caption(glossary.REPEAT)
 
 
@@ -191,7 +186,7 @@ def _show_bands(outcome: _Outcome) -> None:
 
     left, right = st.columns(2, gap="medium")
     with left:
-        st.subheader(f"How sure the ratings are, {results.window_label(outcome.window_ms)}")
+        st.subheader(f"How sure the ratings are, {results.window_label(outcome.view.display.window_ms)}")
         alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
         show("draws", alt, "ratings of draws")
         st.caption(

@@ -93,7 +93,11 @@ def choose_criteria(view: View) -> Criteria | None:
             help=f"Start with {STANDARD} ratings that are good, 0.8 or more, over 20, 40 and 60 ms.",
         )  # fmt: skip
         with st.popover("From a file", icon=":material/upload:"):
-            _show_upload(view)
+            names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
+            st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {names} and others.")
+            key = f"criteria file {view.campaign.fingerprint[:8]}"
+            if refused := upload(f"Upload {_FILE}", _FILE, key, _take_file):
+                show_wrong(refused)
     if wrong is not None:
         show_wrong(wrong)
     elif criteria is None:
@@ -132,12 +136,6 @@ def _is_row(text: str) -> bool:
         return False
 
 
-def _show_upload(view: View) -> None:
-    def take_file(content: bytes | None) -> None:
-        if content is not None:
-            take(uploaded(content, _FILE, read_criteria))
-
-    names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
-    st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {names} and others.")
-    if wrong := upload(f"Upload {_FILE}", _FILE, f"criteria file {view.campaign.fingerprint[:8]}", take_file):
-        show_wrong(wrong)
+def _take_file(content: bytes | None) -> None:
+    if content is not None:
+        take(uploaded(content, _FILE, read_criteria))

@@ -14,8 +14,7 @@ from crashfuse.errors import CrashfuseError, DataError, UsageError, shortened
 from crashfuse.ui.kit.text import plain
 
 T = TypeVar("T")
-SEPARATOR = "~"
-"""Between the fields of a row, kept as a text."""
+SEPARATOR = "~"  # between the fields of a row, kept as a text
 
 
 class Field(NamedTuple):
@@ -138,7 +137,7 @@ def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
     if (name := st.session_state[choice]) is None:
         return None
     if (content := file_store.find(name)) is None:
-        raise UsageError(f"The {file} of this link is no longer on this server. Upload it again.")
+        raise UsageError(f"The {file} of this link is not on this server any more. Upload it again.")
     return read(content)
 
 

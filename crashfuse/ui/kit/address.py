@@ -25,18 +25,14 @@ from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
 from crashfuse.wording import SYSTEMS
 
-MOST_PINS = 6
-"""Each takes ten megabytes, and a column of the table."""
+MOST_PINS = 6  # each takes ten megabytes, and a column of the table
 Value = str | float | bool | tuple[str, ...] | None
 _PAGE, _DEFAULTS = "page", "defaults"  # session keys: the open page; defaults that depend on the campaign
 _WANTED = "units wanted"  # session key: the system of units that the user has chosen, in any campaign
 _ANY = "…"  # in a key: a factor of the campaign
-NOT_FOUND = "not found"
-"""Session key: what the link asked for and was not found."""
-ASKED = "campaign asked for"
-"""Session key: the campaign of a link, while it is not open."""
-REFUSED = "refused"
-"""Session key: what is wrong with the campaign last tried."""
+NOT_FOUND = "not found"  # session key: what the link asked for and was not found
+ASKED = "campaign asked for"  # session key: the campaign of a link, while it is not open
+REFUSED = "refused"  # session key: what is wrong with the campaign last tried
 
 
 @dataclass(frozen=True)

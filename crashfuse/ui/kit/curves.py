@@ -35,8 +35,7 @@ from crashfuse.ui.kit.progress import patience, result_or_none
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import read_out
 
-REPRESENTATIVE = "representative"
-"""Stands among the curves for a pulse that looks like a test."""
+REPRESENTATIVE = "representative"  # stands among the curves for a pulse that looks like a test
 _NEAREST = 3
 _NEAREST_HELP = (
     f"The {_NEAREST} nearest tests by shares of speed and mass, and any that stands apart near the condition."

@@ -69,11 +69,7 @@ def show_end(job: Job[Any]) -> None:
 
 
 def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in_full: bool = True) -> None:
-    """Show the progress of a job; once it has ended, the page is redrawn.
-
-    A page that shows parts of the result says which part it has ``shown``, and ``since`` when: it is redrawn when more
-    is known, a first part at once.
-    """
+    """Show the progress of a job; the page is redrawn once it ends, or more is known than was ``shown``."""
     every_s = _OFTEN_S if shown is None else _SELDOM_S
     st.fragment(_show_job, run_every=every_s)(job, shown, since, in_full=in_full)
 

@@ -38,8 +38,7 @@ _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| 
 """A cell with a number, perhaps with its interval or a remark, or without one."""
 _GRADED = re.compile(rf"\d\.\d+ ({'|'.join(GRADE_COLOURS)})")
 _MOST_ROWS = 50  # shown; the downloaded file has all
-TEST_COLUMN = "Test"
-"""Heading of what was measured, beside the approaches."""
+TEST_COLUMN = "Test"  # heading of what was measured, beside the approaches
 
 
 def show_table(table: Styler | pd.DataFrame, key: str, remark: str = "", meanings: Sequence[str] = ()) -> None:

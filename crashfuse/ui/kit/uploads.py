@@ -55,11 +55,6 @@ class Source:
     owner: str  # key of the visitor who began it; whoever follows their link may continue it as well
     scratch: Path | None = None  # folder to delete when the owner's import is over; None for the user's own files
 
-    @property
-    def several(self) -> bool:
-        """True if these are several uploads, which have no common name."""
-        return self.scratch is not None and self.path.parent == self.scratch
-
 
 def source_at(path: Path, scratch: Path | None = None) -> Source:
     """Start the import of a file or folder; a DataError if it has no known format, or too many files."""

@@ -179,7 +179,7 @@ def insist_on_login() -> None:
 
 def require_login(page: str) -> None:
     """On a server that asks for a log-in, show nothing else before it; a link to a page is followed after it."""
-    auth = _asked_for()
+    auth: dict[str, Any] = dict(st.secrets.get("auth", {})) if st.secrets.load_if_toml_exists() else {}
     if not (auth or _insisted.is_set()):
         return
     if logged_in():
@@ -220,12 +220,6 @@ def _links() -> dict[str, tuple[str, dict[str, list[str]]]]:
 def _log_out() -> None:
     note_in_log(visitor(), "logged out")
     st.logout()
-
-
-def _asked_for() -> dict[str, Any]:
-    if not st.secrets.load_if_toml_exists():
-        return {}
-    return dict(st.secrets.get("auth", {}))
 
 
 def _providers(auth: dict[str, Any]) -> list[str | None]:
