@@ -40,8 +40,8 @@ _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
 _MOTION, _RESIDUALS = "Motion", "Residuals"
 _CORRIDORS_HELP = (
-    "ISO/TS 18571: a curve scores 1 inside the inner corridor, 0 outside the outer one: 5 % and 50 % of the largest "
-    "acceleration in the rated window about the test."
+    "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test, 0 outside the outer one. Half widths: "
+    "5 % and 50 % of the largest acceleration in the rated window."
 )
 _CURVES = {
     "Over displacement": (

@@ -273,7 +273,7 @@ def show_over_speed(answer: Answer) -> None:
         return
     sweep = result_or_none(
         sweep_over_speed(request, answer.fitted, condition),
-        invitation="About thirty speeds are predicted, which takes about ten seconds.",
+        invitation="About thirty speeds are predicted in about ten seconds.",
         button="Predict over speed",
     )
     if sweep is None:

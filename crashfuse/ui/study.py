@@ -199,7 +199,7 @@ def _show_bands(outcome: _Outcome) -> None:
         st.caption("Above the dotted line a band is wider than it claims, below it too narrow.")
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     show_table(coverage_table(study.coverage), "coverage")
-    st.caption(f"Of {len(study.folds)} left-out tests: no more can be promised than these counts.")
+    st.caption(f"Left-out tests inside the band; of {len(study.folds)} no more can be promised than these counts.")
 
 
 def _show_files(outcome: _Outcome) -> None:

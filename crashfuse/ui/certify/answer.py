@@ -100,7 +100,7 @@ def _show_matrix(judgement: Judgement) -> None:
             lambda: judgement.verdicts.plot(display=judgement.display), "Verdicts by planned test and criterion",
             _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts",
         )  # fmt: skip
-    told = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
+    told = "Probability that a test there would meet the criterion. Click a cell for its reason."
     st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict. All are in certification.csv.")
 
 

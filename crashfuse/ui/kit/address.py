@@ -131,8 +131,7 @@ CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_P
 def follow(page: str, wanted: Callable[[], Mapping[str, list[str]]] = dict) -> None:
     """Take all choices from the address if a session begins, those of its page if the user goes back or forward.
 
-    At no other time: a click may come from a browser that has not seen the latest address yet. A session begins with
-    what its visitor always wants, unless the address says otherwise.
+    At no other time: a click may come from a browser that has not seen the latest address yet.
     """
     state, context = _state(), get_script_run_ctx()
     asked = given()
@@ -170,10 +169,7 @@ def here(page: str | None = None) -> Place:
 
 
 def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, follow: bool = True) -> None:
-    """Give a choice its default for what is looked at, unless another was chosen that is ``known`` here.
-
-    A choice that is not to ``follow`` keeps the default that it was given before.
-    """
+    """Give a choice its default, unless another was chosen that is ``known``, or it does not ``follow`` a new one."""
     state = _state()
     defaults = state.setdefault(_DEFAULTS, {})
     usual = state.get(key) is None or (follow and state[key] == defaults.get(key))
@@ -309,8 +305,7 @@ def kept_choice(
 ) -> list[str]:
     """What is chosen of these options, first what was chosen first, with a widget of Streamlit and its look.
 
-    The session holds the whole choice under ``key``. A widget of that key would lose what this page does not offer: an
-    approach that has not been fitted yet, a test of another campaign.
+    A widget of the choice's own key would lose what this page does not offer: a test of another campaign, say.
     """
     state, shown = st.session_state, f"{key} shown"
     before, widgets = state.get(shown, (None, 0))

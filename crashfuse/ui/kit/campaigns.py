@@ -1,7 +1,4 @@
-"""Campaigns open on this server, each read once; everyone sees their own, those of the server, and those linked to.
-
-A small file in the cache folder holds the paths of folders opened before, where people log in one for each of them.
-"""
+"""Campaigns open on this server, each read once; everyone sees their own, those of the server, and those linked to."""
 
 import json
 import os
@@ -69,6 +66,7 @@ def opened_here() -> dict[str, _Opened]:
 def open_campaigns() -> dict[str, Path | None]:
     """Folders that the visitor may choose, by name: the server's, those they opened, and that of their link."""
     me, opened = visitor().key, opened_here()
+    # a link can ask for one of these names, never for a path; that of an upload cannot be guessed
     linked = opened.get(name := st.session_state.get("campaign") or "")
     if linked is not None and not linked.for_all and me not in linked.visitors:
         linked.visitors.add(me)

@@ -1,7 +1,4 @@
-"""Curves of a figure of pulses: the prediction by one approach with its band, and what is chosen beside it.
-
-Added are tests, CAE runs, predictions at pinned conditions, and predictions with other settings.
-"""
+"""Curves of a figure of pulses: the prediction by one approach with its band, and what is chosen beside it."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from contextlib import suppress

@@ -1,7 +1,4 @@
-"""Figures on a page: in its theme, with alternative text, drawn once for all sessions, saved by buttons, read by keys.
-
-A saved picture is light and says what it shows. Arrow keys move the cursor; Enter clicks, Escape takes it away.
-"""
+"""Figures on a page: in its theme, with alternative text, drawn once for all, saved by buttons, read by keys."""
 
 import hashlib
 import json

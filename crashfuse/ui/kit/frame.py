@@ -344,7 +344,7 @@ class _AnswerLine:
         if verdicts is not None:
             n, of = verdicts.certification.saved
             told = f"{n:,} of {of:,} planned test{'s' * (of != 1)} need not be run"
-            meaning = "A test there would meet all criteria at once, with the confidence asked for."
+            meaning = "A test there would meet all criteria at once."
         self._link("certify", f"**{plain(told)}**", meaning, "certify")
         for fact in campaign_facts(view.campaign):
             label, key, test = plain(fact.label), f"{fact.code} {fact.label}", fact.values.get("test")

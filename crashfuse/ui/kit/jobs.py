@@ -1,7 +1,4 @@
-"""Computations in the background: queued and watched from any page, one for all who want the same.
-
-A job knows nothing of Streamlit. Its thread writes plain numbers, and a page reads them at any time.
-"""
+"""Computations in the background, queued and watched from any page; they know nothing of Streamlit."""
 
 import logging
 import math

@@ -1,7 +1,6 @@
 """Who is in front of a session: the person who has logged in, else the browser; log-in, and the log of a server.
 
-A server asks for a log-in by an identity provider (OpenID Connect) where its secrets file has a section ``[auth]``. The
-log has a line each on when, who and what; never what is in a file.
+A log-in by an identity provider (OpenID Connect) is asked for where the secrets file has a section ``[auth]``.
 """
 
 import hashlib
@@ -156,11 +155,7 @@ def _add_line(line: str) -> None:
 
 
 def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
-    """Whether a secrets file asks for a log-in.
-
-    Raises an error if one cannot be read or its log-in cannot work, for Streamlit would ask nobody to log in; with
-    ``required``, also if none asks for it.
-    """
+    """Whether a secrets file asks for a log-in; an error if that cannot work, or if it is ``required`` in vain."""
     asked = [(path, auth) for path in map(Path, files) if path.is_file() and (auth := _auth_in(path)) is not None]
     for path, auth in asked:
         _check_section(path, auth)
