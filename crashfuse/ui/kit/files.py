@@ -56,13 +56,6 @@ _HOLDS = {
     "speed_groups.csv": "As scores.csv, with all tests at about the speed left out.",
     "sweep.csv": "The pulse metrics over speed, with 95 % intervals.",
 }
-_FORM_LABELS: dict[ReportForm, str] = {"whole": "Whole", "short": "Short"}
-_FORM_HELP = "Short: two or three pages with {}. Whole: {}, too."
-_OF_STUDY = (
-    "the recommendation, all ratings and the test that was predicted worst",
-    "the paper's tables 3 and 5, each test, the data, the method and its settings",
-)
-_DRAWS_HELP = "Whole pulses drawn from the band, all equally likely: how much of the band reaches the occupant?"
 _PULSE_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
 
 
@@ -190,7 +183,7 @@ def choose_form(short: str, whole: str) -> ReportForm:
     """Ask for the form of the report, and tell what it then has."""
     form: ReportForm = st.segmented_control(
         "Report", REPORT_FORMS, default="whole", required=True, key="report form", persist_state="session",
-        format_func=_FORM_LABELS.__getitem__, help=_FORM_HELP.format(short, whole),
+        format_func=str.capitalize, help=f"Short: two or three pages with {short}. Whole: {whole}, too.",
     )  # fmt: skip
     return form
 
@@ -198,7 +191,10 @@ def choose_form(short: str, whole: str) -> ReportForm:
 def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report, and which tests it shows one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        form = choose_form(*_OF_STUDY)
+        form = choose_form(
+            "the recommendation, all ratings and the test that was predicted worst",
+            "the paper's tables 3 and 5, each test, the data, the method and its settings",
+        )
         shown: Sequence[str] = ()
         if len(tests) > 1:
             shown = st.multiselect(
@@ -230,7 +226,7 @@ def offer_pulses(
         if (drawn := estimate.prediction.draws_mps2) is not None:
             draws = right.number_input(
                 "Draws", 0, len(drawn), 0, key=f"export draws of {len(drawn)}", persist_state="session",
-                help=_DRAWS_HELP,
+                help="Pulses drawn from the band, all equally likely: how much of the band reaches the occupant?",
             )  # fmt: skip
         try:
             location, curve = (_location(), None) if form == "isomme" else (LOCATION, _curve())
