@@ -20,13 +20,12 @@ TABS = {"Answer": answer.show, "Track record": results.show_record, "Validated d
 view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
 address.default("approach", APPROACH, APPROACHES)
 with st.expander("Criteria and planned tests", icon=":material/tune:", expanded=not st.session_state.get(JUDGED)):
-    st.caption("Which of the planned tests need not be run, by which criteria, and how often is that answer wrong?")
     criteria = choose_criteria(view)
     matrix = choose_matrix(view)
 verdicts = None
 if criteria is not None and matrix is not None:
     request = judge(view.campaign, criteria, matrix)
-    usually = "Leaving out every test in turn takes a minute or more; then other limits take no time."
+    usually = "It takes a minute or more; then other limits take no time."
     verdicts = result_or_none(
         request, invitation=f"No answer yet. {patience(chosen_config(), usually)}", button="Certify"
     )

@@ -4,7 +4,7 @@ from functools import partial
 
 import streamlit as st
 
-from crashfuse.ui import compare, compare_figures
+from crashfuse.ui import compare
 from crashfuse.ui.compare import Comparison
 from crashfuse.ui.kit import frame
 from crashfuse.ui.kit.address import chosen_config
@@ -16,8 +16,8 @@ from crashfuse.ui.kit.progress import patience, result_of, show_training, stop_w
 from crashfuse.ui.kit.text import plain
 
 TABS = {
-    "Pulses": compare_figures.show_pulses,
-    "Why": compare_figures.show_why,
+    "Pulses": compare.show_pulses,
+    "Why": compare.show_why,
     "Ratings and metrics": compare.show_ratings,
 }
 
@@ -40,8 +40,8 @@ comparison = Comparison.of(view, request, study)
 compare.show_headline(comparison)
 with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
     tab = choose("Tab", list(TABS), key="compare_tab")
-    approach = choose_approach(comparison.subject, comparison.predictions, comparison.recommended)
+    choose_approach(comparison.subject, list(comparison.fold.ratings), comparison.advice)
     st.space("stretch")
     export_button(partial(compare.show_files, comparison))
-comparison.subject.offer(approach)
+comparison.subject.offer()
 TABS[tab](comparison)

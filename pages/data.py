@@ -2,26 +2,18 @@
 
 import streamlit as st
 
-from crashfuse.ui import import_step
-from crashfuse.ui.data import (
-    offer_next,
-    show_conditions,
-    show_head,
-    show_library,
-    show_open_forms,
-    show_opening,
-    show_tests,
-)
+from crashfuse.ui import data, import_step
 from crashfuse.ui.kit import frame
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.navigation import end_page
 from crashfuse.ui.kit.uploads import running_import
 
-TABS = {"Tests": show_tests, "Conditions": show_conditions, "CAE model": show_library}
+TABS = {"Tests": data.show_tests, "Conditions": data.show_conditions, "CAE model": data.show_library}
 
 view = frame.enter()
 if (source := running_import()) is not None:
-    import_step.show_import(source, view)
+    with st.container(key="import-step"):
+        import_step.show_import(source, view)
     end_page()
 if view is None:
     st.title("crashfuse")
@@ -32,14 +24,14 @@ if view is None:
     frame.offer_sample()
     st.caption("A synthetic car: 11 tests and about a thousand CAE runs, made by a small simulation.")
     st.subheader("Or open a campaign of your own")
-    show_open_forms()
+    data.show_open_forms()
     end_page()
 
 if (way := st.session_state["opening"]) is not None:
-    show_opening(way)
+    data.show_opening(way)
     end_page()
-show_head(view)
+data.show_head(view)
 with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
     tab = choose("Tab", list(TABS), key="data_tab")
-    offer_next(view)
+    data.offer_next(view)
 TABS[tab](view)

@@ -12,14 +12,9 @@ from crashfuse.ui.kit.curves import choose_approach
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.files import export_button
 from crashfuse.ui.kit.progress import patience, result_of, show_training
-from crashfuse.ui.planning import show_next_test, show_over_speed
 from crashfuse.ui.predict import Answer, choose_condition, show_pins
 
-TABS = {
-    "Pulses": predict.show_pulses,
-    "Over speed": show_over_speed,
-    "Next test": show_next_test,
-}
+TABS = {"Pulses": predict.show_pulses, "Over speed": predict.show_over_speed, "Next test": predict.show_next_test}
 
 view = frame.enter_with_campaign("Predict", lambda view: f"from {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()
@@ -32,9 +27,7 @@ def ask_and_answer() -> None:
     fitted = result_of(
         request,
         invitation=f"The approaches have not been fitted on all {len(campaign.tests)} tests of this campaign yet. "
-        + patience(
-            config, "This takes a minute or two the first time; after that, every condition is answered at once."
-        ),
+        + patience(config, "This takes a minute or two, once; then every condition is answered at once."),
         button="Predict",
     )
     answer = Answer(view, request, fitted, condition)
@@ -44,12 +37,12 @@ def ask_and_answer() -> None:
         results.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
     with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
         tab = choose("Tab", list(TABS), key="predict_tab")
-        approach = choose_approach(answer.subject, answer.predictions, answer.recommended)
+        choose_approach(answer.subject, answer.fitted.approaches, answer.advice)
         if answer.advice is not None:
             show_pins(answer)
         st.space("stretch")
         export_button(partial(predict.show_files, answer))
-    answer.subject.offer(approach)
+    answer.subject.offer()
     TABS[tab](answer)
 
 

@@ -1,29 +1,35 @@
-"""The page Compare: a held-out test, how each approach rates on it, which one was to be used, and files."""
+"""The page Compare: how each approach rates on a held-out test, which one to use, why, and files."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting import glossary
-from crashfuse.reporting.rating_tables import REPEAT
+from crashfuse.reporting.fit_explanations import whole_sentences
+from crashfuse.reporting.rating_tables import REPEAT, excursions_table, humps_table
 from crashfuse.reporting.report import study_report
+from crashfuse.signals.rating import WEIGHTS
+from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.facts import window_facts
+from crashfuse.study.left_out_account import Account, account
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Fold, Study
 from crashfuse.ui.kit import results
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.computation import StudyRequest, advised
-from crashfuse.ui.kit.curves import Shown, Subject, without_clicks
+from crashfuse.ui.kit.curves import Shown, Subject, choose_curves, without_clicks
+from crashfuse.ui.kit.editing import edit_notes, notes_of
+from crashfuse.ui.kit.figures import choose, show_cached_figure
 from crashfuse.ui.kit.files import choose_report, download_report, download_table, offer_pulses
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.results import show_table
@@ -32,6 +38,29 @@ from crashfuse.wording import difference, joined
 
 _NO_CHANGE = 0.005  # in rating
 _KEY = "clicked rating"
+_MOTION, _RESIDUALS = "Motion", "Residuals"
+_CORRIDORS_HELP = (
+    "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test, 0 outside the outer one. Half widths: "
+    "5 % and 50 % of the largest acceleration in the rated window."
+)
+_CURVES = {
+    "Over displacement": (
+        "displacement",
+        "Acceleration over displacement, up to maximum crush: {}",
+        "Marks: maximum crush with its 95 % interval. The area under each curve is the energy per unit mass, ½ v0².",
+    ),
+    "Energy": (
+        "energy",
+        "Absorbed energy over crush: {}",
+        "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force.",
+    ),
+    _RESIDUALS: (
+        "residuals",
+        "Prediction minus what was measured, over time: {}",
+        "Where a band leaves zero, the test left that band. RMS: over the rated window.",
+    ),
+}
+"""Figures beside that of the motion: the library's name, the alternative text, and what to see."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,34 +91,14 @@ class Comparison:
         return self.view.held_out
 
     @property
-    def window_ms(self) -> float:
-        """Length of the rated window."""
-        return self.view.display.window_ms
-
-    @property
-    def recommended(self) -> str | None:
-        """The approach to use, once it is known."""
-        return None if self.advice is None else self.advice.approach
-
-    @property
-    def predictions(self) -> Mapping[str, Prediction]:
-        """By approach."""
-        return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
-
-    @property
     def subject(self) -> Subject:
         """What further predictions are of."""
         return Subject.held_out(self.view)
 
     @property
-    def approach(self) -> str:
-        """The approach that was chosen."""
-        return str(st.session_state[self.subject.chosen_approach])
-
-    @property
     def repeat(self) -> Repeatability | None:
         """What a repeat of the test would rate, if it is known."""
-        return self.study.repeatability.get(self.test.id, {}).get(self.window_ms)
+        return self.study.repeatability.get(self.test.id, {}).get(self.view.display.window_ms)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""
@@ -103,13 +112,15 @@ class Comparison:
 def show_headline(comparison: Comparison) -> None:
     """Show the ratings in a row, and the recommendation."""
     st.html(_row(comparison))
-    for fact in window_facts(comparison.test, comparison.window_ms):
+    for fact in window_facts(comparison.test, comparison.view.display.window_ms):
         st.caption(plain(comparison.view.display.words(fact.sentence)))
     with st.container(key="clicks"):  # takes no room; the row is painted without it, only a click has to wait
         component("ratings")(key=_KEY, on_approach_change=_explain)
     if (advice := comparison.advice) is None:
         return
-    overall = {name: ratings[comparison.window_ms].overall for name, ratings in comparison.fold.ratings.items()}
+    overall = {
+        name: ratings[comparison.view.display.window_ms].overall for name, ratings in comparison.fold.ratings.items()
+    }
     rated = overall[advice.approach]
     missed = advice.expected is not None and advice.expected.is_missed_by(rated)
     repeat = comparison.repeat
@@ -125,18 +136,18 @@ def _explain() -> None:
 
 
 def _row(comparison: Comparison) -> str:
-    """HTML list of the ratings by approach, and that of a repeat."""
-    rated = {name: by_window[comparison.window_ms] for name, by_window in comparison.fold.ratings.items()}
+    rated = {name: by_window[comparison.view.display.window_ms] for name, by_window in comparison.fold.ratings.items()}
     items = []
     for name, rating in rated.items():
         change = _change(rating.overall, rated[BASELINE].overall) if BASELINE in rated and name != BASELINE else ""
         label = f'<span role="button" tabindex="0" data-approach="{name}" title="Why">{escape(LABELS[name])}</span>'
         values = f"<b>{rating.overall:.3f}</b>{change}{results.grade_chip(rating.grade)}"
-        items.append(_item(label, values, recommended=name == comparison.recommended))
+        best = comparison.advice is not None and name == comparison.advice.approach
+        items.append(_item(label, values, recommended=best))
     if (repeat := comparison.repeat) is not None:
         values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f} (95 %)</small>"
         items.append(_item(f"<i>{REPEAT}</i>", values))
-    window, basis = results.window_label(comparison.window_ms), comparison.view.campaign.rating_basis
+    window, basis = results.window_label(comparison.view.display.window_ms), comparison.view.campaign.rating_basis
     label = escape(f"Ratings over {window}, with the change from the raw CAE model: {basis}")
     return f'<div class="cf-ratings" role="list" aria-label="{label}" title="{label}">{"".join(items)}</div>'
 
@@ -155,14 +166,70 @@ def _change(rating: float, raw: float) -> str:
     return f"<small{style}>{difference(rating, raw, 3)}</small>"
 
 
+def show_pulses(comparison: Comparison) -> None:
+    """Show the test and its prediction in the figure that the user picks."""
+    test = comparison.test
+    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
+        shown = choose("Figure", [_MOTION, *_CURVES], key="compared")
+        corridors = shown == _MOTION and st.toggle(
+            "Corridors of the rating", key="corridors", persist_state="session", help=_CORRIDORS_HELP
+        )
+        curves = choose_curves(comparison.subject, list(comparison.fold.ratings))
+    figure, alt, caption = _CURVES.get(shown, ("motion", "Acceleration, velocity and displacement over time: {}", ""))
+    notes = notes_of(comparison.view)
+    notes_here = tuple(note for note in notes if note.test == test.id)
+    name = "pulses with corridors" if corridors else "pulses" if shown == _MOTION else shown.lower()
+    show_cached_figure(
+        lambda: comparison.plot(figure, curves, corridors=corridors, notes=notes_here), alt.format(curves.of(test.id)),
+        shown, corridors, notes_here, comparison.key, curves.key, beside=curves.also, name=curves.named(name),
+    )  # fmt: skip
+    st.caption(caption or "".join(whole_sentences(comparison.fold.estimates)))
+    edit_notes(comparison.view, notes)
+
+
+def show_why(comparison: Comparison) -> None:
+    """Explain the rating of one approach."""
+    display, test, advice = comparison.view.display, comparison.test, comparison.advice
+    approach = comparison.subject.approach
+    explanation = comparison.fold.explained(approach, comparison.view.display.window_ms)
+    said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
+    st.markdown(f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**")
+    draw = partial(comparison.study.plot, test.id, display=display)
+    bars, words = st.columns(2, gap="medium")
+    with bars:
+        alt = f"The four scores of every prediction of test {test.id}, as bars"
+        show_cached_figure(partial(draw, "scores"), alt, "parts", comparison.key, name="scores")
+    parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
+    words.markdown("\n".join(f"- {said[part]}" for part in parts), help=glossary.RATING_PARTS)
+    if advice is not None:
+        test_account = _account(comparison.key, advice.approach, comparison)
+        if test_account.disappoints or (test_account.departure is not None and test_account.departure.apart):
+            results.show_account(test_account.sentences[1:], missed=test_account.disappoints)
+    alt = f"Test {test.id} and its prediction by {LABELS[approach]}: corridors, shifted, warped, and their slopes"
+    show_cached_figure(
+        partial(draw, "rating", approaches=[approach]), alt, "rated curves", approach, comparison.key,
+        name=f"rating of {LABELS[approach]}",
+    )  # fmt: skip
+    with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
+        show_table(humps_table(explanation, display), "humps")
+        st.caption(glossary.HUMPS)
+        show_table(excursions_table(explanation, display), "excursions")
+
+
+@st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")
+def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account:  # noqa: ARG001
+    campaign, config = _comparison.view.campaign, _comparison.config
+    return account(campaign, config, _comparison.fold, _comparison.view.display.window_ms, approach=approach)
+
+
 def show_ratings(comparison: Comparison) -> None:
     """Show ratings, metrics, and what the approaches say of themselves."""
-    campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.window_ms
+    campaign, fold, window_ms = comparison.view.campaign, comparison.fold, comparison.view.display.window_ms
     terms = f"By {campaign.rating_basis}. Single draws: {glossary.DRAWS} {glossary.REPEAT}"
     st.subheader("Rating by approach and window", help=terms)
     draws = {name: fold.rating_interval(name, window_ms) for name in fold.with_band}
     rated = dict(fold.ratings)
-    others = comparison.subject.predictions(comparison.approach)
+    others = comparison.subject.predictions()
     added = dict(prediction.curve(comparison.view.display) for prediction in others)
     for name, estimate in added.items():
         fold_of = Fold.of(comparison.test, [estimate], comparison.config.windows_ms)
@@ -172,7 +239,8 @@ def show_ratings(comparison: Comparison) -> None:
     repeats = comparison.study.repeatability.get(comparison.test.id, {})
     show_table(results.ratings_table(rated, window_ms, repeats, draws), "ratings")
     st.caption(f"Corridor, phase, magnitude, slope and single draws: over {results.window_label(window_ms)}.")
-    results.show_terms(comparison.config)
+    if "lf_tcn" in comparison.config.approaches:
+        st.caption(glossary.LF)
     columns = [
         (results.TEST_COLUMN, campaign.metrics_of(comparison.test)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),

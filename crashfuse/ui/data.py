@@ -49,8 +49,8 @@ def show_head(view: View) -> None:
         at = view.display.words(speed(*dict.fromkeys((min(speeds), max(speeds))), form=".0f"))
         st.caption(
             f"Tests at {at} · Fingerprint {campaign.fingerprint[:12]}", width="content",
-            help=f"Tests that have a CAE run at their own condition: {_paired(campaign)}. Fingerprint: SHA-256 of all "
-            f"data, the same wherever the files lie: {campaign.fingerprint}",
+            help=f"Tests with a CAE run at their own condition: {_paired(campaign)}. Fingerprint: SHA-256 of all data: "
+            f"{campaign.fingerprint}",
         )  # fmt: skip
         for way, (label, icon) in _WAYS.items():
             st.button(label, icon=icon, on_click=st.session_state.update, args=({"opening": way},))
@@ -74,18 +74,17 @@ def offer_next(view: View) -> None:
         show_link("predict", "Next: predict another condition")
         return
     request = StudyRequest(view.campaign, (view.held_out.id,), chosen_config())
+
+    def predict_next() -> None:  # a callback, so that a click while the page is still drawn counts
+        request.ask("compare")
+        st.session_state[_ASKED] = True
+
     st.button(
         f"Next: predict test {plain(view.held_out.id)} from the others, and compare", type="primary",
-        icon=":material/arrow_forward:", on_click=_predict_next, args=(request,),
+        icon=":material/arrow_forward:", on_click=predict_next,
     )  # fmt: skip
     if st.session_state.pop(_ASKED, False):
         open_page("compare")
-
-
-def _predict_next(request: StudyRequest) -> None:
-    """Start the prediction; a callback, so that a click while the page is still drawn counts."""
-    request.ask("compare")
-    st.session_state[_ASKED] = True
 
 
 def show_tests(view: View) -> None:
@@ -113,7 +112,7 @@ def show_tests(view: View) -> None:
     if cfc is None:
         st.caption(
             f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart. In the "
-            "legend a click hides a test, a double click shows it alone, until the figure is drawn anew."
+            "legend a click hides a test, a double click shows it alone."
         )
         return
     accel = test.pulse.accel_mps2
@@ -130,7 +129,7 @@ def show_conditions(view: View) -> None:
     campaign = view.campaign
     show_cached_figure(
         lambda: campaign.plot("conditions", held_out=view.held_out.id, display=view.display),
-        "Speed against front and rear weight of CAE runs and tests; the same numbers are in the table below",
+        "Speed against front and rear weight of CAE runs and tests, as in the table below",
         ("conditions", campaign.fingerprint, view.held_out.id, view.display.system),
         name="conditions",
     )
@@ -143,7 +142,7 @@ def show_conditions(view: View) -> None:
         st.markdown("**The force of the barrier beside mass and pulse**")
         show_cached_figure(
             lambda: campaign.plot("wall", display=view.display),
-            "Force of the barrier over time, dotted mass times deceleration; the table below has the impulses",
+            "Force of the barrier over time, dotted mass times deceleration",
             ("wall", campaign.fingerprint, view.display), name="wall",
         )  # fmt: skip
         show_table(walls, "walls")
@@ -154,21 +153,16 @@ def show_library(view: View) -> None:
     campaign = view.campaign
     show_cached_figure(
         lambda: campaign.plot("cae", display=view.display),
-        "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
+        "Pulses of the CAE model over time: the middle 90 % of all runs, and the paired ones",
         ("library", campaign.fingerprint, view.display),
         name="CAE runs",
     )
     lines = "Lines are the runs" if _paired(campaign) else "No run was"
     st.caption(f"The band holds the middle 90 % of all CAE runs at each time. {lines} made at a test's own condition.")
-    _show_quality(view)
-
-
-def _show_quality(view: View) -> None:
     st.markdown("**Is the CAE model fit to be believed?**")
-    verdict = view.campaign.quality
+    verdict = campaign.quality
     st.markdown(plain(verdict.summary))
-    table = quality_table(verdict)
-    if not table.empty:
+    if not (table := quality_table(verdict)).empty:
         show_table(table, "quality")
     for sentence in verdict.named:
         st.warning(plain(sentence), icon=":material/warning:")
@@ -192,8 +186,8 @@ def show_open_forms() -> None:
         st.text_input(
             "A folder or file on this computer", key="folder",
             placeholder="a campaign, tests or CAE runs: the whole path",
-            help="On the computer that crashfuse runs on. Nothing is copied or sent. What is no campaign is imported: "
-            "you see what was recognised, and choose where it goes, before anything is added.",
+            help="On the computer that crashfuse runs on; nothing is copied or sent. What is no campaign is imported: "
+            "you see what was recognised before anything is added.",
         )  # fmt: skip
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
     if folders := campaigns.recent_folders():
@@ -208,9 +202,8 @@ def show_open_forms() -> None:
         st.file_uploader(
             "Or upload files", accept_multiple_files=True,
             key=f"files {st.session_state.get(_ROUND, 0)}",
-            help=f"A campaign is CSV and Parquet. Formats that can be imported: {all_formats()}. Files go to the "
-            "computer that crashfuse runs on, no further, and are deleted when it ends. Open what is larger than the "
-            "limit as a folder.",
+            help=f"A campaign, or files to import: {all_formats()}. They go to the computer that crashfuse runs on, no "
+            "further, and are deleted when it ends. Open what is larger than the limit as a folder.",
         )  # fmt: skip
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
     if problems := st.session_state.get(REFUSED):
@@ -271,7 +264,7 @@ def _source_or_advice(file: Path) -> Source:
 
 
 def _open_upload() -> None:
-    files = st.session_state[f"files {st.session_state.get(_ROUND, 0)}"]
-    _attempt(lambda: open_uploads(files))
-    if REFUSED not in st.session_state:
-        st.session_state[_ROUND] = st.session_state.get(_ROUND, 0) + 1
+    state, key = st.session_state, f"files {st.session_state.get(_ROUND, 0)}"
+    _attempt(lambda: open_uploads(state[key]))
+    if REFUSED not in state:
+        state[_ROUND] = state.get(_ROUND, 0) + 1

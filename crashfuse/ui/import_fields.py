@@ -56,13 +56,11 @@ class Units(NamedTuple):
         return UnitSystem("mph" if self.speed == "mph" else "km/h", "lb" if self.weight == "lb" else "kg")
 
     @property
-    def speed_mps(self) -> float:
-        """The unit of speed in m/s."""
+    def speed_mps(self) -> float:  # noqa: D102
         return UNITS["speed"][self.speed]
 
     @property
-    def weight_kg(self) -> float:
-        """The unit of weight in kg."""
+    def weight_kg(self) -> float:  # noqa: D102
         return UNITS["mass"][self.weight]
 
     def text_of(self, condition: Condition) -> str:
@@ -80,10 +78,15 @@ def units_of(source: Source) -> Units:
 
 
 def condition_of(source: Source, records: Sequence[Record], units: Units) -> tuple[PartialCondition, float | None]:
-    """Ask for values that replace the condition found; second is the front axle's share of the mass."""
+    """Ask for what replaces the condition; second is the front axle's share of the mass."""
     kg = units.weight_kg
-    speed, share = _typed("speed", units.speed_mps, source), _typed("front share", 0.01, source)
-    front, rear, mass = (_typed(name, kg, source) for name in _WEIGHTS)
+
+    def typed(name: str, unit: float) -> float | None:
+        value = st.session_state.get(f"{source.key} {name}")
+        return None if value is None else value * unit
+
+    speed, share = typed("speed", units.speed_mps), typed("front share", 0.01)
+    front, rear, mass = (typed(name, kg) for name in _WEIGHTS)
     given = PartialCondition(speed, mass, front, rear)
     weights = replace(given.weights, front_share=share)
     conditions = [
@@ -134,11 +137,6 @@ def _convert(unit_key: str, was: float, quantity: str, keys: Sequence[str]) -> N
     for key in keys:
         if (value := st.session_state.get(key)) is not None:
             st.session_state[key] = float(f"{value * was / UNITS[quantity][st.session_state[unit_key]]:.7g}")
-
-
-def _typed(name: str, unit: float, source: Source) -> float | None:
-    value = st.session_state.get(f"{source.key} {name}")
-    return None if value is None else value * unit
 
 
 def _number(
@@ -251,7 +249,7 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
 def choices_of(
     source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
 ) -> tuple[Choices, Units]:
-    """Ask for what should not be detected, for all records (shown is ``first``), and for the condition's units."""
+    """Ask for what should not be detected, shown of the ``first`` record, and for units."""
     channels = _channels(source, records, first)
     units = units_of(source)
     condition, share = condition_of(source, records, units)

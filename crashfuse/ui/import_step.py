@@ -23,7 +23,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui.import_fields import Units, choices_of, reading_of
-from crashfuse.ui.kit import campaigns
+from crashfuse.ui.kit import campaigns, uploads
 from crashfuse.ui.kit.address import choose_campaign
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.editing import can_be_edited
@@ -31,17 +31,7 @@ from crashfuse.ui.kit.figures import show_figure
 from crashfuse.ui.kit.frame import show_title
 from crashfuse.ui.kit.results import refused_into, show_problems
 from crashfuse.ui.kit.text import advice_on_page, plain, without_options
-from crashfuse.ui.kit.uploads import (
-    IMPORT_REFUSED,
-    IMPORT_UNFINISHED,
-    NEXT_ROLE,
-    Source,
-    is_ours,
-    leave_import,
-    left_aside,
-    records_of,
-    settled_of,
-)
+from crashfuse.ui.kit.uploads import Source
 from crashfuse.ui.kit.visitors import note_in_log, visitor
 from crashfuse.units import MS
 from crashfuse.wording import said
@@ -49,13 +39,6 @@ from crashfuse.wording import said
 _FOLDER, _INTO = "import folder", "import into"  # session keys
 _FACTOR_PX, _FOLDER_PX = 170, 380
 _MOST_ROWS = 100
-_KEY = "import-step"
-# fields and figure sit side by side only where both fit; Streamlit considers the window, not the space left
-_STACKED = f"""<style>
-.st-key-{_KEY} > [data-testid="stLayoutWrapper"] > [data-testid="stHorizontalBlock"] > [data-testid="stColumn"] {{
-    min-width: min(100%, 23rem);
-}}
-</style>"""
 
 
 def _show_add_form(
@@ -67,7 +50,7 @@ def _show_add_form(
     settled: Sequence[Settled],
     notice: str,
 ) -> None:
-    if refused := st.session_state.get(IMPORT_REFUSED):
+    if refused := st.session_state.get(uploads.IMPORT_REFUSED):
         show_problems(refused, "Nothing was added", "The campaign is as it was.")
     what = f"as {WHAT[settled[0].role][0]}" if len(settled) == 1 else _counts_of(settled) or WHAT[role][1]
     with st.container(border=True, horizontal=True, vertical_alignment="bottom"):
@@ -77,7 +60,13 @@ def _show_add_form(
                 "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session",
                 width=_FACTOR_PX,
             )  # fmt: skip
-        _ask_factors(source, role, settled)
+        for name, values in _factors_of_target(role).items():
+            known = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
+            st.selectbox(
+                plain(name) + (", of all" if len(settled) > 1 else ""), values, index=None, accept_new_options=True,
+                placeholder=", ".join(known) or "not given", key=f"{source.key} factor {name}",
+                persist_state="session", help="A column of the campaign's table.", width=_FACTOR_PX,
+            )  # fmt: skip
         st.button(
             f"Add {what}", type="primary", icon=":material/add:", disabled=not settled, on_click=_add,
             args=(source, reading, choices, role, cae),
@@ -102,18 +91,7 @@ def _ask_folder() -> None:
         st.text_input(
             "Campaign folder on this computer", key=_FOLDER, persist_state="session",
             placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
-            help="A new folder, which will be made, or a campaign that is there already.", width=_FOLDER_PX,
-        )  # fmt: skip
-
-
-def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:
-    for name, values in _factors_of_target(role).items():
-        values_found = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
-        st.selectbox(
-            plain(name) + (", of all" if len(settled) > 1 else ""), values, index=None, accept_new_options=True,
-            placeholder=", ".join(values_found) or "not given", key=f"{source.key} factor {name}",
-            persist_state="session",
-            help="A column of the campaign's table.", width=_FACTOR_PX,
+            help="A new folder, or a campaign that is there.", width=_FOLDER_PX,
         )  # fmt: skip
 
 
@@ -140,18 +118,12 @@ def _factors_in(table: Path, stamp: tuple[int, ...]) -> dict[str, list[str]]:  #
     return {name: sorted({value for factor, value in pairs if factor == name and value}) for name in names}
 
 
-def _own_class() -> float | None:
-    with suppress(DataError, OSError):
-        return own_filter_class(_target())
-    return None
-
-
 def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...]) -> None:
-    st.session_state.pop(IMPORT_REFUSED, None)
-    with refused_into(IMPORT_REFUSED, "campaign"):
+    st.session_state.pop(uploads.IMPORT_REFUSED, None)
+    with refused_into(uploads.IMPORT_REFUSED, "campaign"):
         folder = _target()
         filter_class = own_filter_class(folder)
-        settled, problems = settled_of(source, reading, choices, role, cae, raw=filter_class is not None)
+        settled, problems = uploads.settled_of(source, reading, choices, role, cae, raw=filter_class is not None)
         if len(settled) == 1 and (new_id := st.session_state.get(f"{source.key} id", "").strip()):
             settled = (replace(settled[0], id=new_id),)
         if not settled:
@@ -160,12 +132,12 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tu
         with changed_by(visitor().name):
             added = ". ".join(map(str, add_settled(folder, settled)))
         note_in_log(visitor(), f"{added}, in {folder}")
-        leave_import()
+        uploads.leave_import()
         _open(folder, plain(added))
 
 
 def _open(folder: Path, sentence: str) -> None:
-    st.session_state.pop(NEXT_ROLE, None)
+    st.session_state.pop(uploads.NEXT_ROLE, None)
     try:
         choose_campaign(campaigns.open_folder(folder))
         campaigns.remember(folder)
@@ -173,9 +145,9 @@ def _open(folder: Path, sentence: str) -> None:
     except DataError as error:
         st.session_state[_FOLDER] = str(folder)  # the likely target of the next import
         if not (folder / "cae.csv").is_file():
-            st.session_state[NEXT_ROLE] = "cae"
+            st.session_state[uploads.NEXT_ROLE] = "cae"
         st.session_state["opening"] = "add"
-        st.session_state[IMPORT_UNFINISHED] = (f"{sentence}, in {plain(str(folder))}.", error.problems)
+        st.session_state[uploads.IMPORT_UNFINISHED] = (f"{sentence}, in {plain(str(folder))}.", error.problems)
 
 
 def _open_folder() -> Path | None:
@@ -192,7 +164,7 @@ def _target() -> Path:
     folder = campaigns.typed_folder(st.session_state.get(_FOLDER, ""), "campaign folder", expected)
     trouble = ""
     try:
-        if is_ours(folder):
+        if uploads.is_ours(folder):
             trouble = "one of crashfuse's own"
         elif folder.exists() and not folder.is_dir():
             trouble = "a file"
@@ -207,33 +179,28 @@ def _target() -> Path:
 
 def show_unfinished() -> None:
     """Say what a campaign started by an import still needs before it can be opened."""
-    if IMPORT_UNFINISHED in st.session_state:
-        sentence, problems = st.session_state[IMPORT_UNFINISHED]
+    if uploads.IMPORT_UNFINISHED in st.session_state:
+        sentence, problems = st.session_state[uploads.IMPORT_UNFINISHED]
         needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
-        then = "What is imported next goes to the same folder, unless you name another."
+        then = "What is imported next goes there, too, unless you name another folder."
         st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
 
 
 def show_import(source: Source, view: View | None) -> None:
     """Show the import step."""
-    st.html(_STACKED)
-    with st.container(key=_KEY):
-        _show_step(source, view)
-
-
-def _show_step(source: Source, view: View | None) -> None:
-    with show_title("Import files" if source.several else f"Import {plain(source.path.name)}"):
+    several = source.scratch is not None and source.path.parent == source.scratch  # uploads without a common name
+    with show_title("Import files" if several else f"Import {plain(source.path.name)}"):
         st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.", width="content")
-        st.button("Back without importing", icon=":material/arrow_back:", on_click=leave_import)
+        st.button("Back without importing", icon=":material/arrow_back:", on_click=uploads.leave_import)
     above = st.container()  # what adds is on the first screen, however long what was read
     left, right = st.columns([2, 3], gap="large")
     with left:
         taken_as = st.container()  # what files look like is known once all are read
         reading = reading_of(source)
-        records, unread = records_of(source, reading)
+        records, unread = uploads.records_of(source, reading)
         with taken_as:
             role, cae = _roles(source, records)
-            if aside := left_aside(source):
+            if aside := uploads.left_aside(source):
                 st.caption(f"Left aside, as no table: {plain(listed(aside))}.")
     with right:
         first = _looked_at(source, records)
@@ -243,17 +210,29 @@ def _show_step(source: Source, view: View | None) -> None:
     with left:
         for_all = ", of all records; a table of conditions gives each its own" if len(records) > 1 else ""
         st.caption(f"In grey: what was found. What is filled in overrules it{for_all}.")
-        choices, units = choices_of(source, records, first, role_of(first, role, cae), _own_class())
-    settled, refused = settled_of(source, reading, choices, role, cae)
-    problems = [_in_units(problem, units) for problem in refused]
+        own_class = None
+        with suppress(DataError, OSError):
+            own_class = own_filter_class(_target())
+        choices, units = choices_of(source, records, first, role_of(first, role, cae), own_class)
+    settled, refused = uploads.settled_of(source, reading, choices, role, cae)
+    system = units.system
+    problems = [
+        replace(p, expected=said(p.expected, system), found=said(p.found, system), advice=said(p.advice, system))
+        for p in refused
+    ]
     with right:
         display = DEFAULT if view is None else view.display
-        _preview(first, choices, next((one for one in settled if one.id == first.id), None), display, units)
+        shown = next((one for one in settled if one.id == first.id), None)
+        alt = f"The pulse that comes of {first.id}, over its channels as recorded"
+        show_figure(Preview(first, choices, shown).plot(display=display), alt=alt)
+        if shown is not None:
+            st.markdown(f"**{plain(shown.id)}**: {units.text_of(shown.condition)}")
+            st.caption("  \n".join(plain(without_options(said(step, units.system))) for step in shown.steps))
         if len(records) > 1 and settled:
             _table(settled, display, units)
         if problems and not settled and (len(records) == 1 or {problem.found for problem in problems} == {"none"}):
-            several = len({problem.where for problem in problems}) > 1
-            needs = dict.fromkeys(_need(problem, with_file=several) for problem in problems)
+            with_file = len({problem.where for problem in problems}) > 1
+            needs = dict.fromkeys(_need(problem, with_file=with_file) for problem in problems)
             st.warning("Before it can be added:\n\n" + "\n".join(f"- {need}" for need in needs), icon=":material/edit:")
         elif problems:
             can = f"{_counts_of(settled)} can be added without." if settled else ""
@@ -268,7 +247,7 @@ def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, 
     look_simulated = [name for name, is_cae in parts.items() if is_cae]
     usual: Role = "cae" if parts and len(look_simulated) == len(parts) else FORMATS[source.fmt].role
     role: Role = st.segmented_control(
-        "Take it as", list(WHAT), default=st.session_state.get(NEXT_ROLE) or usual, required=True,
+        "Take it as", list(WHAT), default=st.session_state.get(uploads.NEXT_ROLE) or usual, required=True,
         format_func={"tests": "Tests", "cae": "CAE runs"}.__getitem__, key=f"{source.key} role",
         persist_state="session",
     )  # fmt: skip
@@ -295,14 +274,6 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     return records[number]
 
 
-def _preview(record: Record, choices: Choices, settled: Settled | None, display: Display, units: Units) -> None:
-    alt = f"The pulse that comes of {record.id}, over its channels as recorded"
-    show_figure(Preview(record, choices, settled).plot(display=display), alt=alt)
-    if settled is not None:
-        st.markdown(f"**{plain(settled.id)}**: {units.text_of(settled.condition)}")
-        st.caption("  \n".join(plain(without_options(said(step, units.system))) for step in settled.steps))
-
-
 def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
     rows = []
     for one in settled[:_MOST_ROWS]:
@@ -323,11 +294,6 @@ def _table(settled: Sequence[Settled], display: Display, units: Units) -> None:
     st.dataframe(pd.DataFrame(rows), hide_index=True)
     if len(settled) > _MOST_ROWS:
         st.caption(f"The first {_MOST_ROWS} of {len(settled)}.")
-
-
-def _in_units(problem: Problem, units: Units) -> Problem:
-    expected, found, advice = (said(text, units.system) for text in (problem.expected, problem.found, problem.advice))
-    return replace(problem, expected=expected, found=found, advice=advice)
 
 
 def _need(problem: Problem, *, with_file: bool) -> str:

@@ -34,14 +34,14 @@ _TABLE, _REFUSED = "past results", "refused result"  # session keys
 
 
 def show(view: View, row: DeltaGenerator) -> None:
-    """Show the list, what can be done with those that are ticked, and two studies compared; their files in the row."""
+    """Show the list, what can be done with those ticked, and two studies compared; their files in the row."""
     if problems := st.session_state.pop(_REFUSED, None):
         show_problems(problems, "This could not be done", "", place="past results")
     results = _listed(view.campaign)
     if not results:
         st.markdown(
-            "Nothing of this campaign was computed before. Studies, tests predicted one by one, predictions that were "
-            "pinned and certifications that were kept appear here."
+            "Nothing of this campaign was computed before. Studies, predicted tests, pinned predictions and kept "
+            "certifications appear here."
         )
         return
     _show_list(results, view)
@@ -52,7 +52,7 @@ def show(view: View, row: DeltaGenerator) -> None:
     for result, which in zip(ticked, ("the first: ", "the second: ") if len(ticked) > 1 else ("",), strict=False):
         _show_ticked(result, which, view)
     if len(ticked) < 2:
-        st.caption("Tick a result to open it or to write a note on it; tick two studies to compare them.")
+        st.caption("Tick a result to open it or to note something; tick two studies to compare them.")
         return
     studies = [result for result in ticked if isinstance(result, PastResult) and result.tests]
     try:
@@ -64,7 +64,7 @@ def show(view: View, row: DeltaGenerator) -> None:
 
 
 def _listed(campaign: Campaign) -> list[PastResult | Earlier]:
-    """What this machine has of a campaign, the latest first; of other data of its name, but for others' uploads."""
+    """What this machine has of a campaign, the latest first, but for others' uploads."""
     hidden, is_restricted = uploaded_data(), bool(campaigns.roots())
     studies = [
         result
@@ -96,37 +96,35 @@ def _show_list(results: list[PastResult | Earlier], view: View) -> None:
             ),
             "Mean rating": st.column_config.TextColumn(
                 "Result",
-                help="Of a study the mean rating over the longest window, of a prediction 80 % of the ratings to be "
-                "expected, of a certification how many planned tests need not be run."
+                help="Mean rating over the longest window; 80 % of the ratings to be expected of a prediction; planned "
+                "tests that need not be run."
             ),
         },
     )  # fmt: skip
 
 
 def _show_ticked(result: PastResult | Earlier, which: str, view: View) -> None:
-    """Offer to open a result that is ticked, and to write a note on it."""
     key, text = f"note on {result.id}", described(result, view.display)
     if isinstance(result, Earlier):
         opening = partial(_open_certification, result, view)
     else:
         opening = partial(_open_result, result, view)
+
+    def note(result: PastResult) -> None:
+        with refused_into(_REFUSED, result.campaign):
+            annotate(result, st.session_state[key])
+
     with st.container(horizontal=True, vertical_alignment="center"):
         st.button(f"Open {which}{plain(text)}", icon=":material/arrow_forward:", on_click=opening)
         if isinstance(result, PastResult):
             label, example = plain(f"Note on {text}"), "note, such as: baseline CAE model, before the new rail"
             st.text_input(
                 label, result.note, LONGEST_NOTE, key=key, label_visibility="collapsed", placeholder=example,
-                on_change=_annotate, args=(result, key),
+                on_change=note, args=(result,),
             )  # fmt: skip
 
 
-def _annotate(result: PastResult, key: str) -> None:
-    with refused_into(_REFUSED, result.campaign):
-        annotate(result, st.session_state[key])
-
-
 def _open_result(result: PastResult, view: View) -> None:
-    """Open a study or prediction with its settings, a prediction pinned; a callback."""
     state, config = st.session_state, result.config
     if result.fingerprint != view.campaign.fingerprint:
         expected, advice = f"the data {result.fingerprint[:8]}", "undo the change on the page Data, or open a copy"
@@ -147,7 +145,7 @@ def _open_result(result: PastResult, view: View) -> None:
 
 
 def _open_certification(earlier: Earlier, view: View) -> None:
-    """Ask Certify for the same criteria and conditions today, beside what was said then; a callback."""
+    """Ask Certify for the same today, beside what was said then; a callback."""
     state, kept = st.session_state, file_store.certifications(view.campaign)
     with refused_into(_REFUSED, view.campaign.name):
         matrix.take(earlier.matrix)
@@ -164,7 +162,6 @@ def _compared(first: str, second: str, _chosen: list[PastResult]) -> StudyCompar
 
 
 def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -> None:
-    """Show which of two studies rates higher, in which tests, and by how much."""
     first, second, way = compared.first, compared.second, compared.ways[0]
     window = compared.window(view.display.window_ms)
     st.subheader(f"The two compared, {window_label(window)}")
@@ -177,7 +174,7 @@ def _show_compared(compared: StudyComparison, view: View, row: DeltaGenerator) -
     if compared.over(window, way)["held_out"].nunique() > 1:
         show_cached_figure(
             lambda: rating_differences(compared, window, way),
-            "Rating of each test in the second study minus that in the first, by approach, with their mean",
+            "Rating of each test in the second study minus that in the first, by approach",
             (first.id, second.id, window, way),
             name=f"studies compared {first.id} {second.id} {way} 0-{window:g}ms",
         )

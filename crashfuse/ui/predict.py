@@ -1,7 +1,7 @@
-"""The page Predict: the predictions at a condition."""
+"""The page Predict: the predictions at a condition, over speed, and which test to run next."""
 
-from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -10,39 +10,48 @@ import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.neighbours import nearest_sentences
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_tables import csv_as_given
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.fit_explanations import whole_sentences
+from crashfuse.reporting.glossary import TTZV
+from crashfuse.reporting.planning import NextTests
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.sweep import BEST
 from crashfuse.reporting.predicted import PredictedPulse
-from crashfuse.reporting.report import prediction_report
+from crashfuse.reporting.report import next_test_report, prediction_report, sweep_report
+from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
 from crashfuse.reporting.side_by_side import by_one, cautions, column_names, predictions_table, side_by_side
+from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.facts import condition_facts
 from crashfuse.study.history import PastResult, keep
+from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests
 from crashfuse.study.recommendation import Recommendation
+from crashfuse.study.sweep import missing_over_speed, weights_sentence
 from crashfuse.ui.kit import address, results
 from crashfuse.ui.kit.address import MOST_PINS, pinned
 from crashfuse.ui.kit.campaigns import View
-from crashfuse.ui.kit.computation import FitRequest, Fitted, advised, answers
+from crashfuse.ui.kit.computation import FitRequest, Fitted, advised, answers, sweep_over_speed
 from crashfuse.ui.kit.curves import REPRESENTATIVE, Subject, choose_curves, predicted, without_clicks
-from crashfuse.ui.kit.figures import choose, show_cached_figure
+from crashfuse.ui.kit.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.kit.files import choose_form, download_bytes, download_report, download_table, offer_pulses
+from crashfuse.ui.kit.progress import result_or_none
 from crashfuse.ui.kit.results import show_table
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import IN_SI, joined
 
-DECIMALS = 9
-"""Of speeds and weights in the session and the address: 56 km/h come back as 56."""
+_DECIMALS = 9  # of speeds and weights in the session: 56 km/h come back as 56
 
 
 class Field(NamedTuple):
-    """A number of a condition, or a range of it, with the unit that the session and the address have it in."""
+    """A number of a condition, or its range, in the unit of the session and the address."""
 
     label: str
     key: str
@@ -55,6 +64,11 @@ _FIELDS = (
     Field("Impact speed", "speed_mph", "mph", 0.1, 1),
     Field("Front weight", "front_weight_lb", "lb", 1.0, 0),
     Field("Rear weight", "rear_weight_lb", "lb", 1.0, 0),
+)
+_AXES = (
+    Field("Speeds", "speed_range", "mph", 0.5),
+    Field("Front weights", "front_range", "lb", 10.0),
+    Field("Rear weights", "rear_range", "lb", 10.0),
 )
 _FIGURES = {"Over time": "motion", "Over displacement": "displacement", "Energy over crush": "energy"}
 
@@ -70,7 +84,7 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
             address.put(key, None)
         factors[name] = column.selectbox(
             plain(name.capitalize()), values, index=None, placeholder="not given", key=key, persist_state="session",
-            help="Tests may differ by it; if it is not given, the band covers every value.",
+            help="If it is not given, the band covers every value.",
         )  # fmt: skip
     fields = zip(columns, _FIELDS, campaign.cae.vectors.T, strict=False)
     condition = Condition.of_vector(
@@ -86,23 +100,23 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
 def fill_in(campaign: Campaign, condition: Condition) -> None:
     """Choose a condition on the page Predict; call it from a callback."""
     given, numbers = dict(condition.factors), zip(_FIELDS, condition.vector, strict=True)
-    st.session_state.update({field.key: round(float(value) / IN_SI[field.unit], DECIMALS) for field, value in numbers})
+    st.session_state.update({field.key: round(float(value) / IN_SI[field.unit], _DECIMALS) for field, value in numbers})
     st.session_state.update({f"factor_{name}": given.get(name) or None for name in campaign.factors})
 
 
 def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs: np.ndarray) -> float:
-    """Slider over the CAE runs' range, and a number field beyond it; returns SI, kept in mph or lb in any units."""
+    """Slider over the CAE runs' range, and a field beyond it; returns SI, kept in mph or lb."""
     name, in_si, step, digits = field.key, IN_SI[field.unit], field.step, field.digits
     label, shown = display.title(field.label, field.unit), 1 / display.units.in_si(field.unit)
     state, values = st.session_state, runs * shown
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
     least, most = max(low / 2, step), 2 * high  # a decimal comma typed by mistake gives ten times the intended value
     address.default(name, round(float(np.median(runs)) / in_si, digits))
-    asked = round(state[name] * in_si * shown, DECIMALS)
+    asked = round(state[name] * in_si * shown, _DECIMALS)
     value = min(max(asked, least), most)
     if asked != value:  # by a link, left from another campaign, or typed: the field itself would refuse without a word
         st.warning(f"{label} is from {least:g} to {most:g} here, not {asked:g}: {value:g} is taken.")
-        state[name] = round(value / shown / in_si, DECIMALS)
+        state[name] = round(value / shown / in_si, _DECIMALS)
     # A browser sends what its widgets showed before it hears of a new value. So each value that a widget did not give
     # itself makes another widget of it, and what the one before still sends does not count.
     widgets = state.get(f"{name} widgets", {})
@@ -117,7 +131,7 @@ def _choose_number(column: DeltaGenerator, field: Field, display: Display, runs:
     def take(key: str, other: str) -> None:
         # a field that a slow browser has only just put into the page may send its default, 0
         if state[key] and key in state[f"{name} widgets"]["keys"]:
-            state[name] = round(state[key] / shown / in_si, DECIMALS)
+            state[name] = round(state[key] / shown / in_si, _DECIMALS)
             state[f"{name} widgets"] = {**widgets, "value": state[name], other: state[name], "keys": (key,)}
 
     form = f"%.{digits}f"
@@ -155,21 +169,6 @@ class Answer:
             return None
         window_ms = self.view.display.window_ms
         return advised(self.request.key, self.condition, window_ms, self.estimates, self.view.campaign)
-
-    @property
-    def recommended(self) -> str | None:
-        """The approach to use, once it is known."""
-        return None if self.advice is None else self.advice.approach
-
-    @property
-    def predictions(self) -> Mapping[str, Prediction]:
-        """By approach."""
-        return {estimate.approach: estimate.prediction for estimate in self.estimates}
-
-    @property
-    def approach(self) -> str:
-        """The approach that was chosen."""
-        return str(st.session_state[self.subject.chosen_approach])
 
     @property
     def prediction(self) -> PredictedPulse:
@@ -211,8 +210,7 @@ def show_pins(answer: Answer) -> None:
 
     st.button(
         "Pin this prediction", icon=":material/keep:", on_click=pin, disabled=here in pins or len(pins) >= MOST_PINS,
-        help="Keeps it in the figures, a table of differences, the link, the report and the past results; up to "
-        f"{MOST_PINS}.",
+        help=f"Keeps it in figures, the link, the report and the past results; up to {MOST_PINS}.",
     )  # fmt: skip
     if pins:
         with st.popover(f"{len(pins)} pinned", key="pinned"):
@@ -228,7 +226,7 @@ def show_pulses(answer: Answer) -> None:
     condition, display = answer.condition, answer.view.display
     with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
-        curves = choose_curves(answer.subject, answer.approach, answer.predictions)
+        curves = choose_curves(answer.subject, answer.fitted.approaches)
 
     def draw() -> go.Figure:
         drawn = answer.prediction.plot(
@@ -254,8 +252,7 @@ def show_pulses(answer: Answer) -> None:
 
 
 def _show_differences(answer: Answer) -> None:
-    """Show the metrics by the chosen approach here, with other settings and at pinned conditions, and differences."""
-    display, shown = answer.view.display, by_one(answer.approach, [answer.prediction, *answer.others])
+    display, shown = answer.view.display, by_one(answer.subject.approach, [answer.prediction, *answer.others])
     names = column_names(shown, display)
     first, second, *more = names
 
@@ -266,6 +263,121 @@ def _show_differences(answer: Answer) -> None:
     show_table(side_by_side(shown, display, base), "beside")
     for sentence in cautions(shown, display):
         st.caption(plain(sentence))
+
+
+def show_over_speed(answer: Answer) -> None:
+    """Show every metric over speed, at the weights chosen above."""
+    view, condition, request = answer.view, answer.condition, answer.request
+    if not answer.whole:
+        st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
+        return
+    sweep = result_or_none(
+        sweep_over_speed(request, answer.fitted, condition),
+        invitation="About thirty speeds are predicted in about ten seconds.",
+        button="Predict over speed",
+    )
+    if sweep is None:
+        return
+    metric = st.selectbox(
+        "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep_metric",
+        persist_state="session", help=TTZV,
+    )  # fmt: skip
+    approaches = answer.subject.approach, BASELINE
+    shown = replace(sweep, sweeps=tuple(own for own in sweep.sweeps if own.approach in approaches))
+    show_figure(
+        shown.plot(metric, display=view.display),
+        alt=f"{METRIC_LABELS[metric]} over impact speed by {LABELS[answer.subject.approach]}, tests as points",
+        name=f"{metric} over speed {condition.text.partition(' ')[2]}",
+    )
+    st.caption(plain(weights_sentence(condition, view.campaign.tests)))
+    for sentence in missing_over_speed(shown.sweeps, metric):
+        st.caption(plain(sentence))
+    with st.container(horizontal=True):
+        download_table("sweep.csv", lambda: sweep.table, view.campaign.name)
+        download_report(lambda: sweep_report(sweep, view.display), view.campaign.name, "sweep.html")
+
+
+def show_next_test(answer: Answer) -> None:
+    """Show which test would narrow the band most, over a range chosen here."""
+    campaign, request = answer.view.campaign, answer.request
+    domains = [fit.approach for fit in answer.fitted.fits if isinstance(fit.approach, DisplacementDomain)]
+    if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
+        st.info("Ranking next tests needs the displacement domain with the fast settings.")
+        return
+    usual = ConditionRange.of(campaign.tests)
+    ends, display = [], answer.view.display
+    for place, (column, axis) in enumerate(zip(st.columns(3), _AXES, strict=True)):
+        tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
+        ends.append(_range(column, axis, answer.view, campaign.cae.vectors[:, place], tests))
+    kind = answer.condition.factors or usual.low.factors
+    low, high = (Condition.of_vector([v0, front, rear], kind) for v0, front, rear in zip(*ends, strict=True))
+    try:
+        over = ConditionRange(low, high)
+        candidates = NextTests(campaign, over, _ranked(request.key, over, domains[0]), request.config)
+    except UsageError as error:
+        st.warning(plain(error.args[0]), icon=":material/warning:")
+        return
+    show_figure(
+        candidates.plot(display=display), alt="How much each candidate would narrow the band, over its speed",
+        name=f"next test {over.low.text} to {over.high.text}",
+    )  # fmt: skip
+    st.caption(NEXT_TEST_MEANING)
+    if answer.subject.approach != DisplacementDomain.name:
+        st.caption(
+            f"Only the displacement domain can rank tests: this does not follow {LABELS[answer.subject.approach]}."
+        )
+    named = ", ".join(f"{name} {value}" for name, value in kind if value)
+    usual_kind = "" if answer.condition.factors else ", of which there are most tests"
+    st.markdown(f"**The best {BEST}**" + (f", for {plain(named)}{usual_kind}" if named else ""))
+    show_table(results.next_tests_styled(candidates.ranked[:BEST], display), "next tests")
+    with st.container(horizontal=True):
+        download_table("next_tests.csv", lambda: candidates.table, campaign.name)
+        download_report(lambda: next_test_report(candidates, display), campaign.name, "next_test.html")
+
+
+@st.cache_data(show_spinner="Ranking candidates …", max_entries=32)
+def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> tuple[NextTest, ...]:  # noqa: ARG001
+    return rank_next_tests(_domain, over)
+
+
+def _range(
+    column: DeltaGenerator, axis: Field, view: View, runs: np.ndarray, tests: Sequence[float]
+) -> tuple[float, float]:
+    """Slider for a range in SI, at first that of the tests; kept as it was chosen, ``20:35 mph``."""
+    own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
+    state, step = st.session_state, axis.step
+    own_in_si, in_si = IN_SI[own_unit], IN_SI[unit]
+    least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
+    low = step * int(max(least / in_si, step) / step + 1e-6)
+    high = -step * int(-most / in_si / step - 1 + 1e-6)
+    try:
+        first, last = _ends(state[axis.key] or "")
+        lies_in = least / 2 <= first <= last <= 2 * most
+    except (ValueError, KeyError):
+        lies_in = False
+    if not lies_in:  # nothing yet, a link that was cut, or another campaign's
+        state[axis.key] = None
+    address.default(axis.key, f"{tests[0] / own_in_si:.9g}:{tests[1] / own_in_si:.9g} {own_unit}")
+    ends = _ends(state[axis.key])
+    slider = f"{axis.key}, {low:g} to {high:g} {unit}"  # another range is another widget
+    address.put(slider, tuple(round(min(max(end / in_si, low), high), _DECIMALS) for end in ends))
+
+    def take() -> None:
+        first, last = state[slider]
+        state[axis.key] = f"{first:.12g}:{last:.12g} {unit}"
+
+    label = view.display.title(axis.label, axis.unit)
+    column.slider(
+        label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
+        help="The range of interest; all conditions in it are weighted equally.",
+    )  # fmt: skip
+    return ends
+
+
+def _ends(text: str) -> tuple[float, float]:
+    numbers, _, unit = text.partition(" ")
+    first, last = numbers.split(":")
+    return float(first) * IN_SI[unit], float(last) * IN_SI[unit]
 
 
 def show_files(answer: Answer) -> None:
@@ -286,5 +398,5 @@ def show_files(answer: Answer) -> None:
         if answer.whole:
             write = partial(prediction_report, campaign, estimates, config, display, others, form)
             download_report(write, f"{of} {form}")
-    if answer.recommended is not None:
-        offer_pulses(campaign, estimates, answer.recommended, config.seed)
+    if answer.advice is not None:
+        offer_pulses(campaign, estimates, answer.advice.approach, config.seed)

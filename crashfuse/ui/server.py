@@ -120,10 +120,7 @@ def launch(
 
 
 class Guard:
-    """Lets no other page embed the dashboard, nor its pages fetch anything from elsewhere, and names each browser.
-
-    Under other names than the allowed ones all is refused, not the WebSocket only, which is for own pages alone.
-    """
+    """Lets no other page embed the dashboard, nor its pages fetch from elsewhere, and names each browser."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -159,7 +156,7 @@ class Guard:
 
 
 def _is_own_page(connection: HTTPConnection) -> bool:
-    """Whether a WebSocket is asked for by a page of this server or a configured origin, or by no browser."""
+    """Of this server or a configured origin, or of no browser."""
     host, origin = map(connection.headers.get, ("host", "origin"))
     origins = {name.strip() for name in st.get_option("server.corsAllowedOrigins")}
     return origin is None or origin in origins or origin.partition("://")[2] == host
@@ -199,26 +196,18 @@ def tell(error: Exception) -> bool:
 
 
 def prepare() -> tuple[Middleware, ...]:
-    """Begin the log, and check the log-in; returns what every request goes through.
-
-    A server whose log-in is set up wrongly does not start, for it would let in everybody.
-    """
+    """Begin the log, and check the log-in, without which no server starts; returns what every request goes through."""
     try:
         visitors.begin_log()
         if visitors.check_login(st.get_option("secrets.files")):
             visitors.insist_on_login()
     except (CrashfuseError, OSError) as error:
         sys.exit(f"crashfuse: {error}")
-    _end_as_by_ctrl_c()
+    handler = signal.getsignal(signal.SIGTERM)
+    if callable(handler):  # uvicorn's own would raise SIGTERM once more, now fatal; by Ctrl-C uploads are deleted
+        signal.signal(signal.SIGTERM, lambda _, frame: handler(signal.SIGINT, frame))
     share_one_heap()
     return (Middleware(Guard),)
-
-
-def _end_as_by_ctrl_c() -> None:
-    """Let the signal that ends a service do what Ctrl-C does: Python then deletes uploads and other temporary files."""
-    handler = signal.getsignal(signal.SIGTERM)
-    if callable(handler):  # uvicorn's own, which would raise SIGTERM once more, now fatal
-        signal.signal(signal.SIGTERM, lambda _, frame: handler(signal.SIGINT, frame))
 
 
 def start_importing() -> Future[None]:

@@ -9,7 +9,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.errors import DataError
-from crashfuse.reporting import glossary
+from crashfuse.reporting import glossary, rating_tables
 from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.report import learning_curve_report, study_report
@@ -39,7 +39,7 @@ _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 
 
 def request_of(view: View) -> StudyRequest:
-    """Each test left out in turn, and then with its speed group, unless a fit takes minutes, or a GPU: the paper's."""
+    """Each test left out in turn, and again with its speed group, but for the paper's settings, which take hours."""
     config = chosen_config()
     both = replace(config, leave_out="both") if config.preset == "fast" else config
     return StudyRequest(view.campaign, view.campaign.test_ids, both)
@@ -62,9 +62,9 @@ def show(view: View) -> None:
     again = "; then again without any other test at about its speed" if config.leave_out == "both" else ""
     study = result_of(
         request,
-        invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn, "
-        f"predicted from all others, and rated{again}. This has not been run yet for the {n} tests of this campaign. "
-        + patience(config, "It takes a minute or more the first time; meanwhile you can work on the other pages."),
+        invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn"
+        f"{again}. This has not been run yet for the {n} tests of this campaign. "
+        + patience(config, "It takes a minute or more the first time; the other pages stay free."),
         button=f"Leave out each of {n} tests",
     )
     outcome = _Outcome(view, config, study, request.key)
@@ -85,7 +85,7 @@ def _show_headline(outcome: "_Outcome", *, grouped: bool) -> list[str]:
     use, _, why = first.partition(". ")
     rated = others.pop(-1 if study.speed_groups is not None and grouped else 0)
     longest = max(study.config.windows_ms)
-    if outcome.window_ms != longest:  # what is said does not follow the choice in the sidebar
+    if outcome.view.display.window_ms != longest:  # what is said does not follow the choice in the sidebar
         rated += f" This is over {results.window_label(longest)}."
     results.show_recommendation([f"{use}. {rated}"])
     return [why, *others]
@@ -113,16 +113,6 @@ class _Outcome:
         tests = len(self.study.folds) == len(self.view.campaign.tests)
         return tests and self.study.config.approaches == self.config.approaches
 
-    @property
-    def window_ms(self) -> float:
-        """Length of the rated window."""
-        return self.view.display.window_ms
-
-    @property
-    def window(self) -> str:
-        """The rated window in words."""
-        return results.window_label(self.window_ms)
-
 
 def by_group(request: StudyRequest) -> bool:
     """Whether the tests shown were left out with all at about their speed; of both ways, as the reader has chosen."""
@@ -143,14 +133,13 @@ def _choose_way(outcome: _Outcome) -> tuple[Study, str]:
 
 
 def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
-    """Show the ratings of one way of leaving tests out, and the reasons for what is recommended."""
     campaign, (study, leave_out) = outcome.view.campaign, _choose_way(outcome)
     _show_tests(outcome, study, leave_out)
     if outcome.whole:
-        worst = worst_test(study, outcome.window_ms, approach=recommend(outcome.study).approach)
+        worst = worst_test(study, outcome.view.display.window_ms, approach=recommend(outcome.study).approach)
         results.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
-    show_table(results.mean_ratings_table(study), "means")
+    show_table(results.coloured(rating_tables.mean_ratings(study)), "means")
     st.caption(" ".join(map(plain, reasons)))
     st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
     for test in campaign.tests:
@@ -160,7 +149,7 @@ def _show_ratings(outcome: _Outcome, reasons: list[str]) -> None:
 
 def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
     tests = [fold.held_out for fold in study.folds]
-    st.markdown(f"**Each test, {outcome.window}**")
+    st.markdown(f"**Each test, {results.window_label(outcome.view.display.window_ms)}**")
 
     def open_test(cell: str) -> None:
         """Open a test as this study left it out; *Why* explains the approach whose cell it was."""
@@ -171,22 +160,21 @@ def _show_tests(outcome: _Outcome, study: Study, leave_out: str) -> None:
             st.session_state["explained"] = approach
 
     left_out, draw = how_left_out(leave_out), partial(study.plot, display=outcome.view.display)
-    alt = f"Ratings of each test, {left_out}, by approach, with their mean; the same numbers are in the tables"
+    alt = f"Ratings of each test, {left_out}, by approach, with their mean"
     clicked = show_clickable(draw, alt, open_test, f"heat map {leave_out}", outcome.key, name=f"ratings {left_out}")
     with st.container(horizontal=True, vertical_alignment="center"):
-        st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")
+        st.markdown("Click a cell, or choose a test, to see it on Compare.", width="content")
         chosen = st.selectbox(
             "Open a test on Compare", tests, index=None, placeholder="Test", key="open_test", width=160,
             label_visibility="collapsed", on_change=lambda: open_test(st.session_state["open_test"]),
         )  # fmt: skip
     if clicked or chosen is not None:
         open_page("compare")
-    if study.repeats(outcome.window_ms):
+    if study.repeats(outcome.view.display.window_ms):
         st.caption(glossary.REPEAT)
 
 
 def _show_bands(outcome: _Outcome) -> None:
-    """Show the ratings of single draws, and how much of the tests lay inside the bands."""
     study, leave_out = _choose_way(outcome)
     if not study.coverage:
         st.info("None of these approaches has a band.", icon=":material/info:")
@@ -198,7 +186,7 @@ def _show_bands(outcome: _Outcome) -> None:
 
     left, right = st.columns(2, gap="medium")
     with left:
-        st.subheader(f"How sure the ratings are, {outcome.window}")
+        st.subheader(f"How sure the ratings are, {results.window_label(outcome.view.display.window_ms)}")
         alt = f"Rating of each test, {left_out}, by approach, with the interval of those of single drawn pulses"
         show("draws", alt, "ratings of draws")
         st.caption(
@@ -206,19 +194,15 @@ def _show_bands(outcome: _Outcome) -> None:
         )
     with right:
         st.subheader("What bands of each level hold")
-        alt = f"Share of the time up to TTZV at which a(t) lies inside bands of each level, each test {left_out}"
+        alt = f"Share of the time up to TTZV inside bands of each level, each test {left_out}"
         show("calibration", alt, "coverage by level")
-        st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")
+        st.caption("Above the dotted line a band is wider than it claims, below it too narrow.")
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     show_table(coverage_table(study.coverage), "coverage")
-    st.caption(
-        "Share of the left-out tests inside the band, up to the time of zero velocity (TTZV) and after it. With "
-        f"{len(study.folds)} tests no more can be promised than these counts."
-    )
+    st.caption(f"Left-out tests inside the band; of {len(study.folds)} no more can be promised than these counts.")
 
 
 def _show_files(outcome: _Outcome) -> None:
-    """Offer what the study rests on, and the report once every approach is known."""
     study, view = outcome.study, outcome.view
     of = view.campaign.name
     report = choose_report(view, view.campaign.test_ids)
@@ -233,12 +217,8 @@ def _show_files(outcome: _Outcome) -> None:
 
 
 def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -> None:
-    """Show rating, band and decided verdicts over the number of tests."""
     campaign = view.campaign
-    st.markdown(
-        "How good would the prediction be with fewer tests, and what would one more add? Parts of the tests, evenly "
-        "chosen over speed and at random, predict all the others."
-    )
+    st.markdown("How good is the prediction with fewer tests, and what would one more add?")
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
     whole = result_or_none(
         learn_curve(campaign, settings),
@@ -257,11 +237,11 @@ def _show_learning_curve(view: View, config: StudyConfig, row: DeltaGenerator) -
     amount = st.number_input(
         "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
         key="cost", persist_state="session", width=260,
-        help="In any currency. Gains are then also given as the cost of one hundredth of rating.",
+        help="Gains are then also given as the cost of one hundredth of rating.",
     )  # fmt: skip
     cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
-    alt = "Mean rating of tests not learned from, width of the band and decided verdicts, over the number of tests"
+    alt = "Mean rating, width of the band and decided verdicts, over the number of tests"
     show_figure(whole.plot(display=view.display), alt, name="learning curve")
     st.caption(
         f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "

@@ -16,8 +16,8 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.reporting.certification_facts import exceptions, planned, sentences
 from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.ui.certify.results import LastVerdicts, last_verdicts
-from crashfuse.ui.kit import frame
+from crashfuse.ui.certify.results import last_verdicts
+from crashfuse.ui.kit.campaigns import View
 from tests.ui.conftest import Session, Visit
 
 APPROACH = "displacement_domain"
@@ -164,8 +164,13 @@ def test_a_click_says_what_another_question_would_change(
 @pytest.mark.usefixtures("asking")
 def test_other_pages_know_the_last_verdicts_or_what_they_take(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a visit to Certify, by the campaign's criteria and planned tests; nothing is fitted for it."""
-    known: list[LastVerdicts] = []
-    monkeypatch.setattr(frame, "show_head", lambda view, *_, **__: known.append(last_verdicts(view)))
+    known: list[tuple[Verdicts | None, str]] = []
+
+    def noted(view: View) -> tuple[Verdicts | None, str]:
+        known.append(last_verdicts(view))
+        return known[-1]
+
+    monkeypatch.setattr("crashfuse.ui.certify.results.last_verdicts", noted)
     visit("train", **LINK, seed="77")
     assert known[-1] == (None, "3 planned tests are not judged yet")
     visit("train", **LINK, seed="77", criteria="peak~~~x~")

@@ -371,7 +371,7 @@ def test_a_file_of_equal_size_and_time_is_read_again(visit: Visit, open_campaign
         os.utime(new, ns=(stat.st_atime_ns, stat.st_mtime_ns))
         new.replace(table)
         assert (table.stat().st_size, table.stat().st_mtime_ns) == (stat.st_size, stat.st_mtime_ns)
-        seen.add(campaigns.fingerprint_of("campaign"))
+        seen.add(campaigns.load("campaign").fingerprint)
     assert len(seen) == 3
 
 

@@ -54,7 +54,7 @@ def test_an_upload_is_in_nobody_elses_list_until_they_have_its_link(visit: Visit
     """Its name can't be guessed; what was computed of it is for them alone, too, also once the server has ended."""
     first = visit()
     secret = _upload(first, campaign_folder, "secret-car")
-    kept(1, campaigns.fingerprint_of(secret), campaign="secret-car")
+    kept(1, campaigns.load(secret).fingerprint, campaign="secret-car")
     assert len(secret) == len("secret-car-") + 16
     second = visit()
     assert second.app.sidebar.selectbox(key="campaign").options == ["sample"]

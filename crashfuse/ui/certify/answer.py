@@ -67,7 +67,7 @@ def _show_headline(certification: Certification) -> None:
     (saved, of), (n, missed) = certification.saved, saved_and_missed(certification)
     answer = f":primary[{saved:,} of {of:,}] planned tests need not be run to know these pulse criteria"
     st.subheader(answer, anchor=False)
-    record = "no left-out test would have been skipped, so the record says nothing of such answers"
+    record = "no left-out test would have been skipped"
     if n:
         bound = f"({at_most(missed, n)}, exact 95 % bound)"
         record = f"{missed} of {n} tests that need not have been run missed a criterion {bound}"
@@ -75,7 +75,6 @@ def _show_headline(certification: Certification) -> None:
 
 
 def _show_planned(judgement: Judgement) -> None:
-    """A button for every planned test, in the order of speed, in the colour of its answer."""
     rows, chosen = planned(judgement.certification), str(st.session_state[_CELL] or "").partition(" | ")[0]
     with st.container(height=_MANY_PX if len(rows) > _FEW else "content", border=False, gap=None, key="planned_tests"):
         for number, row in enumerate(rows[:_MOST]):
@@ -101,12 +100,11 @@ def _show_matrix(judgement: Judgement) -> None:
             lambda: judgement.verdicts.plot(display=judgement.display), "Verdicts by planned test and criterion",
             _choose, "verdict matrix", judgement.key, judgement.display, name="verdicts",
         )  # fmt: skip
-    told = "Numbers: probability that a test there would meet the criterion. Click a cell for its reason."
+    told = "Probability that a test there would meet the criterion. Click a cell for its reason."
     st.caption(told if n <= MOST_WORDS else "Point at a cell for its verdict. All are in certification.csv.")
 
 
 def _show_reason(certification: Certification, display: Display) -> None:
-    """Ask for a planned test, and show why its answer is what it is, a criterion at a time."""
     state, rows = st.session_state, {row.id: row for row in planned(certification)}
     test, _, criterion = str(state.get(_CELL) or "").partition(" | ")
     if test not in rows:  # of another matrix
@@ -158,7 +156,6 @@ def _stricter(criterion: Criterion) -> Criterion:
 
 
 def _variants(certification: Certification) -> list[str]:
-    """What else can be asked in a click: without a test that stands apart first."""
     confidences = [f"confidence {own:g}" for own in (0.9, 0.99) if own != certification.criteria.confidence]
     apart, tests = [own.test for own in departures(certification.campaign)], certification.campaign.test_ids
     without = [f"{_WITHOUT}{test}" for test in dict.fromkeys((*apart, *tests)) if len(tests) > 1]
@@ -176,7 +173,6 @@ def _asked_otherwise(certification: Certification, variant: str) -> Request[Verd
 
 
 def _show_variants(certification: Certification) -> None:
-    """Show which answers another confidence, stricter limits, or one test less would change."""
     variants, state, table = _variants(certification), st.session_state, []
     address.put("what_if", [name for name in state["what_if"] if name in variants])
     asked = st.pills("What if …", variants, selection_mode="multi", key="what_if", persist_state="session")
@@ -185,16 +181,17 @@ def _show_variants(certification: Certification) -> None:
         request = _asked_otherwise(certification, name)
         if request.find() is None:
             request.start()
-        job = request.find()
-        if job is not None and job.active:
+        if (job := request.find()) is None:
+            continue
+        if job.active:
             show_job(job)
-        elif job is not None and job.result is not None:
+        elif job.result is not None:
             now = job.result.certification
             pairs = [(row.id, before[row.id], row.word) for row in planned(now)]
             changed = "; ".join(f"{i}: {then} → {word}" for i, then, word in pairs if then != word)
             saved = "{} of {}".format(*now.saved)
             table.append({"What if": name, "Need not be run": saved, "What changes": changed or "no answer"})
-        elif job is not None:
+        else:
             show_end(job)
     if table:
         show_table(pd.DataFrame(table), key="what if")

@@ -72,7 +72,7 @@ def choose_criteria(view: View) -> Criteria | None:
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.number_input(
             "Confidence", step=0.01, format="%.6g", key="confidence", persist_state="session", width=150,
-            help="A criterion counts as met from this probability, as not met from its complement, else it is open.",
+            help="A criterion is met from this probability, not met from its complement, else open.",
         )  # fmt: skip
         st.selectbox(
             "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach",
@@ -86,15 +86,18 @@ def choose_criteria(view: View) -> Criteria | None:
         st.button(
             "Limits of these tests", icon=":material/speed:", type="secondary" if criteria else "primary",
             on_click=lambda: start(limits_of_tests(view.campaign, units)),
-            help="Start with the most that a test showed of crush, peak, velocity change and OLC, rounded up, and with "
-            "a rating of 0.8. They are no requirement of anyone: change them.",
+            help="Start with the most that a test showed, rounded up, and a rating of 0.8; then change them.",
         )  # fmt: skip
         st.button(
             "Good ratings", icon=":material/grade:", on_click=lambda: start(ratings_wanted()),
             help=f"Start with {STANDARD} ratings that are good, 0.8 or more, over 20, 40 and 60 ms.",
         )  # fmt: skip
         with st.popover("From a file", icon=":material/upload:"):
-            _show_upload(view)
+            names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
+            st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {names} and others.")
+            key = f"criteria file {view.campaign.fingerprint[:8]}"
+            if refused := upload(f"Upload {_FILE}", _FILE, key, _take_file):
+                show_wrong(refused)
     if wrong is not None:
         show_wrong(wrong)
     elif criteria is None:
@@ -133,12 +136,6 @@ def _is_row(text: str) -> bool:
         return False
 
 
-def _show_upload(view: View) -> None:
-    def take_file(content: bytes | None) -> None:
-        if content is not None:
-            take(uploaded(content, _FILE, read_criteria))
-
-    names = ", ".join(f"`{name}` ({METRIC_UNITS[name]})" for name in MAIN_METRICS)
-    st.markdown(f"`{_FILE}` has the names and units of `metrics.csv`: {names} and others.")
-    if wrong := upload(f"Upload {_FILE}", _FILE, f"criteria file {view.campaign.fingerprint[:8]}", take_file):
-        show_wrong(wrong)
+def _take_file(content: bytes | None) -> None:
+    if content is not None:
+        take(uploaded(content, _FILE, read_criteria))

@@ -14,16 +14,11 @@ from crashfuse.errors import CrashfuseError, DataError, UsageError, shortened
 from crashfuse.ui.kit.text import plain
 
 T = TypeVar("T")
-SEPARATOR = "~"
-"""Between the fields of a row, kept as a text."""
+SEPARATOR = "~"  # between the fields of a row, kept as a text
 
 
 class Field(NamedTuple):
-    """A field of a row: what its widget shows, a text, a number or one of some options, and in which unit it is kept.
-
-    Options are texts with what is shown of each; ``factor`` leads from the number that is kept to the one shown, and
-    ``clears`` are the places of fields that mean nothing beside another option.
-    """
+    """A field of a row; ``factor`` leads from the number kept to the one shown, ``clears`` has places to be emptied."""
 
     label: str
     options: dict[str, str] | None = None
@@ -33,10 +28,9 @@ class Field(NamedTuple):
 
 
 def edit_rows(key: str, widths: Sequence[float], fields: Callable[[list[str]], Sequence[Field | None]]) -> None:
-    """Let rows be typed in that the session and the address hold as texts; each has a button that removes it.
+    """Let rows be typed in that the session and the address hold as texts.
 
-    Another list, of a link, a file or of Back, begins with widgets of its own: a browser would send what it showed
-    before.
+    Another list begins with widgets of its own: a browser would send what it showed before.
     """
     state, written = st.session_state, f"{key} as typed"
     texts, number = state.get(written, (None, 0))
@@ -95,18 +89,8 @@ def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
         return read(path)
 
 
-def under_its_name(error: CrashfuseError, file: str, name: str) -> CrashfuseError:
-    """What is wrong with a file that was read under its usual name, under the name that it was uploaded with."""
-    if not isinstance(error, DataError):
-        return error
-    return DataError([replace(problem, where=problem.where.replace(file, name, 1)) for problem in error.problems])
-
-
 def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
-    """Ask for a file that is kept on the server under a name, which the address has; ``file`` is its usual name.
-
-    A CrashfuseError says what is wrong with it, by ``read``, or that the file of a link is not on this server.
-    """
+    """Ask for a file that is kept on the server, by a name in the address; a CrashfuseError if it is wrong or gone."""
     state = st.session_state
 
     def take(content: bytes | None) -> None:
@@ -129,8 +113,11 @@ def upload(label: str, file: str, key: str, take: Callable[[bytes | None], None]
         given, state[wrong] = state[key], None
         try:
             take(given and given.getvalue())
+        except DataError as error:  # it was read under its usual name
+            named = (replace(problem, where=problem.where.replace(file, given.name, 1)) for problem in error.problems)
+            state[wrong] = DataError([*named])
         except CrashfuseError as error:
-            state[wrong] = under_its_name(error, file, given.name)
+            state[wrong] = error
 
     st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=changed)
     error: CrashfuseError | None = state.get(wrong)

@@ -23,8 +23,7 @@ from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import IN_SI, SYSTEMS, UnitSystem, speed
 
-JUDGED = "judged"
-"""Session key: whether the conditions that are chosen have verdicts."""
+JUDGED = "judged"  # session key: whether the conditions that are chosen have verdicts
 _FILE = "matrix.csv"
 _OWN, _UPLOAD, _TYPED = "The campaign’s", "Upload", "Typed in"
 _STEPS = {"mph": 5, "km/h": 10}  # between speeds to start with
@@ -58,7 +57,13 @@ def choose_matrix(view: View) -> Matrix | None:
         source = choose("Planned tests from", _sources(view), key="matrix")
     with right:
         if source == _UPLOAD:
-            wrong = _show_upload(view.campaign) or wrong
+            campaign = view.campaign
+            columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
+            label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
+            try:
+                choose_kept(label, _FILE, "uploaded", key, lambda c: _checked(c, campaign.fingerprint, campaign))
+            except CrashfuseError as error:
+                wrong = error
     if source == _TYPED:
         _edit(view)
     elif matrix is not None:
@@ -85,16 +90,6 @@ def take(matrix: Matrix) -> None:
 @st.cache_resource(max_entries=8, show_spinner=False)
 def _read(path: Path, stamp: tuple[int, ...], fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
     return Matrix.read(path, _campaign.factors)
-
-
-def _show_upload(campaign: Campaign) -> CrashfuseError | None:
-    columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
-    label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
-    try:
-        choose_kept(label, _FILE, "uploaded", key, lambda content: _checked(content, campaign.fingerprint, campaign))
-    except CrashfuseError as error:
-        return error
-    return None
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
@@ -160,7 +155,7 @@ def _usual(view: View) -> list[str]:
 
 
 def _edit(view: View) -> None:
-    """Fields for every planned test; numbers are kept in the units that the test was begun in."""
+    """Numbers are kept in the units that the test was begun in."""
     campaign, shown, state = view.campaign, _units(view.display.system), st.session_state
     address.put("planned", [SEPARATOR.join(_parts(text, campaign)) for text in state["planned"][:_MOST_ROWS]])
 
@@ -179,7 +174,6 @@ def _edit(view: View) -> None:
 
 
 def _add(view: View) -> None:
-    """Another row like the last, under another id."""
     state = st.session_state
     rows = state["planned"] or _usual(view)
     known = {text.partition(SEPARATOR)[0] for text in rows}

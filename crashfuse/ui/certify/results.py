@@ -2,11 +2,8 @@
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
-import pandas as pd
 import streamlit as st
-from pandas.io.formats.style import Styler
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
@@ -42,13 +39,13 @@ _MANY, _MANY_PX = 3, 620  # criteria whose record scrolls
 _RECORD = {
     "What left-out tests showed": (
         "record",
-        "Predicted and measured values of each left-out test by criterion, with intervals and limits",
+        "Predicted and measured values of left-out tests by criterion, with limits",
         "Lines: 95 % of tests are predicted to lie there. Left: left out alone; right: with its speed group.",
     ),
     "Are the probabilities right?": (
         "reliability",
-        "Share of left-out tests that met a criterion over the probability given, with exact bounds",
-        "Verdicts in bins of probability; n is their number, lines are exact 95 % bounds (Clopper and Pearson).",
+        "Share of left-out tests that met a criterion over its probability",
+        "Verdicts in bins of probability, n in each; lines: exact 95 % bounds (Clopper and Pearson).",
     ),
 }
 
@@ -66,27 +63,18 @@ def judge(campaign: Campaign, criteria: Criteria, matrix: Matrix) -> Request[Ver
     )
 
 
-class LastVerdicts(NamedTuple):
-    """The verdicts of what is chosen on the page Certify, if they are known; else what it takes to know them."""
-
-    verdicts: Verdicts | None
-    needs: str = ""
-
-
-def last_verdicts(view: View) -> LastVerdicts:
-    """What is known of the planned tests; the disk cache is looked up once, and nothing is fitted."""
+def last_verdicts(view: View) -> tuple[Verdicts | None, str]:
+    """Verdicts of what Certify has chosen, if known, else what it takes to know them; nothing is fitted for it."""
     try:
         criteria, matrix = criteria_asked(view), matrix_asked(view)
     except CrashfuseError as error:
-        return LastVerdicts(None, f"the criteria or planned tests cannot be read: {error}")
+        return None, f"the criteria or planned tests cannot be read: {error}"
     if criteria is None:
-        return LastVerdicts(None, "criteria are not declared: start with limits of these tests")
+        return None, "criteria are not declared: start with limits of these tests"
     if matrix is None:
-        return LastVerdicts(None, "no tests are planned yet")
+        return None, "no tests are planned yet"
     verdicts = judge(view.campaign, criteria, matrix).result
-    if verdicts is None:
-        return LastVerdicts(None, f"{len(matrix.ids):,} planned tests are not judged yet")
-    return LastVerdicts(verdicts)
+    return verdicts, "" if verdicts is not None else f"{len(matrix.ids):,} planned tests are not judged yet"
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,19 +102,10 @@ class Judgement:
         )
 
 
-def coloured(table: pd.DataFrame, *columns: str) -> Styler:
-    """A table whose verdicts in these columns have their colours."""
-    styles = {word: fill(colour) for word, colour in VERDICT_COLOURS.items()}
-    return table.style.map(lambda word: styles.get(word, ""), subset=list(columns))
-
-
 def show_record(judgement: Judgement) -> None:
-    """Show how often verdicts on left-out tests, and earlier ones, were wrong, and how reliable probabilities are."""
+    """Show how often verdicts, also earlier ones, were wrong."""
     certification = judgement.certification
-    st.caption(
-        "Every test was left out, alone and with all others at about its speed, got its verdicts from the remaining "
-        "tests, and is compared with what was measured."
-    )
+    st.caption("Verdicts on each test from the others, and without all at about its speed, against what was measured.")
     judgement.show_sentences("record")
     if certification.record.trials:
         with st.expander("Verdicts on left-out tests, by criterion", icon=":material/table:"):
@@ -138,14 +117,14 @@ def show_record(judgement: Judgement) -> None:
     with st.expander("Earlier verdicts", icon=":material/history:", expanded=certification.since is not None):
         _choose_earlier(certification)
         if certification.since is None:
-            st.caption(
-                "Tests run since are held against what an earlier certification said. Its verdicts count in the record."
-            )
+            st.caption("Tests run since are held against what an earlier certification said.")
             return
         judgement.show_sentences("changes")
         table = SHOWN["changes"](certification, judgement.display)
         if not table.empty:
-            show_table(coloured(table, "Then", "Now").hide(axis="index"), key="earlier verdicts")
+            styles = {word: fill(colour) for word, colour in VERDICT_COLOURS.items()}
+            styler = table.style.map(lambda word: styles.get(word, ""), subset=["Then", "Now"])
+            show_table(styler.hide(axis="index"), key="earlier verdicts")
 
 
 def beside_earlier(verdicts: Verdicts, key: Hashable) -> Verdicts:
@@ -164,7 +143,6 @@ def _beside(key: Hashable, _verdicts: Verdicts, _earlier: Earlier) -> Verdicts: 
 
 
 def _choose_earlier(certification: Certification) -> None:
-    """Offer those of this vehicle that are kept, to upload one, and to keep today's."""
     campaign, state = certification.campaign, st.session_state
     kept, of_these = file_store.certifications(campaign), campaign.fingerprint[:8]
     shown, file_key = f"kept of {of_these}", f"earlier file {of_these}"
@@ -200,15 +178,14 @@ def _keep(certification: Certification) -> None:
     try:
         kept = file_store.keep_certification(certification_json(certification), certification.campaign)
         st.session_state[_KEPT] = (
-            f"Kept on this machine since {kept.date}. SHA-256 {kept.digest}: who has this number before a test is run "
-            "can show that the verdicts were there first."
+            f"Kept on this machine since {kept.date}. SHA-256 {kept.digest}: this number, noted before a test is run, "
+            "shows that the verdicts came first."
         )
     except CrashfuseError as error:
         st.session_state[_WRONG] = error
 
 
 def _described(earlier: Earlier) -> str:
-    """One in a few words, to choose it by."""
     asked = ", ".join(criterion.name for criterion in earlier.criteria.items)
     return (
         f"{earlier.date} · {len(earlier.matrix.ids):,} conditions, {len(earlier.tests)} tests · {asked} at "
@@ -218,7 +195,7 @@ def _described(earlier: Earlier) -> str:
 
 def show_domain(judgement: Judgement) -> None:
     """Show where predictions are checked, with the conditions of the matrix in it."""
-    alt = "Speed against mass: the checked region, CAE runs, tests and the conditions of the matrix"
+    alt = "Speed against mass: the checked region, CAE runs, tests and planned tests"
     judgement.show_figure("domain", alt, "validated_domain")
     st.caption("  \n".join(plain(sentence) for sentence in sentences(judgement.certification, "domain")))
 

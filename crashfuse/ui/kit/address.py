@@ -25,18 +25,14 @@ from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS, StudyConfig, require_window
 from crashfuse.wording import SYSTEMS
 
-MOST_PINS = 6
-"""Each takes ten megabytes, and a column of the table."""
+MOST_PINS = 6  # each takes ten megabytes, and a column of the table
 Value = str | float | bool | tuple[str, ...] | None
 _PAGE, _DEFAULTS = "page", "defaults"  # session keys: the open page; defaults that depend on the campaign
 _WANTED = "units wanted"  # session key: the system of units that the user has chosen, in any campaign
 _ANY = "…"  # in a key: a factor of the campaign
-NOT_FOUND = "not found"
-"""Session key: what the link asked for and was not found."""
-ASKED = "campaign asked for"
-"""Session key: the campaign of a link, while it is not open."""
-REFUSED = "refused"
-"""Session key: what is wrong with the campaign last tried."""
+NOT_FOUND = "not found"  # session key: what the link asked for and was not found
+ASKED = "campaign asked for"  # session key: the campaign of a link, while it is not open
+REFUSED = "refused"  # session key: what is wrong with the campaign last tried
 
 
 @dataclass(frozen=True)
@@ -135,8 +131,7 @@ CHOICES |= {key: Choice(pages=(page,), of_campaign=True) for page, keys in _ON_P
 def follow(page: str, wanted: Callable[[], Mapping[str, list[str]]] = dict) -> None:
     """Take all choices from the address if a session begins, those of its page if the user goes back or forward.
 
-    At no other time: a click may come from a browser that has not seen the latest address yet. A session begins with
-    what its visitor always wants, unless the address says otherwise.
+    At no other time: a click may come from a browser that has not seen the latest address yet.
     """
     state, context = _state(), get_script_run_ctx()
     asked = given()
@@ -174,10 +169,7 @@ def here(page: str | None = None) -> Place:
 
 
 def default(key: str, value: Value | list[str], known: Sequence[Value] = (), *, follow: bool = True) -> None:
-    """Give a choice its default for what is looked at, unless another was chosen that is ``known`` here.
-
-    A choice that is not to ``follow`` keeps the default that it was given before.
-    """
+    """Give a choice its default, unless another was chosen that is ``known``, or it does not ``follow`` a new one."""
     state = _state()
     defaults = state.setdefault(_DEFAULTS, {})
     usual = state.get(key) is None or (follow and state[key] == defaults.get(key))
@@ -313,8 +305,7 @@ def kept_choice(
 ) -> list[str]:
     """What is chosen of these options, first what was chosen first, with a widget of Streamlit and its look.
 
-    The session holds the whole choice under ``key``. A widget of that key would lose what this page does not offer: an
-    approach that has not been fitted yet, a test of another campaign.
+    A widget of the choice's own key would lose what this page does not offer: a test of another campaign, say.
     """
     state, shown = st.session_state, f"{key} shown"
     before, widgets = state.get(shown, (None, 0))

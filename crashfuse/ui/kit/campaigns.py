@@ -1,8 +1,4 @@
-"""Campaigns open on this server, each read once; everyone sees their own, those of the server, and those linked to.
-
-Folders opened before are offered again: a small file in the cache folder holds their paths, where people log in one for
-each of them.
-"""
+"""Campaigns open on this server, each read once; everyone sees their own, those of the server, and those linked to."""
 
 import json
 import os
@@ -35,7 +31,7 @@ _PATIENCE_S = 5.0  # to wait for another who writes it
 
 @dataclass(frozen=True)
 class _Opened:
-    """A folder that is open on this server, how it is called if not by its name, and whose lists it stands in."""
+    """A folder that is open on this server, what it is called, and whose lists it stands in."""
 
     folder: Path | None
     label: str = ""
@@ -68,11 +64,9 @@ def opened_here() -> dict[str, _Opened]:
 
 
 def open_campaigns() -> dict[str, Path | None]:
-    """Folders that the visitor may choose from, by name: the server's own, those they opened, and that of their link.
-
-    A link can ask for one of these names, never for a path; that of an upload cannot be guessed.
-    """
+    """Folders that the visitor may choose, by name: the server's, those they opened, and that of their link."""
     me, opened = visitor().key, opened_here()
+    # a link can ask for one of these names, never for a path; that of an upload cannot be guessed
     linked = opened.get(name := st.session_state.get("campaign") or "")
     if linked is not None and not linked.for_all and me not in linked.visitors:
         linked.visitors.add(me)
@@ -185,15 +179,6 @@ def load(name: str) -> Campaign:
     return read(folder_of(name))
 
 
-def fingerprint_of(name: str) -> str:
-    """Fingerprint of the open campaign of this name, without reading it again."""
-    folder = folder_of(name)
-    try:
-        return _fingerprint(folder, _stamp(folder))
-    except OSError as error:
-        raise _unreadable(folder, error) from error
-
-
 def folder_of(name: str) -> Path:
     """The folder of the open campaign of this name; a DataError if pages may not open it any more."""
     folder = opened_here()[name].folder
@@ -215,7 +200,7 @@ def stamp(path: Path) -> tuple[int, ...]:
 
 
 def _put(folder: Path, opened: dict[str, _Opened], *visitors: str, for_all: bool = False) -> str:
-    """Open a folder under its own name, numbered if that name is taken; returns the name."""
+    """Open a folder under its name, numbered if that is taken."""
     with _opening:
         for name, one in opened.items():
             if one.folder == folder:
@@ -237,13 +222,8 @@ def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001 
     return read_folder(folder)
 
 
-@st.cache_data(max_entries=500, show_spinner=False)
-def _fingerprint(folder: Path, stamp: tuple[object, ...]) -> str:
-    return _read(folder, stamp).fingerprint
-
-
 def _stamp(folder: Path) -> tuple[object, ...]:
-    """Name and stamp of every file that can belong to a campaign: changes whenever one of them does."""
+    """Changes whenever a file that can belong to a campaign does."""
     patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "tests/*", "cae/*")
     files = sorted(path for pattern in patterns for path in folder.glob(pattern))
     return tuple((path.name, *stamp(path)) for path in files)
@@ -256,7 +236,11 @@ def _sample_folder() -> Path:
 
 def recent_folders() -> tuple[Path, ...]:
     """The folders, the last one first; not those that are gone, or that pages may not open."""
-    return tuple(folder for folder in _listed() if may_open(folder) and _is_there(folder))
+    there = []
+    for folder in _listed():
+        with suppress(OSError, ValueError):
+            there += [folder] * (may_open(folder) and folder.is_dir())
+    return tuple(there)
 
 
 def remember(folder: Path) -> None:
@@ -279,12 +263,6 @@ def _listed() -> list[Path]:
     paths = visitors.read_small(_recent_file())
     listed = paths[:_MOST_RECENT] if isinstance(paths, list) else []
     return [Path(path) for path in listed if isinstance(path, str) and Path(path).is_absolute()]
-
-
-def _is_there(folder: Path) -> bool:
-    with suppress(OSError, ValueError):
-        return folder.is_dir()
-    return False
 
 
 def _recent_file() -> Path:

@@ -47,18 +47,18 @@ def jobs() -> Jobs:
 
 @st.cache_resource(show_spinner=False)
 def _lookups() -> tuple[defaultdict[Hashable, threading.Lock], dict[Hashable, int]]:
-    """A lock for each key that is looked up in the disk cache, and how many jobs had ended at the last look."""
+    """By key: a lock for the disk cache, and how many jobs had ended at the last look."""
     return defaultdict(threading.Lock), {}
 
 
 @st.cache_resource(show_spinner=False)
 def _folds() -> WeakValueDictionary[Hashable, Fold]:
-    """Folds of all studies in memory: one computed for one list of tests serves any other."""
+    """Folds of all studies in memory."""
     return WeakValueDictionary()
 
 
 def said_of(campaign: Campaign) -> Hashable:
-    """Equal for equal data, and equal remarks on them, which stand in reports: why a test is left out is no data."""
+    """Equal for equal data and remarks on them, which stand in reports."""
     return campaign.fingerprint, campaign.remarks, tuple(test.statements for test in campaign.tests)
 
 
@@ -84,7 +84,7 @@ class Request(ABC, Generic[T]):
         return False
 
     def start(self, page: str | None = None) -> None:
-        """Queue the job for the visitor, or join them to it; they will look for the result on this page or another."""
+        """Queue the job, or join it; the visitor will look for the result on this page or another."""
         job = jobs().start(self.key, self.title, self.work, visitor())
         job.places[visitor()] = address.here(page)
 
@@ -96,7 +96,7 @@ class Request(ABC, Generic[T]):
         self.start(page)
 
     def find(self) -> Job[T] | None:
-        """The job, if any; it is started at once if the slow part of its result is in the disk cache."""
+        """The job, if any; it is started at once if its result is in the disk cache."""
         if (job := jobs().get(self.key)) is not None:
             return job
         locks, ended_before = _lookups()
@@ -143,7 +143,6 @@ class StudyRequest(Request[Study]):
         return all(self._is_known(way, test_id) for way in self.config.split_configs for test_id in self.held_out)
 
     def _is_known(self, way: StudyConfig, test_id: str) -> bool:
-        """True if another study has this fold, or its predictions are in the disk cache."""
         if fold_key(self.campaign, way, test_id) in _folds():
             return True
         training, condition = way.training_campaign(self.campaign, test_id), self.campaign.test(test_id).condition
@@ -228,7 +227,7 @@ def advised(
     _estimates: Sequence[Estimate],
     _campaign: Campaign,
 ) -> Recommendation:
-    """Which approach to use at a condition, cached as :func:`answers` are: it rates what was left out of every fit."""
+    """Which approach to use at a condition, cached as :func:`answers` are."""
     return recommend_for(_estimates, _campaign, condition, window_ms)
 
 

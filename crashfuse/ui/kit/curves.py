@@ -1,10 +1,6 @@
-"""Curves of a figure of pulses: the prediction by one approach with its band, and what is chosen beside it.
+"""Curves of a figure of pulses: the prediction by one approach with its band, and what is chosen beside it."""
 
-The choices are in the address, for each page apart. Added are tests, CAE runs, predictions at pinned conditions, and
-predictions with other settings: of the held-out test, on Predict at the condition.
-"""
-
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -12,7 +8,6 @@ from typing import Any
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.neighbours import nearest_tests
 from crashfuse.approaches.registry import BASELINE, LABELS, by_preference
 from crashfuse.campaign import Campaign
@@ -36,6 +31,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, find_estimate
 from crashfuse.study.history import earlier_settings, past_results
 from crashfuse.study.outliers import departures_near
+from crashfuse.study.recommendation import Recommendation
 from crashfuse.ui.kit import address
 from crashfuse.ui.kit.address import chosen_config, kept_choice, pinned
 from crashfuse.ui.kit.campaigns import View
@@ -44,12 +40,10 @@ from crashfuse.ui.kit.progress import patience, result_or_none
 from crashfuse.ui.kit.text import plain
 from crashfuse.wording import read_out
 
-REPRESENTATIVE = "representative"
-"""Stands among the curves for a pulse that looks like a test."""
+REPRESENTATIVE = "representative"  # stands among the curves for a pulse that looks like a test
 _NEAREST = 3
 _NEAREST_HELP = (
-    f"The {_NEAREST} nearest tests by speed and weights, as shares of the speed and the mass, and any test that stands "
-    "apart near the condition."
+    f"The {_NEAREST} nearest tests by shares of speed and mass, and any that stands apart near the condition."
 )
 _MOST = 24  # added curves: with the test and the approaches some thirty
 _PIN, _SETTINGS = "at:", "by:"  # begin what stands for them in the address: no id of a test has a colon in it
@@ -77,7 +71,7 @@ class Shown:
     @property
     def key(self) -> Hashable:
         """Equal for equal choices: part of the key of a cached figure."""
-        return self.approach, self.others, key_of(self.also)
+        return self.approach, self.others, tuple(curve if isinstance(curve, str) else curve.text for curve in self.also)
 
     @property
     def by(self) -> str:
@@ -117,6 +111,11 @@ class Subject:
         return "explained" if self.test else "predict_approach"
 
     @property
+    def approach(self) -> str:
+        """The approach that was chosen there."""
+        return str(st.session_state[self.chosen_approach])
+
+    @property
     def settings_asked(self) -> list[str]:
         """What stands for other settings among the curves that were added."""
         return [name for name in st.session_state[f"{self.page}_also"] if name.startswith(_SETTINGS)]
@@ -137,26 +136,26 @@ class Subject:
                     wanted.setdefault(here, text)
         return wanted
 
-    def names(self, approach: str) -> dict[str, str]:
-        """Names in the legend of an approach's predictions that can be added, by what stands for them."""
+    def names(self) -> dict[str, str]:
+        """Names in the legend of the predictions that can be added, by what stands for them."""
         campaign = self.view.campaign
         key = campaign.fingerprint, jobs().ended
         if self.test:
-            known = _known_of_test(key, self.test, approach, self.shown, campaign)
+            known = _known_of_test(key, self.test, self.approach, self.shown, campaign)
         else:
             known = _known_at_conditions(key, self.shown, campaign)
-        offered = {config: settings_text(config) for config in known} | self.wanted
-        return {text: earlier_name(approach, config, self.shown) for config, text in offered.items()}
+        texts = {config: f"{_SETTINGS}{config.preset} {config.seed} {config.leave_out}" for config in known}
+        return {text: earlier_name(self.approach, config, self.shown) for config, text in (texts | self.wanted).items()}
 
-    def predictions(self, approach: str) -> tuple[EarlierPrediction, ...]:
-        """An approach's predictions that were chosen and are there."""
-        found = ((config, self._estimate(config, approach)) for config in self.wanted)
+    def predictions(self) -> tuple[EarlierPrediction, ...]:
+        """Those that were chosen and are there."""
+        found = ((config, self._estimate(config)) for config in self.wanted)
         return tuple(EarlierPrediction(own, config, self.shown) for config, own in found if own is not None)
 
-    def offer(self, approach: str) -> None:
+    def offer(self) -> None:
         """Offer to predict with settings that were chosen, by a link perhaps, or show how far that is."""
         for config in self.wanted:
-            if self._estimate(config, approach) is None:
+            if self._estimate(config) is None:
                 words = otherwise(config, self.shown)
                 of = plain(self.test) if self.test else "this condition"
                 then = patience(config, "This takes a minute or two; then it stands beside the others.")
@@ -168,8 +167,8 @@ class Subject:
         campaign = self.view.campaign
         return StudyRequest(campaign, (self.test,), config) if self.test else FitRequest(campaign, config)
 
-    def _estimate(self, config: StudyConfig, approach: str) -> Estimate | None:
-        campaign, estimates = self.view.campaign, None
+    def _estimate(self, config: StudyConfig) -> Estimate | None:
+        campaign, approach, estimates = self.view.campaign, self.approach, None
         if not self.test:
             prediction = predicted(campaign, config, self.condition)
             estimates = None if prediction is None else prediction.estimates
@@ -189,20 +188,20 @@ def predicted(campaign: Campaign, config: StudyConfig, condition: Condition) -> 
     return PredictedPulse(campaign, tuple(answers(request.key, condition, fitted)), config)
 
 
-def choose_approach(subject: Subject, predictions: Mapping[str, Prediction], recommended: str | None) -> str:
+def choose_approach(subject: Subject, known: Sequence[str], advice: Recommendation | None) -> None:
     """Let the user choose the approach that the page shows, at first the recommended one."""
-    usual = recommended if recommended in predictions else by_preference(predictions)[0]
-    address.default(subject.chosen_approach, usual, [*predictions])
-    approach: str = st.selectbox(
-        "Approach", list(predictions), format_func=lambda name: f"By {LABELS[name]}", key=subject.chosen_approach,
+    usual = by_preference(known)[0] if advice is None else advice.approach
+    address.default(subject.chosen_approach, usual, known)
+    st.selectbox(
+        "Approach", known, format_func=lambda name: f"By {LABELS[name]}", key=subject.chosen_approach,
         width=230, persist_state="session", label_visibility="collapsed", on_change=address.publish,
     )  # fmt: skip
-    return approach
 
 
-def choose_curves(subject: Subject, approach: str, predictions: Mapping[str, Prediction]) -> Shown:
-    """Let the user choose what a figure shows beside an approach's prediction."""
-    others = [name for name in predictions if name != approach]
+def choose_curves(subject: Subject, known: Sequence[str]) -> Shown:
+    """Let the user choose what a figure shows beside the prediction by the chosen approach."""
+    approach = subject.approach
+    others = [name for name in known if name != approach]
     offered = [TEST, *others] if subject.test else [*others, REPRESENTATIVE]
     key = f"{subject.page}_curves"
     address.default(key, [TEST, BASELINE] if subject.test else [] if pinned() else [BASELINE])
@@ -211,80 +210,57 @@ def choose_curves(subject: Subject, approach: str, predictions: Mapping[str, Pre
             key, offered, st.pills, "Beside the prediction", selection_mode="multi", width="content",
             format_func=_label, help="The choice stays on this page, and is in the link.",
         )  # fmt: skip
-        also, missing = _add(subject, approach, [subject.test])
+        also, missing = _add(subject)
     if st.toggle("Nearest tests", key=f"{subject.page}_nearest", persist_state="session", help=_NEAREST_HELP):
         also = (*also, *(test for test in _nearest(subject) if test not in also))
     if subject.test and any(isinstance(curve, PredictedPulse) for curve in also):
         missing.append(f"Pinned predictions learned from {plain(subject.test)}, too.")
-    _show_missing(missing)
+    for sentence in missing:  # folded away, nobody would know that the figure lacks what a link asks for
+        st.caption(sentence, width="content")
     return Shown(approach, tuple(name for name in offered if name in chosen), also)
 
 
-def key_of(also: Sequence[Further]) -> Hashable:
-    """Equal for equal curves that were added: part of the key of a cached figure."""
-    return tuple(curve if isinstance(curve, str) else curve.text for curve in also)
-
-
 def without_clicks(figure: go.Figure) -> go.Figure:
-    """The same figure, with a legend that takes no clicks: what they hide would come back with the next redraw."""
+    """The same, with a legend that takes no clicks: what they hide would come back."""
     return figure.update_layout(legend={"itemclick": False, "itemdoubleclick": False})
-
-
-def settings_text(config: StudyConfig) -> str:
-    """What stands for settings in the address."""
-    return f"{_SETTINGS}{config.preset} {config.seed} {config.leave_out}"
 
 
 def _label(curve: str) -> str:
     return {TEST: "Test", REPRESENTATIVE: "Representative pulse", **LABELS}[curve]
 
 
-def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder: str) -> list[str]:
-    if len(st.session_state[key]) > _MOST:  # of a link, or one more: Streamlit would refuse them all
-        st.session_state[key] = st.session_state[key][-_MOST:]
-    return kept_choice(
-        key, list(labels), st.multiselect, title, format_func=labels.__getitem__, max_selections=_MOST,
-        placeholder=placeholder, filter_mode="contains", select_all=False,
-    )  # fmt: skip
-
-
-def _add(subject: Subject, approach: str, shown: Collection[str]) -> tuple[tuple[Further, ...], list[str]]:
-    """Let the user add curves but for tests that are ``shown`` anyway; second are sentences on what is not there."""
-    view, pins, key = subject.view, pinned(), f"{subject.page}_also"
-    campaign, settings = view.campaign, subject.names(approach)
+def _add(subject: Subject) -> tuple[tuple[Further, ...], list[str]]:
+    """Let the user add curves; second is what is not there."""
+    view, approach, pins, key = subject.view, subject.approach, pinned(), f"{subject.page}_also"
+    campaign, settings = view.campaign, subject.names()
     pin_names = {f"{_PIN}{text}": prediction_name(approach, pin, view.display) for text, pin in pins.items()}
     offered = {
-        **{t.id: pulse_name(t.id, t.condition, view.display) for t in campaign.tests if t.id not in shown},
+        **{t.id: pulse_name(t.id, t.condition, view.display) for t in campaign.tests if t.id != subject.test},
         **settings,
         **(pin_names if subject.test else {}),
         **_offered_runs(campaign.fingerprint, view.display, campaign),
     }
-    also = _choose_several(key, offered, "Also show", "tests, CAE runs, other settings")
+    if len(st.session_state[key]) > _MOST:  # of a link, or one more: Streamlit would refuse them all
+        st.session_state[key] = st.session_state[key][-_MOST:]
+    also = kept_choice(
+        key, list(offered), st.multiselect, "Also show", format_func=offered.__getitem__, max_selections=_MOST,
+        placeholder="tests, CAE runs, other settings", filter_mode="contains", select_all=False,
+    )  # fmt: skip
     if not subject.test:
         also += [name for name in pin_names if name != f"{_PIN}{subject.condition.text}"]
     wanted = [pins[name.removeprefix(_PIN)] for name in also if name in pin_names]
     found = (predicted(campaign, chosen_config(), condition) for condition in wanted)
     at_pins = by_one(approach, [prediction for prediction in found if prediction is not None])
-    missing = _unknown(key, {*campaign.test_ids, *offered})
+    wanted_pulses = [name for name in st.session_state[key] if not name.startswith((_PIN, _SETTINGS))]
+    unknown = [name.removeprefix(RUN)[:80] for name in wanted_pulses if name not in {*campaign.test_ids, *offered}]
+    missing = [f"Not among the tests in use and the CAE runs: {plain(', '.join(unknown))}."] if unknown else []
     if wanted and not at_pins:
         missing.append("Pinned predictions are shown once the page Predict has an answer with these settings.")
     if wrong := [text for text in subject.settings_asked if _settings_of(text, subject.shown) is None]:
         texts = " or ".join(text.removeprefix(_SETTINGS)[:80] for text in wrong)
         missing.append(f"Not shown: {plain(texts)}. There are no such settings.")
     pulses = [name for name in also if name not in pin_names and name not in settings]
-    return (*pulses, *subject.predictions(approach), *at_pins), missing
-
-
-def _unknown(key: str, known: Collection[str]) -> list[str]:
-    wanted = [name for name in st.session_state[key] if not name.startswith((_PIN, _SETTINGS))]
-    missing = ", ".join(name.removeprefix(RUN)[:80] for name in wanted if name not in known)
-    return [f"Not among the tests in use and the CAE runs: {plain(missing)}."] if missing else []
-
-
-def _show_missing(sentences: Sequence[str]) -> None:
-    """Say beside a figure what it cannot show: folded away, nobody would know that it lacks what a link asks for."""
-    for sentence in sentences:
-        st.caption(sentence, width="content")
+    return (*pulses, *subject.predictions(), *at_pins), missing
 
 
 def _nearest(subject: Subject) -> Sequence[str]:
@@ -296,7 +272,7 @@ def _nearest(subject: Subject) -> Sequence[str]:
 
 
 def _settings_of(text: str, shown: StudyConfig) -> StudyConfig | None:
-    """The settings that a text stands for, otherwise like those shown; None if a link has it from nowhere."""
+    """The settings that a text stands for, otherwise like those shown, if there are such."""
     with suppress(ValueError):
         preset, seed, leave_out = text.removeprefix(_SETTINGS).split(" ", 2)
         if int(seed) in address.CHOICES["seed"].options and leave_out in LEFT_OUT:
@@ -315,7 +291,7 @@ def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[st
 def _known_of_test(
     key: Hashable, test_id: str, approach: str, shown: StudyConfig, _campaign: Campaign  # noqa: ARG001
 ) -> Sequence[StudyConfig]:  # fmt: skip
-    """Settings of past results with a prediction of a test; the key is of the data and of what was computed here."""
+    """Settings of past results with a prediction of a test."""
     return earlier_settings(past_results(), _campaign, test_id, approach, shown, Cache())
 
 

@@ -26,8 +26,8 @@ _KEPT_NOTES = "notes"  # session key: notes by folder, where they cannot be kept
 _NOTE_REFUSED = "note refused"  # session key: why the last one was not added
 _DELETED_NOTE = "note deleted"  # session key: the folder, and the last one that was
 _LEFT_OUT_HELP = (
-    "A click leaves a test out of use, another one uses it again. It stays in the folder, but nothing learns from it "
-    "and it is not rated: `unused` in campaign.toml."
+    "A click leaves a test out of use, another uses it again. Nothing learns from it, and it is not rated: `unused` in "
+    "campaign.toml."
 )
 
 
@@ -119,10 +119,10 @@ def _edit(view: View, change_it: Callable[[], str]) -> None:
 
 def _offer_copy(view: View) -> None:
     with st.popover("Save a copy to edit", icon=":material/content_copy:"):
-        st.markdown("This campaign itself is not edited: leave tests out of use, or add some, in a copy.")
+        st.markdown("This campaign is not edited: leave tests out of use, or add some, in a copy.")
         st.text_input(
             "Folder of the copy", key=_COPY, persist_state="session", placeholder=str(Path.home() / "my-campaign"),
-            help="On the computer that crashfuse runs on. It must not hold anything yet.",
+            help="On the computer that crashfuse runs on; a new or empty one.",
         )  # fmt: skip
         st.button("Save the copy", type="primary", on_click=_save_copy, args=(view,))
 
@@ -163,10 +163,13 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
                 st.markdown(f"**{note.when}** {plain(note.text)}" if note.when else plain(note.text), width="stretch")
         folder, deleted = st.session_state.get(_DELETED_NOTE, (None, None))
         if folder == view.folder and deleted.test == test:
-            st.button(
-                f"Put back “{plain(deleted.text[:40])}”", icon=":material/undo:", type="tertiary",
-                on_click=_put_back_note, args=(view, deleted),
-            )  # fmt: skip
+
+            def put_back() -> None:
+                if _change_notes(view, lambda notes: [*notes, deleted]):
+                    del st.session_state[_DELETED_NOTE]
+
+            label = f"Put back “{plain(deleted.text[:40])}”"
+            st.button(label, icon=":material/undo:", type="tertiary", on_click=put_back)
         with st.form(f"note on {test}", border=False):
             left, middle, right = st.columns([4, 1, 1])
             left.text_input("Note", max_chars=LONGEST_TEXT, key="note_text")
@@ -177,7 +180,7 @@ def edit_notes(view: View, notes: Sequence[Note]) -> None:
             st.warning(plain(refused), icon=":material/warning:")
         kept = f"They are kept in {FILE} of the campaign folder, for everyone who opens it."
         if not can_be_edited(view.folder):
-            kept = "This campaign's folder is not written to: they last until this tab is closed."
+            kept = "They last until this tab is closed: this campaign's folder is not written to."
         st.caption(f"A note with a time is a mark on the figures over time. All go into the report. {kept}")
 
 
@@ -201,11 +204,6 @@ def _delete_note(view: View, note: Note) -> None:
 
     if _change_notes(view, without):
         st.session_state[_DELETED_NOTE] = view.folder, note
-
-
-def _put_back_note(view: View, note: Note) -> None:
-    if _change_notes(view, lambda notes: [*notes, note]):
-        del st.session_state[_DELETED_NOTE]
 
 
 def _change_notes(view: View, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> bool:

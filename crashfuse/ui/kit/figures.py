@@ -1,8 +1,4 @@
-"""Figures on a page: in its theme, with alternative text, drawn once for all sessions, saved by buttons, read by keys.
-
-A picture that is saved is light and says above what it shows. The arrow keys move the cursor of a figure that has the
-focus; Enter clicks, and Escape takes the cursor away.
-"""
+"""Figures on a page: in its theme, with alternative text, drawn once for all, saved by buttons, read by keys."""
 
 import hashlib
 import json
@@ -62,7 +58,7 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
 
 
 def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a figure
-    """The same with lists for arrays, packed or not; None for no number, which JSON cannot hold otherwise."""
+    """The same with lists for arrays, packed or not, and None for no number."""
     if isinstance(part, Mapping) and "bdata" in part:
         part = unpacked(part)
     if isinstance(part, np.ndarray) and part.dtype.kind == "f" and part.size:
@@ -110,7 +106,7 @@ def choose(
 
 
 def show_figure(figure: go.Figure, alt: str, key: str | None = None, name: str = "") -> None:
-    """Show a figure; its files are named by what it shows, by ``name`` where the alternative text is too long."""
+    """Show a figure; its files have the ``name``, else the alternative text."""
     sent = SentFigure(darkened(figure) if _is_dark() else figure)
     st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_TOOLS)
     offer_files(figure, caption(alt, name), key or alt)

@@ -37,34 +37,24 @@ _QUESTION = ("criteria", "matrix", "planned", "uploaded", "confidence", "earlier
 _OF_TEST = ("train", "compare")  # pages whose figures are of the held-out test
 _WITH_SETTINGS = ("train", "compare", "study", "predict", "certify")
 _HOLDS = {
-    "certification.csv": "Every verdict, one row a condition and criterion.",
-    "track_record.csv": "Every verdict on a left-out test beside what it measured.",
-    "changes.csv": "Every verdict beside the earlier one, and what tests run since measured.",
-    "criteria.toml": "The criteria as judged: put it into the campaign folder to judge by them again.",
-    "matrix.csv": "The conditions as judged: put it into the campaign folder to judge them again.",
+    "certification.csv": "Every verdict, a row each.",
+    "track_record.csv": "Verdicts on left-out tests beside what they measured.",
+    "changes.csv": "Verdicts beside the earlier ones, and tests run since.",
+    "criteria.toml": "The criteria as judged, for the campaign folder.",
+    "matrix.csv": "The conditions as judged, for the campaign folder.",
     "certification.json": "The whole certification, to hold a later one against it.",
-    "comparison.csv": "The ratings of both studies, and by how much they differ.",
-    "learning_curve.csv": "The mean ratings by number of tests, with their errors.",
+    "comparison.csv": "The ratings of both studies, and their differences.",
+    "learning_curve.csv": "Mean ratings by number of tests, with their errors.",
     "metrics.csv": "The pulse metrics with their 95 % intervals.",
     "models.zip": "The fitted approaches: unpack it for crashfuse predict --models.",
-    "next_tests.csv": "Every test that could be run next, with what it would gain.",
+    "next_tests.csv": "Every candidate, with what it would gain.",
     "pulses.csv": "Predicted pulses over time, with both bands.",
     "pulses.parquet": "As pulses.csv, for programs that read Parquet.",
-    "scores.csv": "The ratings, and the four scores of each, by test, approach and window.",
-    "side_by_side.csv": "The metrics of this prediction and of those beside it, with their differences.",
-    "speed_groups.csv": "As scores.csv, of tests left out with all at about their speed.",
-    "sweep.csv": "The pulse metrics over impact speed, with their 95 % intervals.",
+    "scores.csv": "Ratings and their scores by test, approach and window.",
+    "side_by_side.csv": "The metrics of this prediction and those beside it.",
+    "speed_groups.csv": "As scores.csv, with all tests at about the speed left out.",
+    "sweep.csv": "The pulse metrics over speed, with 95 % intervals.",
 }
-_FORM_LABELS: dict[ReportForm, str] = {"whole": "Whole", "short": "Short"}
-_FORM_HELP = "Short: two or three pages with {}. Whole: {}, too. Both in the units and the window of the pages."
-_OF_STUDY = (
-    "the recommendation, all ratings and the test that was predicted worst",
-    "the paper's tables 3 and 5, each test, the data, the method and its settings",
-)
-_DRAWS_HELP = (
-    "Whole pulses drawn from the band, all equally likely: run the occupant model with each to see how much of the "
-    "band reaches the occupant."
-)
 _PULSE_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
 
 
@@ -77,7 +67,7 @@ class Caption(NamedTuple):
 
 
 def caption(alt: str, drawn: str = "", beside: Sequence[Further] = ()) -> Caption:
-    """The caption of a figure on the open page, named by its alternative text unless told what is ``drawn``."""
+    """The caption of a figure on the open page, named by what is ``drawn``, else the alternative text."""
     page, title, state = address.here().page, alt.partition(";")[0], st.session_state
     names, details = [drawn or title], list[str]()
     if (page == "data" and state.get("import")) or not state.get("campaign"):  # of any campaign, or of none
@@ -140,16 +130,12 @@ def _digest(text: str) -> str:
 
 
 def _left_out(page: str) -> list[str]:
-    """Figures of all tests say it themselves, and what is predicted elsewhere is learned from all."""
     left_out = chosen_config().leave_out
     return [LEFT_OUT[left_out]] if page in _OF_TEST and left_out == "speed group" else []
 
 
 def export_button(show: Callable[[], None]) -> None:
-    """Button that opens a dialog in which ``show`` draws what can be downloaded; nothing of it is computed before.
-
-    It stays open while the page is redrawn because more of a result is known, until the reader closes it or goes on.
-    """
+    """Button that opens a dialog in which ``show`` draws what can be downloaded; it outlasts a redrawn page."""
     place, state = address.here(), st.session_state
 
     def show_and_listen() -> None:
@@ -196,7 +182,7 @@ def choose_form(short: str, whole: str) -> ReportForm:
     """Ask for the form of the report, and tell what it then has."""
     form: ReportForm = st.segmented_control(
         "Report", REPORT_FORMS, default="whole", required=True, key="report form", persist_state="session",
-        format_func=_FORM_LABELS.__getitem__, help=_FORM_HELP.format(short, whole),
+        format_func=str.capitalize, help=f"Short: two or three pages with {short}. Whole: {whole}, too.",
     )  # fmt: skip
     return form
 
@@ -204,7 +190,10 @@ def choose_form(short: str, whole: str) -> ReportForm:
 def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report, and which tests it shows one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        form = choose_form(*_OF_STUDY)
+        form = choose_form(
+            "the recommendation, all ratings and the test that was predicted worst",
+            "the paper's tables 3 and 5, each test, the data, the method and its settings",
+        )
         shown: Sequence[str] = ()
         if len(tests) > 1:
             shown = st.multiselect(
@@ -220,9 +209,7 @@ def offer_pulses(
 ) -> None:
     """Ask which pulses go out and how; remarks go into the files."""
     with st.expander("Pulse for an occupant model", icon=":material/airline_seat_recline_normal:"):
-        st.markdown(
-            "The expected pulse, a representative one, and whole draws: an include file each, or an ISO-MME test each."
-        )
+        st.markdown("The expected pulse, a representative one, and whole draws, a file each.")
         form: PulseFormat = st.segmented_control(
             "Format", PULSE_FORMATS[1:] + PULSE_FORMATS[:1], default="lsdyna", required=True,
             format_func=_PULSE_LABELS.__getitem__, key="export format", persist_state="session",
@@ -238,7 +225,7 @@ def offer_pulses(
         if (drawn := estimate.prediction.draws_mps2) is not None:
             draws = right.number_input(
                 "Draws", 0, len(drawn), 0, key=f"export draws of {len(drawn)}", persist_state="session",
-                help=_DRAWS_HELP,
+                help="Pulses drawn from the band, all equally likely: how much of the band reaches the occupant?",
             )  # fmt: skip
         try:
             location, curve = (_location(), None) if form == "isomme" else (LOCATION, _curve())
@@ -253,8 +240,7 @@ def offer_pulses(
 def _location() -> str:
     return st.text_input(
         "Location code", LOCATION, max_chars=12, key="export location", persist_state="session",
-        help="The first 12 characters of the channel codes: test object, position, main location, three fine "
-        "locations. AC, VE and DV, the direction X and the filter class follow.",
+        help="The first 12 characters of the channel codes: test object, position, main and fine locations.",
     ).upper()  # fmt: skip
 
 
@@ -262,7 +248,7 @@ def _curve() -> SolverCurve:
     left, middle, right = st.columns(3)
     system = left.selectbox(
         "Unit system", list(UNIT_SYSTEMS), key="export units", persist_state="session",
-        help="Of the occupant model and of the curve: length, time, mass.",
+        help="Of the occupant model: length, time, mass.",
     )  # fmt: skip
     sign: Literal["negative", "positive"] = middle.segmented_control(
         "Braking is", ["negative", "positive"], default="negative", required=True, key="export sign",
@@ -270,12 +256,12 @@ def _curve() -> SolverCurve:
     )  # fmt: skip
     number = right.number_input(
         "Curve id", 1, MOST_ID, 1, key="export id", persist_state="session",
-        help="Of the first curve. Draws count on from it, so that all curves fit into one model.",
+        help="Of the first curve; the others count on from it.",
     )  # fmt: skip
     left, middle, _ = st.columns(3)
     start_ms = left.number_input(
         "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.6g", key="export start",
-        persist_state="session", help="In the time of the occupant model; before it the curve is zero.",
+        persist_state="session", help="In the occupant model's time; zero before.",
     )  # fmt: skip
     scale = middle.number_input(
         "Scale", 0.001, 1000.0, 1.0, step=0.05, format="%.6g", key="export scale", persist_state="session",

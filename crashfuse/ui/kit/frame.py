@@ -69,9 +69,7 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
         )  # fmt: skip
     config = chosen_config()
     if config.preset == "paper":
-        st.warning(
-            "The paper's settings take many hours without a GPU. You can cancel at any time.", icon=":material/timer:"
-        )
+        st.warning("The paper's settings take many hours without a GPU.", icon=":material/timer:")
     if not chosen:
         return config, "Choose at least one approach."
     try:
@@ -82,14 +80,14 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
 
 
 def choose_left_out(page: str) -> None:
-    """Ask what is left out with a test; by a widget of each page, for one of the same key elsewhere has no value."""
+    """Ask what is left out with a test, by a widget of its own on each page."""
     state, shown = st.session_state, f"leave_out on {page}"
     address.put(shown, state["leave_out"])
     st.segmented_control(
         "Left out", address.CHOICES["leave_out"].options, required=True,
         format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__, key=shown,
         persist_state="session", on_change=lambda: state.update(leave_out=state[shown]),
-        help="Without any test at about its speed the prediction is a step to a new speed: the harder question. Tests "
+        help="Without any test at about its speed: the harder question. Tests "
         f"less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart are at about one speed.",
     )  # fmt: skip
 
@@ -159,12 +157,12 @@ def _choose_window() -> None:
     st.selectbox(
         "Rated time window", sorted({*WINDOWS_MS, shown}), format_func=lambda ms: f"0–{ms:g} ms", key="window",
         accept_new_options=True, on_change=_take_window, args=(shown,), persist_state="session",
-        help="Type any other, from 10 to 100 ms: up to zero velocity (TTZV), say.",
+        help="Type any other from 10 to 100 ms.",
     )  # fmt: skip
 
 
 def _take_window(before: float) -> None:
-    """Take the window that was chosen or typed; one that is none leaves the one before."""
+    """Take what was typed; what is no window leaves the one before."""
     state = st.session_state
     try:
         state["window"] = address.window_of(str(state["window"]))
@@ -174,7 +172,6 @@ def _take_window(before: float) -> None:
 
 
 def _choose_units(page: str) -> None:
-    """Ask for units and sign in a row; what is chosen holds for the visitor until they choose again."""
     labels = {
         "system": ("Units of speeds and weights", {"mph-lb": "mph, lb", "kph-kg": "km/h, kg"}),
         "unit": ("Unit of accelerations", {"g": "g", "m/s²": "m/s²"}),
@@ -188,7 +185,7 @@ def _choose_units(page: str) -> None:
     with st.container(gap=None, key="units"):
         st.markdown(
             f":small[Units{', sign of braking' if address.acts('sign', page) else ''}]",
-            help="Kept for you on this machine. Files keep their own units. SAE J1733: braking is negative.",
+            help="Kept for you; files have their own. SAE J1733: braking is negative.",
         )
         with st.container(horizontal=True, gap="xxsmall"):
             for key, (label, words) in labels.items():
@@ -200,7 +197,7 @@ def _choose_units(page: str) -> None:
 
 
 def _is_adding(page: str) -> bool:
-    """True if the page Data opens or imports something, and shows nothing of the campaign."""
+    """True if the page shows nothing of the campaign."""
     return page == "data" and bool(st.session_state["import"] or st.session_state["opening"])
 
 
@@ -223,14 +220,14 @@ def _note(sentence: str, asked: str) -> None:
 
 
 def _turn_to_campaign() -> None:
-    """Begin with another campaign's own defaults, a test's name may mean another condition there; but for a link's."""
+    """Begin with the campaign's defaults: a test's name may mean another condition there."""
     if st.session_state["campaign"] != st.session_state.pop(ASKED, ""):
         address.leave_campaign()
     forget()
 
 
 def _keep_up(shown: address.Place) -> None:
-    """Update what changes without a click: computations on the server, and what was chosen by itself."""
+    """Update what changes without a click."""
     if not shown.is_here:
         st.rerun()
     show_running()
@@ -287,8 +284,8 @@ def enter_with_campaign(
 ) -> View:
     """Start a page that needs a campaign; without one, say what to do and stop.
 
-    A page with results gives what they are of as a ``detail`` of its title; their settings stand beside it. A badge
-    says if tests are left out ``by_group``, as is chosen in the sidebar if the page does not say.
+    A page with results gives what they are of as a ``detail``, beside which their settings stand, and may say whether
+    tests are left out ``by_group``.
     """
     view = enter()
     if view is None:
@@ -297,31 +294,25 @@ def enter_with_campaign(
         offer_sample()
         show_link("data", "Open a campaign of your own", ":material/folder_open:")
         end_page()
+    row = show_title(title)
     if detail is None:
-        show_head(title)
         return view
     chosen = address.acts("leave_out", address.here().page) and st.session_state["leave_out"] == "speed group"
     grouped = chosen if by_group is None else by_group(view)
-    show_head(title, detail(view), chosen_config(), by_group=grouped)
+    config = chosen_config()
+    colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
+    label = f"{config.preset.capitalize()} settings, seed {config.seed}"
+    with row:
+        st.subheader(detail(view), width="content", anchor=False)
+        st.badge(label, color=colour, help="As chosen on the page Train.")
+        if grouped:
+            st.badge("All at its speed left out", color="orange")
     seed, seeds = st.session_state.get("seed", 0), address.CHOICES["seed"].options
     if seed not in seeds:
         st.error(f"There is no seed {seed}: it is from {seeds[0]} to {seeds[-1]}.", icon=":material/error:")
         show_link("train", "Choose another seed", ":material/tune:")
         end_page()
     return view
-
-
-def show_head(title: str, detail: str = "", config: StudyConfig | None = None, *, by_group: bool = False) -> None:
-    """Show in a line the title of a page, what it shows, and the settings behind it."""
-    with show_title(title):
-        if detail:
-            st.subheader(detail, width="content", anchor=False)
-        if config is not None:
-            colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
-            label = f"{config.preset.capitalize()} settings, seed {config.seed}"
-            st.badge(label, color=colour, help="As chosen on the page Train.")
-            if by_group:
-                st.badge("All at its speed left out", color="orange")
 
 
 def show_title(title: str) -> DeltaGenerator:
@@ -334,10 +325,7 @@ def show_title(title: str) -> DeltaGenerator:
 
 
 class _AnswerLine:
-    """The line above every page: what is known of the campaign, and what it takes to know more, each a link.
-
-    It is drawn outside the page, so that the browser keeps it while pages are switched; what may take a moment, last.
-    """
+    """The line above every page, outside of it, so that the browser keeps it: what is known of the campaign."""
 
     def __init__(self, view: View) -> None:
         self.view = view
@@ -356,7 +344,7 @@ class _AnswerLine:
         if verdicts is not None:
             n, of = verdicts.certification.saved
             told = f"{n:,} of {of:,} planned test{'s' * (of != 1)} need not be run"
-            meaning = "A test there would meet all pulse criteria of Certify at once, with the confidence asked for."
+            meaning = "A test there would meet all criteria at once."
         self._link("certify", f"**{plain(told)}**", meaning, "certify")
         for fact in campaign_facts(view.campaign):
             label, key, test = plain(fact.label), f"{fact.code} {fact.label}", fact.values.get("test")

@@ -1,8 +1,4 @@
-"""Computations in the background: queued and watched from any page, one for all who want the same.
-
-A job knows nothing of Streamlit. Its thread writes plain numbers, and a page reads them at any time; closing or
-reloading the page changes nothing.
-"""
+"""Computations in the background, queued and watched from any page; they know nothing of Streamlit."""
 
 import logging
 import math
@@ -118,7 +114,7 @@ class Job(Generic[T]):
             self._end("failed", text)
 
     def watch_over(self) -> None:
-        """Wait until it has ended, or does not report any more; then whoever cancelled it need not wait for it."""
+        """Wait until it has ended, or does not report any more."""
         while not self.wait(_LOOK_S):
             if time.monotonic() - self._heard > (_STOPS_S if self.cancelling else _SILENT_S):
                 log.warning("%s has not reported for long; others are computed beside it.", self.title)
@@ -198,7 +194,7 @@ def _compute(job: Job[Any]) -> None:
 
 
 def _yield_to_pages() -> None:
-    """Let pages go before the work of this thread, and before the threads and processes that it starts (Linux)."""
+    """Let pages go before what this thread does and starts (Linux)."""
     if sys.platform == "linux":
         this = os.PRIO_PROCESS, threading.get_native_id()
         os.setpriority(*this, os.getpriority(*this) + _NICE)  # of a server that is itself nice, nicer still

@@ -69,11 +69,7 @@ def show_link(name: str, label: str, icon: str = ":material/arrow_forward:") -> 
 
 
 def end_page() -> NoReturn:
-    """End a page before its end.
-
-    After ``st.stop`` Streamlit would keep what widgets showed that the browser has forgotten, and not send it again: a
-    field that comes back would be empty.
-    """
+    """End a page; after ``st.stop`` a field that the browser has forgotten would come back empty."""
     raise StopException
 
 
@@ -90,10 +86,7 @@ def open_page(name: str) -> None:
 
 
 def open_next(name: str) -> None:
-    """Open a page in place of the one that is drawn; call it from a callback that chooses what is shown there.
-
-    Drawn once more, the page that is left would write these choices to its own address: one step too many for Back.
-    """
+    """Open a page after a callback: drawn once more, the one that is left would add a step for Back."""
     st.session_state[_TO_OPEN] = name
 
 

@@ -53,7 +53,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
         return
     st.info(
         f"{plain(campaign.test_ids[0])} is the only test of this campaign: left out, it would leave nothing to learn "
-        "from. How well the page Predict predicts cannot be checked before there is a second test.",
+        "from. How well Predict predicts can be checked with a second test.",
         icon=":material/looks_one:",
     )
     show_link("predict", "Predict another condition")
@@ -69,11 +69,7 @@ def show_end(job: Job[Any]) -> None:
 
 
 def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in_full: bool = True) -> None:
-    """Show the progress of a job; once it has ended, the page is redrawn.
-
-    A page that shows parts of the result says which part it has ``shown``, and ``since`` when: it is redrawn when more
-    is known, a first part at once.
-    """
+    """Show the progress of a job; the page is redrawn once it ends, or more is known than was ``shown``."""
     every_s = _OFTEN_S if shown is None else _SELDOM_S
     st.fragment(_show_job, run_every=every_s)(job, shown, since, in_full=in_full)
 

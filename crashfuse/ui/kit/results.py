@@ -14,7 +14,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.csv_text import csv_bytes
-from crashfuse.reporting import glossary, rating_tables
+from crashfuse.reporting import glossary
 from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, metric_remarks, notes_by_makers
 from crashfuse.reporting.plots.display import Display
@@ -24,11 +24,10 @@ from crashfuse.reporting.result_tables import next_tests_table
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
-from crashfuse.study.config import WINDOWS_MS, StudyConfig
+from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.next_test import NextTest
 from crashfuse.study.repeatability import Repeatability
-from crashfuse.study.study import Study
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.navigation import component
 from crashfuse.ui.kit.text import advice_on_page, as_read, chosen_units, plain
@@ -39,8 +38,7 @@ _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| 
 """A cell with a number, perhaps with its interval or a remark, or without one."""
 _GRADED = re.compile(rf"\d\.\d+ ({'|'.join(GRADE_COLOURS)})")
 _MOST_ROWS = 50  # shown; the downloaded file has all
-TEST_COLUMN = "Test"
-"""Heading of what was measured, beside the approaches."""
+TEST_COLUMN = "Test"  # heading of what was measured, beside the approaches
 
 
 def show_table(table: Styler | pd.DataFrame, key: str, remark: str = "", meanings: Sequence[str] = ()) -> None:
@@ -124,8 +122,8 @@ def show_problems(
     place: str = "",
 ) -> None:
     """Show all problems in the data, and offer them as a file for whoever has to fix them."""
-    count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
-    st.error(f"**{what}: {count}.** {result}", icon=":material/error:")
+    n = len(problems)
+    st.error(f"**{what}: {n} problem{'s' * (n != 1)}.** {result}", icon=":material/error:")
     key = f"problems {place} {hash((what, *problems))}"
     table = problem_table(problems, merged=True)
     with st.container(border=True, height=420 if len(table) > 8 else "content"):
@@ -159,7 +157,7 @@ def window_label(window_ms: float) -> str:
 
 def conditions_table(campaign: Campaign, display: Display) -> Styler:
     """Every test with its condition, and the rating of its paired CAE run over each window."""
-    return _coloured(_conditions(campaign.fingerprint, display.system, campaign))
+    return coloured(_conditions(campaign.fingerprint, display.system, campaign))
 
 
 @st.cache_data(show_spinner=False, max_entries=4)
@@ -191,10 +189,7 @@ def ratings_table(
     repeats: Mapping[float, Repeatability],
     draws: Mapping[str, tuple[float, float]],
 ) -> Styler:
-    """Overall rating with its grade by prediction and window, then the parts over one window, and that of single draws.
-
-    The last row is what a repeat of the test would rate.
-    """
+    """Ratings by prediction and window, parts and single draws over one window; last, what a repeat would rate."""
     table = pd.DataFrame(
         {
             "Approach": LABELS.get(name, name),
@@ -207,12 +202,7 @@ def ratings_table(
     if repeats:
         repeat = {window_label(w): graded(own.value) for w, own in repeats.items()}
         table = pd.concat([table, pd.DataFrame([{"Approach": REPEAT, **repeat}])], ignore_index=True).fillna("–")
-    return _coloured(table)
-
-
-def mean_ratings_table(study: Study) -> Styler:
-    """Overall rating averaged over the held-out tests, by approach and window; below, what repeats would rate."""
-    return _coloured(rating_tables.mean_ratings(study))
+    return coloured(table)
 
 
 def metrics_tables(
@@ -250,7 +240,9 @@ def next_tests_styled(ranked: Sequence[NextTest], display: Display) -> Styler:
     return literal(table.assign(**{name: table[name].map(form.format) for name, form in forms.items()}).astype(str))
 
 
-def _coloured(table: pd.DataFrame) -> Styler:
+def coloured(table: pd.DataFrame) -> Styler:
+    """A table with its grades in their colours."""
+
     def style(cell: object) -> str:
         colour = GRADE_COLOURS.get(str(cell).rpartition(" ")[2])
         return fill(colour) if colour else ""
@@ -278,12 +270,6 @@ def show_account(sentences: Sequence[str], *, missed: bool) -> None:
 def grade_chip(grade: str) -> str:
     """HTML of a grade word in the colour it has in every table and figure."""
     return f'<span class="cf-grade" style="{fill(GRADE_COLOURS[grade])}">{grade}</span>'
-
-
-def show_terms(config: StudyConfig) -> None:
-    """Explain LF where it is mentioned."""
-    if "lf_tcn" in config.approaches:
-        st.caption(glossary.LF)
 
 
 def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) -> None:

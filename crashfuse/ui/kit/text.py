@@ -28,11 +28,6 @@ def as_read(markdown: str) -> str:
     return _ESCAPED.sub(r"\1", markdown).replace(_JOINER, "").replace("\N{NO-BREAK SPACE}", " ")
 
 
-def show_label(label: str) -> None:
-    """Show the label of a field whose own is collapsed: that one is read out as it is written, Markdown's marks too."""
-    st.markdown(f":small[{plain(label)}]")
-
-
 def chosen_units() -> UnitSystem:
     """The units that were chosen in the sidebar, for the session as a whole."""
     system = SYSTEMS.get(st.session_state.get("system") or "", MPH_LB)

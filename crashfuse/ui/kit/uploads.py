@@ -1,7 +1,6 @@
 """Files from the browser, and foreign files being imported.
 
-Uploads lie in a temporary folder that is deleted when the server ends, else as the next one starts; beyond 8 GiB, those
-go that nobody has looked at for longest.
+Uploads are deleted when the server ends, or as the next one starts; beyond 8 GiB, those that nobody looked at for long.
 """
 
 import atexit
@@ -56,11 +55,6 @@ class Source:
     owner: str  # key of the visitor who began it; whoever follows their link may continue it as well
     scratch: Path | None = None  # folder to delete when the owner's import is over; None for the user's own files
 
-    @property
-    def several(self) -> bool:
-        """True if these are several uploads, which have no common name."""
-        return self.scratch is not None and self.path.parent == self.scratch
-
 
 def source_at(path: Path, scratch: Path | None = None) -> Source:
     """Start the import of a file or folder; a DataError if it has no known format, or too many files."""
@@ -95,7 +89,7 @@ def leave_import() -> None:
 
 
 def left_aside(source: Source) -> list[str]:
-    """Names of files among the tables of an import that are none, and that nothing is read from."""
+    """Names of files among the tables of an import that are none."""
     if source.fmt != TABLES or not source.path.is_dir():
         return []
     known = {path.resolve() for path in tables_of(source.path)}
@@ -120,7 +114,7 @@ def running_import() -> Source | None:
 
 @st.cache_resource
 def _begun() -> dict[str, tuple[Source, dict[str, Any]]]:
-    """Imports in progress by key, with the fields filled in, so that a new session can continue one."""
+    """Imports in progress by key, with the fields filled in."""
     return {}
 
 
@@ -132,7 +126,7 @@ def forms_of(source: Source) -> tuple[TableForm, ...]:
 
 @st.cache_resource(max_entries=4, show_spinner="Reading …")
 def records_of(source: Source, reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]]:
-    """Records of a source, from :func:`read_each`; the source is part of the key, so each import reads anew."""
+    """Records of a source, which each import reads anew."""
     campaigns.still_allowed(source.path)
     return read_each(reading)
 
@@ -141,7 +135,7 @@ def records_of(source: Source, reading: Reading) -> tuple[tuple[Record, ...], tu
 def settled_of(
     source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...], *, raw: bool = False
 ) -> tuple[tuple[Settled, ...], tuple[Problem, ...]]:
-    """Settled records of a source, from :func:`settle_each`."""
+    """Settled records of a source."""
     records, problems = records_of(source, reading)
     refused: list[Problem] = []
     settled = settle_each(records, refused, choices, role=role, cae=cae, raw=raw, tolerant=True)
@@ -158,7 +152,7 @@ class Upload(Protocol):
 
 
 def open_uploads(files: Sequence[Upload]) -> str | Source:
-    """Open uploads as a campaign, whose name is returned, or keep them to be imported; else a DataError with it all."""
+    """Open uploads as a campaign, whose name is returned, or keep them to be imported."""
     if not files:  # none was dropped, or the browser refused those that are too large
         expected = f"files of at most {st.get_option('server.maxUploadSize')} MB each"
         advice = "choose the files, and open a larger campaign as a folder"
@@ -174,25 +168,21 @@ def open_uploads(files: Sequence[Upload]) -> str | Source:
     key = visitor().key, digest.hexdigest()
     if key not in opened:
         opened[key] = _keep(lambda own: campaigns.open_uploaded(lay_out(uploads, own)))
-        _note(campaigns.fingerprint_of(opened[key]))
+        fingerprint = campaigns.load(opened[key]).fingerprint
+        with suppress(OSError):  # in the cache folder, as results outlive uploads; none is kept there either
+            _noted().mkdir(parents=True, exist_ok=True)
+            (_noted() / fingerprint).touch()
     return opened[key]
 
 
 def uploaded_data() -> set[str]:
-    """Fingerprints of all data that were ever uploaded: past results of them are not for everybody's list."""
+    """Fingerprints of uploaded data, whose past results are not for everybody."""
     return {path.name for path in _noted().glob("*")}
 
 
 def is_ours(folder: Path) -> bool:
-    """True if a folder is not the user's own: the sample, or an upload, which goes when the server ends."""
+    """True if a folder is not the user's own: the sample or an upload."""
     return is_sample(folder) or _scratch().resolve() in folder.parents
-
-
-def _note(fingerprint: str) -> None:
-    """Note in the cache folder, where results outlive uploads, that these data are one."""
-    with suppress(OSError):  # no result is kept there either
-        _noted().mkdir(parents=True, exist_ok=True)
-        (_noted() / fingerprint).touch()
 
 
 def _noted() -> Path:
@@ -232,7 +222,7 @@ def note_use(folder: Path) -> None:
 
 
 def _make_room() -> None:
-    """Delete the uploads that nobody has looked at for longest until the others fit."""
+    """Delete the uploads that nobody has looked at for longest."""
     uploads = sorted((folder.stat().st_mtime, folder) for folder in _scratch().iterdir())
     sizes = {folder: sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) for _, folder in uploads}
     excess = sum(sizes.values()) - _MOST_BYTES
@@ -249,7 +239,7 @@ def _make_room() -> None:
 
 @st.cache_resource
 def _opened() -> dict[tuple[str, str], str]:
-    """Names of uploaded campaigns by visitor and content: a file dropped twice is one campaign."""
+    """Names of uploaded campaigns by visitor and content."""
     return {}
 
 

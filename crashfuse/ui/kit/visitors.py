@@ -1,7 +1,6 @@
 """Who is in front of a session: the person who has logged in, else the browser; log-in, and the log of a server.
 
-A server asks for a log-in by an identity provider (OpenID Connect) where its secrets file has a section ``[auth]``. The
-log has a line each on when, who and what; never what is in a file.
+A log-in by an identity provider (OpenID Connect) is asked for where the secrets file has a section ``[auth]``.
 """
 
 import hashlib
@@ -156,11 +155,7 @@ def _add_line(line: str) -> None:
 
 
 def check_login(files: Sequence[str | Path], *, required: bool = False) -> bool:
-    """Whether a secrets file asks for a log-in.
-
-    Raises an error if one cannot be read or its log-in cannot work, for Streamlit would ask nobody to log in; with
-    ``required``, also if none asks for it.
-    """
+    """Whether a secrets file asks for a log-in; an error if that cannot work, or if it is ``required`` in vain."""
     asked = [(path, auth) for path in map(Path, files) if path.is_file() and (auth := _auth_in(path)) is not None]
     for path, auth in asked:
         _check_section(path, auth)
@@ -179,7 +174,7 @@ def insist_on_login() -> None:
 
 def require_login(page: str) -> None:
     """On a server that asks for a log-in, show nothing else before it; a link to a page is followed after it."""
-    auth = _asked_for()
+    auth: dict[str, Any] = dict(st.secrets.get("auth", {})) if st.secrets.load_if_toml_exists() else {}
     if not (auth or _insisted.is_set()):
         return
     if logged_in():
@@ -220,12 +215,6 @@ def _links() -> dict[str, tuple[str, dict[str, list[str]]]]:
 def _log_out() -> None:
     note_in_log(visitor(), "logged out")
     st.logout()
-
-
-def _asked_for() -> dict[str, Any]:
-    if not st.secrets.load_if_toml_exists():
-        return {}
-    return dict(st.secrets.get("auth", {}))
 
 
 def _providers(auth: dict[str, Any]) -> list[str | None]:
