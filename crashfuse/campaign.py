@@ -28,20 +28,42 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """CAE runs and tests of one vehicle, all on the study grid."""
+    """CAE runs and tests of one vehicle, all on the study grid.
+
+    Parameters
+    ----------
+    notice : str
+        A sentence shown wherever the campaign is shown (such as "synthetic"); empty for none.
+    warnings : tuple of str
+        Findings of the check that are allowed but worth knowing.
+    channel_filter_class : float, optional
+        CFC that records were filtered with on reading (SAE J211-1); None if they were not filtered.
+    quality_limits : QualityLimits, optional
+        Limits that the CAE runs are judged by; None if the campaign sets none.
+    occupant : OccupantModel
+        Distances of the OLC, slack and spring of the VPI.
+    tests_filtered_with : float, optional
+        CFC that every test was filtered with on import; None if the campaign does not say, or they differ.
+    units : UnitSystem
+        Units of speed and weight that the tests are declared in: those that its readers see first.
+    unused : tuple of (str, Condition)
+        Tests that are left out of use, by id and condition: nothing learns from them, and they are not rated.
+    why_unused : mapping of str to str
+        Why, by id; without words if nobody says.
+    """
 
     name: str
     cae: CaeLibrary
     tests: tuple[CrashTest, ...]
-    notice: str = ""  # shown wherever the campaign is, such as "Synthetic"
-    warnings: tuple[str, ...] = ()  # findings of the check that are allowed but worth knowing
-    channel_filter_class: float | None = None  # CFC that records were filtered with on reading; None if they were not
-    quality_limits: QualityLimits | None = None  # that the CAE runs are judged by
+    notice: str = ""
+    warnings: tuple[str, ...] = ()
+    channel_filter_class: float | None = None
+    quality_limits: QualityLimits | None = None
     occupant: OccupantModel = USUAL_OCCUPANT
-    tests_filtered_with: float | None = None  # CFC of every test on import; None if not said, or they differ
-    units: UnitSystem = MPH_LB  # that the tests are declared in: those that its readers see first
-    unused: tuple[tuple[str, Condition], ...] = ()  # tests left out of use: neither learned from nor rated
-    why_unused: Mapping[str, str] = field(default_factory=dict)  # by id
+    tests_filtered_with: float | None = None
+    units: UnitSystem = MPH_LB
+    unused: tuple[tuple[str, Condition], ...] = ()
+    why_unused: Mapping[str, str] = field(default_factory=dict)
 
     @staticmethod
     def from_frames(
@@ -64,8 +86,11 @@ class Campaign:
         test_pulses, cae_pulses : DataFrame
             Tidy: ``id``, a time (``time_ms`` or ``time_s``), an acceleration (``acceleration_g`` or
             ``acceleration_mps2``).
+        notice : str
+            A sentence shown wherever the campaign is shown; empty for none.
         channel_filter_class, filtered_with : float, optional
-            The CFC that pulses are to be filtered with on reading, or were filtered with before.
+            The CFC that pulses are to be filtered with on reading, or were filtered with before, as in
+            ``campaign.toml``.
 
         Raises
         ------

@@ -32,15 +32,29 @@ _QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """Condition of a full-frontal barrier crash: impact speed, weights on the two axles, further factors.
+    """Condition of a full-frontal barrier crash.
 
-    ``units`` are what speed, front and rear weight were given in, by the endings of columns; files have these again.
+    Parameters
+    ----------
+    speed_mps : float
+        Impact speed v0 in m/s, positive.
+    front_weight_kg, rear_weight_kg : float
+        Weights on the two axles in kg.
+    factors : tuple of (str, str)
+        Further columns of the table (powertrain, drive) as pairs of name and value.
+    units : tuple of str
+        What speed, front and rear weight were given in, by the endings of columns; in files they stand in these again.
+
+    Raises
+    ------
+    UsageError
+        If speed or a weight is no number.
     """
 
     speed_mps: float
     front_weight_kg: float
     rear_weight_kg: float
-    factors: tuple[tuple[str, str], ...] = ()  # further columns of the table (powertrain, drive) with their values
+    factors: tuple[tuple[str, str], ...] = ()
     units: tuple[str, str, str] = field(default=FILE_UNITS, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -25,11 +25,23 @@ _ADVICE = f"correct it, or take {FILE} out of the folder"
 class Note:
     """A note on a test; with a start, a mark on its figures over time at that moment, or from there to an end.
 
-    Raises a UsageError if there is no text, it is too long, or the times are not in order within 0 to 100 ms.
+    Parameters
+    ----------
+    test : str
+        Id of the test.
+    text : str
+        At most 500 characters; runs of white space become single spaces.
+    start_ms, end_ms : float, optional
+        From 0 to 100 ms.
+
+    Raises
+    ------
+    UsageError
+        If there is no text, it is too long, or the times are not in order within 0 to 100 ms.
     """
 
-    test: str  # its id
-    text: str  # at most 500 characters; runs of white space become single spaces
+    test: str
+    text: str
     start_ms: float | None = None
     end_ms: float | None = None
 

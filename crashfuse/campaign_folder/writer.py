@@ -46,9 +46,14 @@ _IN_MEMORY = {
 def write_campaign(campaign: Campaign, folder: str | Path) -> None:
     """Write a campaign as a folder that reads back to the same fingerprint.
 
-    Conditions are in SI units at full precision, each test is ``tests/<id>.csv``, the CAE runs ``cae_pulses.parquet``.
-    Pulses that were filtered on reading are written filtered, which ``campaign.toml`` says; what was left out is not
-    written. If the folder is not empty or an id is no file name (DataError), nothing is left behind.
+    Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
+    ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered, which ``campaign.toml`` says.
+    Runs that were left out for their quality, and tests that are left out of use, are not written.
+
+    Raises
+    ------
+    DataError, OSError
+        If the folder is not empty, an id is no file name, or writing fails; nothing is left behind.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     folder = Path(folder)

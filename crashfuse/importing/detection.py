@@ -30,14 +30,26 @@ _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 class Choices:
     """User settings that replace detection; None or empty means detect. A UsageError refuses what cannot be.
 
-    ``gap_m`` is the distance that CAE runs move before they meet the barrier; a run that decelerates before is left as
-    it is. ``front_share`` is the front axle's of the mass, for files that state only the mass.
+    Parameters
+    ----------
+    channels : tuple of str
+        Names of the channels to average.
+    unit : str, optional
+        Unit of the acceleration, as :func:`crashfuse.readers.vocabulary.acceleration_unit` takes it.
+    deceleration_sign : {"negative", "positive"}, optional
+        Whether the file writes deceleration as negative or as positive numbers.
+    time_zero_s : float, optional
+        Time of first contact in the file's own time.
+    gap_m : float, optional
+        Distance that CAE runs move before they meet the barrier; a run that decelerates before is left as it is.
+    front_share : float, optional
+        Share of the mass on the front axle, for files that state only the total mass.
     """
 
-    channels: tuple[str, ...] = ()  # names of those to average
-    unit: str | None = None  # of the acceleration, in any spelling
-    deceleration_sign: Literal["negative", "positive"] | None = None  # in the file
-    time_zero_s: float | None = None  # time of first contact in the file's time
+    channels: tuple[str, ...] = ()
+    unit: str | None = None
+    deceleration_sign: Literal["negative", "positive"] | None = None
+    time_zero_s: float | None = None
     gap_m: float | None = None
     channel_filter_class: float | Literal["none"] | None = None
     condition: PartialCondition = field(default_factory=PartialCondition)

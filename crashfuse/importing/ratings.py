@@ -81,9 +81,26 @@ def rate_files(
     *,
     choices: RatingChoices = RatingChoices(),
 ) -> pd.DataFrame:
-    """Rate one file against another, the test first, by ISO/TS 18571: columns :data:`COLUMNS`, one row a window.
+    """Rate one file against another by ISO/TS 18571.
 
-    A DataError says that one cannot be read as one pulse, or that a window reaches beyond a record.
+    Parameters
+    ----------
+    reference, comparison : str or Path
+        The test and what is compared with it, one of any kind that the import reads.
+    windows_ms : sequence of float
+        Rated are 0 to each of these, in ms.
+
+    Returns
+    -------
+    DataFrame
+        Columns :data:`COLUMNS`, one row for each window.
+
+    Raises
+    ------
+    DataError
+        If a file cannot be read as one pulse, or a window reaches beyond a record.
+    UsageError
+        If a channel or unit does not exist.
     """
     return _pair_table(Path(reference), Path(comparison), windows_ms, choices, _curve)
 

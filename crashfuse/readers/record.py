@@ -96,13 +96,17 @@ def _other_axle(mass: float | None, one: float, share: float | None) -> float | 
 
 @dataclass(frozen=True, slots=True)
 class PartialCondition:
-    """The condition as far as a file states it; None where it does not."""
+    """The condition as far as a file states it; None where it does not.
+
+    ``mass_kg`` is that of the whole vehicle, for files without axle weights; ``factors`` are what else is worth
+    keeping (make, model, barrier).
+    """
 
     speed_mps: float | None = None
-    mass_kg: float | None = None  # of the whole vehicle, for files without axle weights
+    mass_kg: float | None = None
     front_weight_kg: float | None = None
     rear_weight_kg: float | None = None
-    factors: tuple[tuple[str, str], ...] = ()  # what else is worth keeping: make, model, barrier
+    factors: tuple[tuple[str, str], ...] = ()
 
     def overruled(self, by: "PartialCondition") -> "PartialCondition":
         """Return the condition with the values of ``by`` taking precedence; for weights see :class:`AxleWeights`."""

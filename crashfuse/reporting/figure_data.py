@@ -31,10 +31,18 @@ class _Curve:
 
 
 def figure_table(figure: go.Figure | Mapping[str, Any], hidden: Collection[int] = ()) -> pd.DataFrame:
-    """The numbers of a figure, one row a position on its x axis; ``hidden`` traces are left out.
+    """The numbers of a figure, one row a position on its x axis; units are in the names of the columns.
 
-    Curves over the same positions stand side by side, one column each and two for a band; else the table is long, and
-    its first column names the curve. A heat map is a table of its cells.
+    Curves over the same positions stand side by side, one column each and two for a band. Where positions differ, or
+    points carry names, the table is long: the first column names the curve, the next its plot, of several.
+    A heat map is a table of its cells.
+
+    Parameters
+    ----------
+    figure : Figure or mapping
+        Any figure of this library, or one read from a report.
+    hidden : collection of int
+        Places of traces that the reader has hidden.
     """
     drawn = figure.to_plotly_json() if isinstance(figure, go.Figure) else figure
     layout, traces = drawn["layout"], drawn["data"]

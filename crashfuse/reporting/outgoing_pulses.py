@@ -43,10 +43,26 @@ _LOCATION = re.compile(r"[0-9A-Z]{12}")
 
 @dataclass(frozen=True, slots=True)
 class PulseExport:
-    """Which pulses go out, and how: some of :data:`PULSE_FORMATS`.
+    """Which pulses go out, and how.
 
-    ``draws`` is the number of whole draws beside the expected pulse, and the ``seed`` decides which; ``location`` are
-    the first 12 characters of the ISO-MME channel codes; a ``curve`` is needed for the solvers' formats.
+    Parameters
+    ----------
+    formats : tuple of str
+        Some of :data:`PULSE_FORMATS`.
+    draws : int
+        Number of whole draws beside the expected pulse, of approaches that have a band.
+    seed : int
+        Decides which draws; they are equally likely.
+    location : str
+        The first 12 characters of the ISO-MME channel codes: test object, position, main and fine locations.
+    curve : SolverCurve, optional
+        Units, sign, start, scale and id of a solver's curve; needed for the solvers' formats.
+
+    Raises
+    ------
+    UsageError
+        If a format is unknown, a solver's has no curve, the location is no code, or the number of draws or the seed is
+        negative.
     """
 
     formats: tuple[PulseFormat, ...] = ("isomme",)
@@ -72,7 +88,10 @@ class PulseExport:
                 raise UsageError(f"{what} is 0 or more, not {number!r}.")
 
     def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
-        """The files of each format that is asked for; each states these remarks, besides its own."""
+        """The files of each format that is asked for; each states these remarks, besides its own.
+
+        A UsageError if an approach has fewer draws than asked for, or no approach has any.
+        """
         written: dict[PulseFormat, dict[str, bytes]] = {name: {} for name in self.formats}
         cfc = campaign.channel_filter_class
         records = "taken as they are" if cfc is None else f"filtered with CFC {cfc:g}"

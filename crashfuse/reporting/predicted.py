@@ -110,7 +110,14 @@ class PredictedPulse:
         return tuple(dict.fromkeys((*advice, *(fact.sentence for fact in facts), *near, *self.notes)))
 
     def to_frame(self) -> pd.DataFrame:
-        """Pulse, central 95 % and motion by the preferred approach, one row a sample, as in ``pulses.csv``."""
+        """Pulse, band and motion by the preferred approach, one row a sample.
+
+        Returns
+        -------
+        DataFrame
+            ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a band), as in
+            ``pulses.csv``; ``velocity_kph``, ``displacement_mm``; 1,250 rows.
+        """
         velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
         pulse = pulses_table([self.estimate])[["time_ms", "acceleration_g", "lower_g", "upper_g"]]
         return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
@@ -153,7 +160,15 @@ class PredictedPulse:
         report: "views.ReportForm" = "whole",
         **display: Unpack[DisplayOptions],
     ) -> None:
-        """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model."""
+        """Write what ``crashfuse predict`` writes: tables, ``report.html``, pulses for an occupant model.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written.
+        UsageError
+            If there is no such form or option, or there are fewer draws than are to be exported.
+        """
         export = views.PulseExport() if export is None else export
         require_a(views.PulseExport, export, "crashfuse.PulseExport()")
         pulses, shown = export.files(self.campaign, self.estimates), Display.of(self.campaign.units, **display)
@@ -198,6 +213,12 @@ def predict(
         One approach, or several to be compared. Fits answer at once, at one condition after another.
     config : StudyConfig
         Preset, seed and device of approaches that are named; its approaches do not matter.
+
+    Raises
+    ------
+    UsageError
+        If there is no such approach, a fit is of another campaign, the campaign lacks a factor of the condition or its
+        value, or speed or a weight is beyond any barrier test.
     """
     check_factors(campaign, condition)
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

@@ -44,10 +44,25 @@ UNIT_SYSTEMS: Mapping[str, UnitSystem] = {
 
 @dataclass(frozen=True, slots=True)
 class SolverCurve:
-    """How a pulse becomes a curve: in one of :data:`UNIT_SYSTEMS`, and with which id (``number``).
+    """How a pulse becomes a curve.
 
-    ``deceleration_sign`` is that of braking, ``start_s`` the time of contact in the solver's model, ``scale`` a factor
-    on the accelerations.
+    Parameters
+    ----------
+    unit_system : str
+        One of :data:`UNIT_SYSTEMS`.
+    deceleration_sign : {"negative", "positive"}
+        Sign of braking; negative as everywhere else.
+    start_s : float
+        Time of contact in the solver's model.
+    scale : float
+        Factor on the accelerations.
+    number : int
+        Id of the curve.
+
+    Raises
+    ------
+    UsageError
+        If there is no such unit system or sign, or a number makes no sense.
     """
 
     unit_system: str

@@ -86,6 +86,8 @@ class Watched(Watch):
 def watching() -> Iterator[Watched]:
     """Show the progress of the computations that are given this watch, which then has figures of their training.
 
+    On a terminal a bar each step, in a notebook as well where ipywidgets is installed, else a few lines.
+
     >>> with watching() as watch:
     ...     study = run_study(campaign, watch=watch)
     >>> watch.plot()

@@ -53,7 +53,11 @@ class Verdicts:
         return counts_table(self.certification)
 
     def beside(self, earlier: str | Path) -> Self:
-        """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``."""
+        """The verdicts beside an earlier certification, by its ``certification.json`` or folder, as by ``--since``.
+
+        What that said of tests that were run since counts in the record, and can leave verdicts open. Raises a
+        DataError if there is no such certification, or it is of another vehicle.
+        """
         return replace(self, certification=self.certification.beside(read_earlier(Path(earlier))))
 
     def since(self, earlier: str | Path) -> pd.DataFrame:
@@ -79,10 +83,20 @@ class Verdicts:
         views.write_certification(self.certification, folder, shown, since, notes)
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
-        """A figure of the page Certify: ``verdicts``, ``record``, ``reliability`` or ``domain``.
+        """A figure of the page Certify.
 
-        That is: conditions by criteria; what left-out tests were predicted to show and showed; how often probabilities
-        came true; where predictions are checked.
+        Parameters
+        ----------
+        figure : {"verdicts", "record", "reliability", "domain"}
+            The verdicts in colours, conditions by criteria; what left-out tests were predicted to show and showed; how
+            often probabilities came true; where predictions are checked.
+        **display
+            ``unit``, ``deceleration``, ``units``, see :class:`crashfuse.reporting.plots.display.DisplayOptions`.
+
+        Raises
+        ------
+        UsageError
+            If there is no such figure, option or unit.
         """
         shown = Display.of(self.certification.campaign.units, **display)
         return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
@@ -129,8 +143,17 @@ def certify(
         ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
     confidence : float
         Of criteria given as mappings or rows.
-    config, workers, scheduler
-        As in :func:`crashfuse.study.running.run_study`; judged is the ``approach``, whatever those of ``config``.
+    approach : str
+        Whose predictions are judged.
+    config : StudyConfig
+        Preset, seed and device; its approaches do not matter.
+    workers, scheduler
+        As in :func:`crashfuse.study.running.run_study`.
+
+    Raises
+    ------
+    DataError, UsageError
+        If the criteria or the matrix are wrong, or the campaign cannot be judged by them.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     require_a(StudyConfig, config, "crashfuse.StudyConfig()")

@@ -81,10 +81,18 @@ class EnergyCurve:
 def energy_crush(accel_mps2: FloatArray, speed_mps: float, *, draws_mps2: FloatArray | None = None) -> EnergyCurve:
     """Energy that the vehicle has absorbed per kg of its mass over crush: e(s) = (v0² − v(s)²)/2.
 
-    It is the area under deceleration over displacement, at 201 displacements from contact to the maximum dynamic crush,
-    or the end of the record. Parameters and errors are those of :func:`crashfuse.signals.metrics.pulse_metrics`, of a
-    pulse on the study grid: 12.5 kHz over 0–100 ms.
+    It is the area under deceleration over displacement, and v0²/2 at the maximum dynamic crush.
 
+    Parameters and errors are those of :func:`crashfuse.signals.metrics.pulse_metrics`, of a pulse on the study grid:
+    12.5 kHz over 0–100 ms.
+
+    Returns
+    -------
+    EnergyCurve
+        At 201 evenly spaced displacements from contact to the pulse's maximum dynamic crush, or the end of its record.
+
+    Notes
+    -----
     A draw that stops before some crush counts there as v0²/2. One whose record ends before it counts as the energy
     absorbed so far in the lower end of the band, and as v0²/2 in the upper.
     """

@@ -214,9 +214,15 @@ def pulse_metrics(
     Parameters
     ----------
     accel_mps2 : ndarray, shape (n,)
-        Signed acceleration, the first sample at contact.
+        Signed acceleration in m/s², the first sample at contact.
+    speed_mps : float
+        Impact speed in m/s.
+    dt_s : float
+        Time step in s.
     draws_mps2 : ndarray, shape (n_draws, n), optional
         Equally likely whole pulses.
+    occupant : OccupantModel
+        Distances of the OLC, slack and spring of the VPI.
 
     Raises
     ------
@@ -242,10 +248,12 @@ def pulse_metrics(
 
     If the record ends too early the value is None. A draw that ends too early is not left out, as that would overstate
     certainty. One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far;
-    one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean. One whose
-    occupant is still moving forward counts as smaller in olc, unless the vehicle moves freely by then
-    (:func:`crashfuse.signals.pulse_shape.moves_freely`). One whose vpi has yet to peak counts as smaller at the lower
-    end and as larger at the upper. An end is thus None if more than one draw in forty is missing there.
+    one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean.
+    One whose occupant is still moving forward counts as smaller in olc, as the same loss of speed takes longer, unless
+    the vehicle moves freely by then (:func:`crashfuse.signals.pulse_shape.moves_freely`): it goes on at its last
+    velocity, which tells olc all the same.
+    One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
+    more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
     accel_mps2, draws_mps2 = checked_pulse(accel_mps2, speed_mps, dt_s, draws_mps2)
     require_a(OccupantModel, occupant, "crashfuse.OccupantModel()")

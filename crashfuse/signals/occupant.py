@@ -17,13 +17,23 @@ from crashfuse.signals.pulse import FloatArray
 class OccupantModel:
     """Distances of the OLC, slack and spring of the VPI; those of their definitions unless given.
 
-    A UsageError if one is outside of :data:`OCCUPANT_RANGES`, or a length is in m.
+    Parameters
+    ----------
+    olc_free_flight_mm, olc_restraint_mm : float
+        How far the occupant moves within the vehicle before the restraint takes hold, and while it slows him down.
+    vpi_slack_mm, vpi_stiffness_npm : float
+        Slack of the spring, and its stiffness in N/m for a mass of 1 kg.
+
+    Raises
+    ------
+    UsageError
+        If one is outside of :data:`OCCUPANT_RANGES`, or a length is in m.
     """
 
-    olc_free_flight_mm: float = 65.0  # how far the occupant moves within the vehicle before the restraint takes hold
-    olc_restraint_mm: float = 235.0  # and while it slows him down
+    olc_free_flight_mm: float = 65.0
+    olc_restraint_mm: float = 235.0
     vpi_slack_mm: float = 30.0
-    vpi_stiffness_npm: float = 2500.0  # of the spring, for a mass of 1 kg
+    vpi_stiffness_npm: float = 2500.0
 
     def __post_init__(self) -> None:
         for name, (low, high) in OCCUPANT_RANGES.items():

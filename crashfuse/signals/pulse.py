@@ -34,9 +34,18 @@ _LEAST_BRAKING = 0.5  # share of the mean deceleration so far: cut anywhere, no 
 
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """Vehicle X acceleration, signed, against time, which increases in even steps; shape (n,).
+    """Vehicle X acceleration against time, evenly sampled.
 
-    A DataError if the two differ in length, have fewer than two samples or a NaN, or the time can only be in ms.
+    Parameters
+    ----------
+    time_s, accel_mps2 : ndarray, shape (n,)
+        Time in s, strictly increasing in even steps, and signed acceleration in m/s².
+
+    Raises
+    ------
+    DataError
+        If the two differ in length, have fewer than two samples or a NaN, time steps are not even, or the time can only
+        be in ms.
     """
 
     time_s: FloatArray

@@ -107,8 +107,9 @@ def rate_iso18571(
 
     Notes
     -----
-    A flat comparison has no correlation, so no shift is better than none: phase is 1. If several shifts correlate
-    equally well, to the last bit of NumPy's ``corrcoef``, the smallest wins, left before right.
+    A flat comparison has no correlation, so no shift is better than none: phase is 1, and the other scores show the
+    mismatch. If several shifts correlate equally well the smallest wins, left before right; "equally" means to
+    the last bit of NumPy's ``corrcoef``, as in other public implementations.
     """
     t, c = curves_at_10_khz(reference, comparison, dt_s, window_ms)
     return rate_many(t, c[None], dt_s=RATING_DT_S)[0]

@@ -78,20 +78,39 @@ class RatedHump:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RatingExplanation:
-    """A rating with what it is made of."""
+    """A rating with what it is made of.
+
+    Attributes
+    ----------
+    window_ms : float
+        Rated is [0, window_ms).
+    compared : Compared
+        Both curves as they stand, as the corridor score compares them.
+    inner_mps2, outer_mps2 : float
+        Half widths of the corridors.
+    excursions, humps : tuple
+        In order of time, humps of the reference.
+    shift_s : float
+        How late the comparison comes by the shift of best correlation; negative if it comes early.
+    at_limit : bool
+        Whether no larger shift is tried.
+    shifted, warped, slopes : Compared
+        The curves shifted; shifted and warped, as the magnitude score compares them, one value for each step of the
+        path; and the slopes of those shifted.
+    """
 
     rating: Rating
     window_ms: float
-    compared: Compared  # both curves as they stand, as the corridor score compares them
-    inner_mps2: float  # half widths of the corridors
+    compared: Compared
+    inner_mps2: float
     outer_mps2: float
     excursions: tuple[Excursion, ...]
-    shift_s: float  # how late the comparison comes by the shift of best correlation; negative if it comes early
-    at_limit: bool  # no larger shift is tried
+    shift_s: float
+    at_limit: bool
     shifted: Compared
-    warped: Compared  # and shifted, as the magnitude score compares them, one value for each step of the path
-    slopes: Compared  # of those shifted
-    humps: tuple[RatedHump, ...]  # of the reference, in order of time
+    warped: Compared
+    slopes: Compared
+    humps: tuple[RatedHump, ...]
 
     def __repr__(self) -> str:
         lost = ", ".join(f"{part} {loss:.3f}" for part, loss in self.losses.items())
@@ -115,7 +134,11 @@ def explain_rating(
     *,
     dt_s: float | None = None,
 ) -> RatingExplanation:
-    """Rate two curves as :func:`crashfuse.signals.rating.rate_iso18571` does, and keep what the rating is made of."""
+    """Rate two curves and keep what the rating is made of.
+
+    Parameters and errors are those of :func:`crashfuse.signals.rating.rate_iso18571`. The sizes of an explanation are
+    in the curves' unit.
+    """
     t, c = curves_at_10_khz(reference, comparison, dt_s, window_ms)
     rating = rate_iso18571(t, c, dt_s=RATING_DT_S)
     time_s = np.arange(t.size) * RATING_DT_S

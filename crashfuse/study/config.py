@@ -37,6 +37,11 @@ class StudyConfig:
         measures extrapolation to a new speed. "both" runs both studies. Hyphens count as spaces.
     device : {"auto", "cpu", "cuda"}
         Device for training networks; results of different devices differ in their last digits.
+
+    Raises
+    ------
+    UsageError
+        If there is no such approach, preset, device or way to leave tests out, or a seed or window is impossible.
     """
 
     approaches: tuple[str, ...] = APPROACHES

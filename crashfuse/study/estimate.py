@@ -47,14 +47,22 @@ _LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An approach's prediction at one condition, with its fit results and the duration of both."""
+    """An approach's prediction at one condition, with its fit results and the duration of both.
+
+    Attributes
+    ----------
+    left_out_mps2 : mapping of str to ndarray, shape (1250,)
+        Prediction for each test that it learned from, left out; empty if unknown.
+    agreements : mapping of str to float
+        How well the draws of each of these agree with it: :func:`crashfuse.study.rating_distribution.agreement`.
+    """
 
     approach: str
     prediction: Prediction
     state: dict[str, object]  # fit results as plain JSON values
     seconds: float
-    left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)  # of each test learned from, (1250,)
-    agreements: Mapping[str, float] = field(default_factory=dict)  # of the draws of each with it
+    left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
+    agreements: Mapping[str, float] = field(default_factory=dict)
     metric_errors: Errors = field(default_factory=dict)  # of these predictions
     occupant: OccupantModel = USUAL_OCCUPANT
 
@@ -104,7 +112,15 @@ class Fit:
         cache: Cache | None = None,
         watch: Watch = SILENT,
     ) -> Self:
-        """Fit an approach to the whole campaign as given, or load that fit; a UsageError if there is too little."""
+        """Fit an approach to the whole campaign as given, or load that fit from the cache.
+
+        Raises
+        ------
+        UsageError
+            If there is no such approach, preset or device, or not enough to learn from.
+        Cancelled
+            If the watch was told to stop.
+        """
         require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
         require_a(StudyConfig, config, "crashfuse.StudyConfig()")
         cache = cache or Cache()

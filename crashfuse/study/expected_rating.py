@@ -28,23 +28,40 @@ _SHARES = 0.5, 0.1, 0.9, 0.025, 0.975  # the median, the ends of the range that 
 class ExpectedRating:
     """Rating of a single test at a condition, learned from tests that were each predicted as if they had not been run.
 
-    Mean, lowest and highest are of the near ones of these; the rest is of a test at the condition.
+    Attributes
+    ----------
+    mean, lowest, highest : float
+        Overall ISO/TS 18571 ratings, over one window, of those of them that are near the condition.
+    median : float
+        The rating that a test at the condition is as likely to be above as below.
+    lower, upper, least, most : float
+        The central 80 % and 95 % of the rating of a test at the condition; outside the latter it is a surprise.
+    tests : tuple of str
+        Ids of the near tests, nearest in speed first.
+    reach_mps : float
+        Speed difference of the farthest of them.
+    farther : bool
+        Whether the condition is farther in speed from all tests than any of these was from the others.
+    beyond : bool
+        Whether it is more than 5 mph slower or faster than all tests, where no left-out test says how errors grow.
+    side : {"", "slower", "faster"}
+        What all tests are than it, if it is a step beyond all of them.
     """
 
     mean: float
     lowest: float
     highest: float
     median: float
-    lower: float  # the central 80 %
+    lower: float
     upper: float
-    least: float  # the central 95 %: outside it is a surprise
+    least: float
     most: float
     window_ms: float
-    tests: tuple[str, ...]  # the near ones, nearest in speed first
-    reach_mps: float  # speed difference of the farthest of them
-    farther: bool  # in speed from all tests than any of these was from the others
-    beyond: bool  # more than 5 mph slower or faster than all tests: no left-out test says how errors grow
-    side: str  # "slower" or "faster": what all tests are than it, if it is a step beyond all of them
+    tests: tuple[str, ...]
+    reach_mps: float
+    farther: bool
+    beyond: bool
+    side: str
 
     @property
     def sentence(self) -> str:

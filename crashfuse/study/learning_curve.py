@@ -134,7 +134,8 @@ class LearningCurve:
     def by_test(self, approach: str) -> pd.DataFrame:
         """Ratings over the longest window: one row for each held-out test, one column for each number of tests.
 
-        Each is a mean over the even choices that leave the test out.
+        Each is a mean over the even choices that leave the test out. So means over the rows count every test once, and
+        differences between columns compare the same tests. A UsageError if the curve is not of this approach.
         """
         one_of("approach of this learning curve", approach, dict.fromkeys(self.config.approaches))
         table = self.table
@@ -151,7 +152,15 @@ class LearningCurve:
         return views.over_number_of_tests(self.over(shown.window_ms), shown)
 
     def write(self, folder: str | Path, *, cost: str | None = None, **display: "Unpack[views.DisplayOptions]") -> None:
-        """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``."""
+        """Write what ``crashfuse learning-curve`` writes; ``cost`` is that of one test, such as ``60,000 EUR``.
+
+        Raises
+        ------
+        OSError
+            If the folder cannot be written.
+        UsageError
+            If the cost is none.
+        """
         price = None if cost is None else views.Cost.of(cost)
         views.write_result("learning curve", folder, self, price, views.Display.of(self.campaign.units, **display))
 

@@ -128,7 +128,17 @@ def account(
 def worst_test(
     study: Study, window_ms: float | None = None, *, approach: str | None = None, cache: Cache | None = None
 ) -> Account:
-    """Account of the test that an approach, by default the recommended one, predicted worst over a window."""
+    """Account of the test that an approach predicted worst.
+
+    Parameters
+    ----------
+    window_ms : float, optional
+        The rating is over [0, window_ms); by default the longest window of the study.
+    approach : str, optional
+        By default the one that the study recommends for the campaign.
+    cache : Cache, optional
+        Where the CAE model and, if it was ever made, the prediction without the neighbours are found.
+    """
     require_a(Study, study, "crashfuse.run_study(campaign)")
     window = max(study.config.windows_ms) if window_ms is None else window_ms
     approach = recommend(study).approach if approach is None else approach

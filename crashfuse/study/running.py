@@ -204,8 +204,12 @@ def run_study(
 
     Raises
     ------
+    UsageError, DataError
+        If the study is impossible, see :class:`crashfuse.study.config.StudyPlan`.
+    Cancelled
+        If the watch was told to stop.
     CrashfuseError
-        If the study is impossible, the watch was told to stop, or workers die or cannot be reached.
+        If workers die repeatedly, or the cluster cannot be reached or has other versions.
     """
     if approaches:
         config = replace(config, approaches=several(approaches))

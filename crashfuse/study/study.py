@@ -88,7 +88,10 @@ class Fold:
         return self._explained[key]
 
     def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
-        """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,)."""
+        """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,).
+
+        If the band is right, these are plausible ratings of a repeated test.
+        """
         if (key := (approach, window_ms)) not in self._drawn:  # a hundred ratings: computed on request, and once
             draws = self.estimate(approach).prediction.draws_mps2
             if draws is None:
@@ -107,14 +110,22 @@ class Fold:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A finished study: one fold for each held-out test, in the order of the campaign."""
+    """A finished study: one fold for each held-out test, in the order of the campaign.
+
+    Attributes
+    ----------
+    speed_groups : Study, optional
+        The same tests, each left out with all others at about its speed, if both ways were requested.
+    repeatability : mapping of str to mapping of float to Repeatability
+        By test, then window in ms.
+    """
 
     campaign: Campaign
     config: StudyConfig
     folds: tuple[Fold, ...]
     seconds: dict[str, float] = field(default_factory=dict)
-    speed_groups: "Study | None" = None  # each left out with all others at about its speed, if both were requested
-    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)  # by test, window in ms
+    speed_groups: "Study | None" = None
+    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)
 
     def fold(self, held_out: str) -> Fold:
         """The fold with this test held out; a UsageError if there is none."""
@@ -175,8 +186,10 @@ class Study:
             test with other settings.
         band : str, optional
             The approach whose band is filled; by default the preferred one.
-        measured, corridors : bool
-            Whether to show the test itself, and to shade the corridors of the rating about it.
+        measured : bool
+            Whether to show the test itself.
+        corridors : bool
+            Whether to shade the corridors of the rating about the test.
         notes : sequence of Note
             Drawn as marks over time, those that are about this test.
         **display
@@ -186,7 +199,8 @@ class Study:
         Raises
         ------
         UsageError
-            If there is no such test, figure, approach, CAE run, option, unit or rated window.
+            If the test was not held out; if there is no such figure, approach, test, CAE run, option or unit; or if the
+            study was not rated over this window.
         """
         if not held_out:
             return views.overview(self, figure or "ratings", approaches, **display)

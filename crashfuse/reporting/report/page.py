@@ -133,10 +133,16 @@ REPORT_FORMS: tuple[ReportForm, ...] = get_args(ReportForm)
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
-    """Form and content of a report: ``short`` has two or three pages.
+    """Form and content of a report; a UsageError if there is no such form.
 
-    Without ``tests`` to be shown one by one a short report has the worst, a whole one every test. ``notes`` with a time
-    are drawn on the figures over time.
+    Parameters
+    ----------
+    form : {"whole", "short"}
+        Short: two or three pages with result, recommendation, ratings, and the test that was predicted worst.
+    tests : tuple of str
+        Tests that are shown one by one; none: the worst in a short report, every test in a whole one.
+    notes : tuple of Note
+        On the campaign's tests; those with a time are drawn on the figures over time.
     """
 
     form: ReportForm = "whole"
