@@ -106,11 +106,11 @@ def test_one_module_alone_writes_csv() -> None:
 
 
 MOST = {
-    "modules": 250,
+    "modules": 245,
     "lines": 44_600,
-    "words of docstrings": 57_100,
-    "words of other texts": 29_750,
-    "of tests": 35_850,
+    "words of docstrings": 52_500,
+    "words of other texts": 29_550,
+    "of tests": 35_700,
 }
 """The size of the house: package and pages, then lines of tests. It may be lowered, never raised."""
 LONGEST, SHORTEST = 450, 40  # lines of a module; one that is a face (``__init__``) or a table may be shorter
