@@ -16,7 +16,16 @@ from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.files.csv_text import without_formulas
 from crashfuse.reporting.certification_tables import csv_as_given, matrix_table
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.ui.certify.entry import SEPARATOR, Field, choose_kept, edit_rows, find_kept, show_wrong, uploaded
+from crashfuse.ui.certify.entry import (
+    SEPARATOR,
+    Field,
+    choose_kept,
+    edit_rows,
+    find_kept,
+    is_finite,
+    show_wrong,
+    uploaded,
+)
 from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.figures import choose
@@ -121,6 +130,7 @@ def _parts(text: str, campaign: Campaign) -> list[str]:
     """Id, speed, weights, the name of their units, and factors of a row, of whatever a link has."""
     n = _SYSTEM + 1 + len(campaign.factors)
     parts = [*text.split(SEPARATOR), *[""] * n][:n]
+    parts[1:_SYSTEM] = [own if is_finite(own) else "" for own in parts[1:_SYSTEM]]
     return parts if parts[_SYSTEM] in SYSTEMS else [*parts[:_SYSTEM], "mph-lb", *parts[_SYSTEM + 1 :]]
 
 
