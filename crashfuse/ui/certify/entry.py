@@ -1,6 +1,5 @@
 """What the page Certify is given: rows typed in field by field, uploaded files, and what is wrong with either."""
 
-import math
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,14 +25,6 @@ class Field(NamedTuple):
     factor: float | None = None
     help: str | None = None
     clears: Sequence[int] = ()
-
-
-def is_finite(text: str) -> bool:
-    """Whether a field's text is a number."""
-    try:
-        return math.isfinite(float(text))
-    except ValueError:
-        return False
 
 
 def edit_rows(key: str, widths: Sequence[float], fields: Callable[[list[str]], Sequence[Field | None]]) -> None:
