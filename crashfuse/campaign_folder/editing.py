@@ -157,6 +157,8 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
             new(table).write_bytes(_with_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
             for path in _pulse_tables(folder, "tests"):
                 writer.append_to_table(path, new(path), [], without=ids)
+            if (walls := folder / WALLS["tests"]).is_file():
+                writer.write_walls(walls, new(walls), dict.fromkeys(ids))
             for path in (folder / "tests" / f"{test_id}.{ending}" for test_id in ids for ending in _ENDINGS):
                 if path.is_file():
                     new(path)  # without a content

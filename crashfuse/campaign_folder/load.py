@@ -131,7 +131,7 @@ def read_folder(folder: str | Path) -> Campaign:
     accused += [(f"cae.csv, {i}", walls_of_runs[i], accel, at) for i, accel, at in of_runs if i in walls_of_runs]
     for kind in WALLS:
         rows = ((who, wall.beside(accel), at) for who, wall, accel, at in accused if wall and who.startswith(kind))
-        findings_of = ((who, one.findings(at.mass_kg, at.speed_mps)) for who, one, at in rows)
+        findings_of = ((who, one.findings(at.mass_kg, at.speed_mps)) for who, one, at in rows if at.speed_mps)
         warnings += _shortened([f"{who}: {text}." for who, texts in findings_of for text in texts])
     cfc = settings.channel_filter_class or settings.filtered_with
     import_cfcs = {settings.tests_imported_with.get(test.id) for test in crash_tests}
@@ -151,7 +151,8 @@ def _read_walls(path: Path, problems: list[Problem]) -> dict[str, Wall]:
                 raise DataError(Problem(path.name, expected, listed(table.names), "import the tests again"))
             rows = pd.concat([frame for frame, _ in table.blocks(WALL_COLUMNS)])
             for test_id, of_test in rows.groupby("id", observed=True, sort=False):
-                time_ms, force_kn = (of_test[name].to_numpy(np.float64) for name in WALL_COLUMNS[1:])
+                texts = (of_test[name].astype(object) for name in WALL_COLUMNS[1:])  # or numbers
+                time_ms, force_kn = (pd.to_numeric(each, errors="coerce").to_numpy(np.float64) for each in texts)
                 walls[str(test_id)] = Wall(time_ms * MS, force_kn * KN)
                 walls[str(test_id)].require_force(f"{path.name}, {printable(str(test_id), 60)}")
     return walls

@@ -140,12 +140,17 @@ def check_ids(ids: Sequence[str], where: str) -> None:
 
 def write_walls(path: Path, to: Path, walls: Mapping[str, Wall | None]) -> None:
     """Write the forces of barriers to another path; None takes out those that are there already."""
-    frames = [pd.read_parquet(path).pipe(lambda rows: rows[~rows["id"].isin([*walls])])] if path.is_file() else []
+    try:
+        there = pd.read_parquet(path, columns=[*WALL_COLUMNS]) if path.is_file() else None
+    except pa.ArrowException as error:
+        raise DataError(Problem(path.name, "a sound Parquet file", "another one", "repair or remove it")) from error
+    frames = [] if there is None else [there[~there["id"].isin([*walls])]]
     for test_id, wall in walls.items():
         if wall is not None:
             columns = (test_id, wall.time_s / MS, wall.force_n / KN)
             frames.append(pd.DataFrame(dict(zip(WALL_COLUMNS, columns, strict=True))))
-    pd.concat(frames, ignore_index=True).to_parquet(to, index=False)
+    if len(rows := pd.concat(frames, ignore_index=True)):  # no file rather than an empty one, which is none
+        rows.to_parquet(to, index=False)
 
 
 def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:

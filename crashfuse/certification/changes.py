@@ -111,7 +111,8 @@ class Changes:
     @cached_property
     def record(self) -> TrackRecord:
         """All that was said of tests before they were run, by certifications before the earlier one, too."""
-        return TrackRecord(self.since.all_trials)
+        tuned = self.since.tuned  # to these only what was missed
+        return TrackRecord(tuple(t for t in self.since.all_trials if t.held_out not in tuned or t.wrong or not t.held))
 
     @property
     def too_narrow(self) -> bool:
@@ -166,7 +167,9 @@ def saved_and_missed(certification: Certification) -> tuple[int, int]:
     saved = certification.record.saved(certification.criteria)
     if certification.since is not None:
         for tests in Changes.of(certification).waived_outcomes.values():
-            known = {test: bool(missed) for test, (missed, unknown) in tests.items() if missed or not unknown}
+            tuned = certification.since.tuned
+            told = {test: missed for test, (missed, no) in tests.items() if missed or not (no or test in tuned)}
+            known = {test: bool(missed) for test, missed in told.items()}
             saved |= {test: saved.get(test, False) or missed for test, missed in known.items()}
     return len(saved), sum(saved.values())
 

@@ -11,7 +11,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crashfuse.campaign_folder.load import AT_THE_TOP, PULSES
@@ -32,7 +32,7 @@ _KEY = re.compile(r' *"((?:[^"\\]|\\.)*)":')
 def make_keys(path: Path) -> str:
     """Write a new private key, which its owner alone can read, and the public one beside it (``.pub``); its name."""
     private = _ed25519().Ed25519PrivateKey.generate()
-    public = path.with_name(f"{path.name}.pub")
+    public = path.parent / f"{path.name}.pub"  # of a folder, too: it is there already
     if there := [file for file in (path, public) if file.exists()]:
         raise UsageError(f"{there[0]} is there already; name another file for the key.")
     from cryptography.hazmat.primitives import serialization as form
@@ -147,7 +147,8 @@ def _digests(content: bytes) -> list[str]:
 
 
 def _of_lines(lines: Mapping[str, str]) -> bytes:
-    return _LINES + "".join(f"{name} {digests}\n" for name, digests in sorted(lines.items())).encode()
+    text = "".join(f"{name} {digests}\n" for name, digests in sorted(lines.items()))
+    return _LINES + text.encode(errors="surrogatepass")
 
 
 class Sealed(NamedTuple):
@@ -189,7 +190,7 @@ def verify(folder: Path, trusted: Path | None = None, campaign: Path | None = No
         if not path.is_file():
             problems.append(Problem(name, "the file that was sealed", "no such file", _ASK))
         elif _sha256(path) != sha256:
-            problems += _changes(name, path.read_bytes(), lines)
+            problems += _changes(name, read(path, "the file that was sealed"), lines)
     there = sealed.rests_on if campaign is None else rests_on(campaign)
     for name, sha256 in sealed.rests_on.items():
         if there.get(name) != sha256 and not name.startswith("../"):
@@ -229,7 +230,7 @@ def _contents(path: Path, content: bytes) -> Sealed:
     with _as_written(path):
         values = json.loads(content)["seal"]
         files, inputs = dict(values["files"]), dict(values["rests_on"])
-        if any(PurePosixPath(name).name != name or name == ".." for name in files):
+        if any(PureWindowsPath(name).name != name or name == ".." for name in files):
             raise ValueError("names of files elsewhere")
         date, before = (None if text is None else printable(text, 200) for text in (values["date"], values["before"]))
         return Sealed("", None, date or "", before, files, inputs)

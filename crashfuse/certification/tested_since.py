@@ -152,8 +152,12 @@ class TestedSince:
 
     def without_tuned(self, trials: Sequence[Trial]) -> tuple[Trial, ...]:
         """Those that may support something: of tests that the CAE model was tuned to, only what was wrong."""
-        tuned = {test.id for test in self.campaign.tests if test.cae_tuned}
-        return tuple(trial for trial in trials if trial.wrong or trial.held_out not in tuned)
+        return tuple(trial for trial in trials if trial.wrong or trial.held_out not in self.tuned)
+
+    @cached_property
+    def tuned(self) -> frozenset[str]:
+        """Tests that the CAE model was tuned to."""
+        return frozenset(test.id for test in self.campaign.tests if test.cae_tuned)
 
     @cached_property
     def gone_runs(self) -> tuple[RemovedTest, ...]:

@@ -67,7 +67,7 @@ def events_sentences(found: CaeEvents) -> list[str]:
     mended = f"with all events mended {found.rating_mended:.3f}, " if found.events else ""
     return [
         *([_sentence(found, event) for event in named] or [none]),
-        f"The CAE model rates {found.rating_cae:.3f} over 0–{found.window_ms:g} ms in the mean of {len(found.tests)} "
+        f"The CAE model rates {found.rating_cae:.3f} over 0–{found.window_ms:g} ms in the mean of {found.n_rated} "
         f"tests, {mended}without its bias over displacement {found.rating_all:.3f}.",
     ]
 

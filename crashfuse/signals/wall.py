@@ -83,10 +83,10 @@ class Witness:
         """What it contradicts, and what to check."""
         share, rows = self.share(mass_kg), []
         if abs(share - 1) > _OFF:
-            would_be = self.impulse_ns / max(self.change_mps, 1e-9)
+            would_be, reads = self.impulse_ns / max(self.change_mps, 1e-9), 1 / (share or 1e-9)
             stops = {
                 f"check its weights, {would_be:.0f} kg would fit": self.change_mps / speed_mps,
-                f"check its sensor, which reads {1 / share:.2f} of that": self.impulse_ns / mass_kg / speed_mps,
+                f"check its sensor, which reads {reads:.2f} of that": self.impulse_ns / mass_kg / speed_mps,
             }
             likely = [advice for advice, of_speed in stops.items() if _STOPS[0] <= of_speed <= _STOPS[1]]
             advice = likely[0] if len(likely) == 1 else "check its weights, the scale of its sensor, and the load cells"

@@ -29,6 +29,7 @@ _CUT = 0.02  # share of the squared force of all tests that a further cut has to
 _LEAST_MPS2 = 0.3 * G  # sensors differ as much
 _SHOWN, _MOSTLY = 0.5, 2 / 3  # of the largest test's force, to show an event; of the tests that get there
 _SURE = 0.95
+_SHORT_S = 1e-3  # by which a record may lack the end of the window
 _CHANCE = 20  # ways to choose as many tests: with fewer, they may be the heaviest by chance
 
 
@@ -75,6 +76,7 @@ class CaeEvents:
     rating_cae: float
     rating_mended: float
     rating_all: float
+    n_rated: int  # tests whose record lasts as long as the window
 
 
 @lru_cache(maxsize=2)
@@ -95,7 +97,8 @@ def _found(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms: fl
     events = [event for step in _steps(force) for event in _events(domain, tests, force[:, step], middles[step])]
     n, rated, overall = len(events), slice(round(window_ms * MS / DT_S)), []
     versions = np.vstack([np.zeros(n), np.ones(n), np.eye(n), 1 - np.eye(n)])
-    for test in tests:
+    recorded = [test for test in tests if test.recorded_s > window_ms * MS - _SHORT_S] or tests
+    for test in recorded:
 
         def added(at: FloatArray, test: CrashTest = test) -> FloatArray:
             steps = np.reshape([event.accel_at(test, at) for event in events], (n, at.size))
@@ -110,7 +113,7 @@ def _found(domain: DisplacementDomain, tests: Sequence[CrashTest], window_ms: fl
         share = gain / (whole - cae) if whole > cae else np.nan
         ranked.append(replace(event, rating_alone=alone, rating_but=but, gain=gain, share=share))
     ranked.sort(key=lambda event: -event.gain)
-    return CaeEvents(tuple(ranked), tuple(tests), middles, force, window_ms, cae, mended, whole)
+    return CaeEvents(tuple(ranked), tuple(tests), middles, force, window_ms, cae, mended, whole, len(recorded))
 
 
 def _steps(force: FloatArray) -> Iterator[slice]:

@@ -1,5 +1,6 @@
 """The planned tests: those of the campaign, of an uploaded file, or typed in, a row each."""
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -121,7 +122,15 @@ def _parts(text: str, campaign: Campaign) -> list[str]:
     """Id, speed, weights, the name of their units, and factors of a row, of whatever a link has."""
     n = _SYSTEM + 1 + len(campaign.factors)
     parts = [*text.split(SEPARATOR), *[""] * n][:n]
+    parts[1:_SYSTEM] = [own if _is_finite(own) else "" for own in parts[1:_SYSTEM]]
     return parts if parts[_SYSTEM] in SYSTEMS else [*parts[:_SYSTEM], "mph-lb", *parts[_SYSTEM + 1 :]]
+
+
+def _is_finite(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def _text(i: str, vector: FloatArray, system: UnitSystem, factors: Sequence[str]) -> str:
