@@ -106,7 +106,7 @@ def test_one_module_alone_writes_csv() -> None:
 
 
 MOST = {
-    "modules": 245,
+    "modules": 246,
     "lines": 44_600,
     "words of docstrings": 52_500,
     "words of other texts": 29_550,

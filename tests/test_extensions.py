@@ -45,7 +45,7 @@ import crashfuse
 from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES, create
 from crashfuse.approaches.settings import Settings
-from crashfuse.readers.format import FORMATS
+from crashfuse.readers.formats import FORMATS
 
 shown = {"tested": said.getvalue()}
 shown["known"] = ["scaled_cae" in APPROACHES, "polar" in FORMATS, "broken" in APPROACHES]

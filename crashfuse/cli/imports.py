@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from crashfuse.cli.conditions import AXES, filter_class, in_si, number
-from crashfuse.readers.format import BROKEN_FORMATS, FORMATS
+from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS
 from crashfuse.readers.vocabulary import TRAVELS
 from crashfuse.units import LB, MS
 

@@ -98,7 +98,7 @@ class Workers(ABC):
             except self.deaths as error:
                 lives -= 1
                 if not lives:
-                    found = f"Workers died {_LIVES} times in a row, perhaps for want of memory"
+                    found = f"Workers died {_LIVES} times in a row, perhaps because memory ran out"
                     raise CrashfuseError(f"{found}. {_RESUME}; fewer --workers need less.") from error
                 log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
 
@@ -223,7 +223,7 @@ class Cluster(Workers):
         try:
             yield futures
         except KilledWorker as error:
-            found = "A task ended every Dask worker that took it up, perhaps for want of memory"
+            found = "A task ended every Dask worker that took it up, perhaps because memory ran out"
             raise CrashfuseError(f"{found}. {_RESUME}.") from error
         finally:
             for future in futures.values():

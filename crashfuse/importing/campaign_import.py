@@ -18,7 +18,7 @@ from crashfuse.importing.detection import Choices, UnknownUnit, delta_v
 from crashfuse.importing.pulse_conversion import Lacking, Settled, joint_problems, missing_values, settle
 from crashfuse.importing.sources import Reading, format_of, is_archive, iter_records
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
-from crashfuse.readers.format import FORMATS
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import Travel, names_a_simulation, speed
 from crashfuse.units import MS

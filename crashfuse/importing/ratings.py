@@ -24,7 +24,7 @@ from crashfuse.importing.channels import missing_choices, resample_evenly
 from crashfuse.importing.detection import Choices, delta_v
 from crashfuse.importing.pulse_conversion import settled_at
 from crashfuse.importing.sources import Reading, format_of, read_records
-from crashfuse.readers.format import FORMATS
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.isomme import Channel, read_isomme
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, doubt_of

@@ -17,7 +17,7 @@ from crashfuse.errors import CHECK_PATH, DataError, Problem, UsageError, collect
 from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, ENDINGS, Budget, Limits, Member
 from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral, read_tables
-from crashfuse.readers.format import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of
+from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
 from crashfuse.readers.radioss import is_time_history_csv
 from crashfuse.readers.record import Record

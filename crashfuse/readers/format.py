@@ -1,28 +1,18 @@
-"""The foreign formats: file names, label and reader of each.
-
-A new format needs a module with a function that reads a path into records, and one line in :data:`FORMATS`; detection,
-``crashfuse import --format``, the messages and the page use that line.
-"""
+"""A foreign format: the names of its files, and its reader."""
 
 import importlib
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from crashfuse.errors import CrashfuseError, DataError, Problem
-from crashfuse.extensions import NO_FAULTS, Broken, load, said
+from crashfuse.extensions import NO_FAULTS, said
 from crashfuse.readers.vocabulary import Travel
 
 if TYPE_CHECKING:
     from crashfuse.campaign_folder.condition_tables import Role
     from crashfuse.readers.record import Record
-
-_HERE = "crashfuse.readers"
-
-TABLES = "csv"
-"""The format whose files may accompany those of any other format."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,59 +50,3 @@ class Format:
             found = f"the reader of the package {self.package} failed: {said(error)}"
             raise DataError(Problem(path.name, self.label, found.rstrip("."), "use another format")) from error
         return records
-
-
-FORMATS = {
-    "nhtsa": Format("NHTSA", ".EV5", r".*\.ev5", f"{_HERE}.nhtsa:read_nhtsa", one_a_file=True),
-    "isomme": Format("ISO-MME", ".mme", r".*\.mme", f"{_HERE}.isomme:read_isomme_record", one_a_file=True),
-    "lsdyna": Format(
-        "LS-DYNA",
-        "binout, nodout",
-        r"(.+\.)?(binout[^.]*|nodout[^.]*(\.(txt|asc))?)",
-        f"{_HERE}.lsdyna:read_lsdyna",
-        role="cae",
-        axes=True,
-    ),
-    "radioss": Format(
-        "Radioss",
-        "T01 or its .csv",
-        r"(?!.*(nodout|binout|glstat)).*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
-        f"{_HERE}.radioss:read_radioss",
-        role="cae",
-        axes=True,
-    ),
-    "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
-    TABLES: Format("tables", ".csv, .txt, .lvm, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|lvm|xls[xm]?)", axes=True),
-}
-"""The formats by their command-line names; those that other packages add (``crashfuse.readers``) come last."""
-
-
-def _checked(name: str, found: object) -> Format:
-    if not isinstance(found, Format):
-        raise ValueError("expected a crashfuse.readers.format.Format")
-    if name in FORMATS:
-        raise ValueError("crashfuse has a format of this name")
-    re.compile(found.names)
-    return found
-
-
-BROKEN_FORMATS: dict[str, str] = {}
-"""Formats of other packages that cannot be used: whose fault that is, and why."""
-
-for _loaded in load("crashfuse.readers", "reader", _checked):
-    if isinstance(_loaded, Broken):
-        BROKEN_FORMATS[_loaded.name] = _loaded.sentence
-    else:
-        FORMATS[_loaded[0]] = replace(_loaded[1], package=_loaded[2])
-
-
-def formats_of(paths: Iterable[PurePath]) -> list[str]:
-    """The formats found among files, judged by file name; tables last."""
-    files = list(paths)
-    found = [name for name, each in FORMATS.items() if any(map(each.has, files))]
-    return sorted(found, key=TABLES.__eq__)
-
-
-def all_formats() -> str:
-    """All formats in one line, for display: NHTSA (.EV5), ISO-MME (.mme), ...."""
-    return ", ".join(f"{each.label} ({each.files})" for each in FORMATS.values())

@@ -26,7 +26,7 @@ import pandas as pd
 from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.readers import radioss_history
-from crashfuse.readers.format import FORMATS
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND, opened_members, read_all
 from crashfuse.readers.radioss_history import ACCELEROMETER, GLOBAL, MOST_VALUES, TimeHistory, Watched
 from crashfuse.readers.record import Record

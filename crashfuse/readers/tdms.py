@@ -21,7 +21,7 @@ import numpy as np
 from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import nhtsa, table_headers, vocabulary
-from crashfuse.readers.format import FORMATS
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members, read_all
 from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal

@@ -13,7 +13,7 @@ import pytest
 from crashfuse.errors import DataError
 from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, format_of, read_records, settle
-from crashfuse.readers.format import FORMATS, formats_of
+from crashfuse.readers.formats import FORMATS, formats_of
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS
 from crashfuse.units import KPH

@@ -15,7 +15,7 @@ from crashfuse.files.csv_text import without_formulas
 from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
 from crashfuse.importing.sources import tables_of
 from crashfuse.importing.tables import TableForm
-from crashfuse.readers.format import FORMATS, TABLES
+from crashfuse.readers.formats import FORMATS, TABLES
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.table_headers import ColumnRole
 from crashfuse.readers.table_mapping import QUANTITIES

@@ -17,7 +17,7 @@ from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, add_settled
 from crashfuse.importing.campaign_import import Label, parts_of, role_of
-from crashfuse.readers.format import FORMATS
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.previews import Preview

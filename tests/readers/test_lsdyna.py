@@ -10,7 +10,7 @@ import pytest
 
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, import_source, settle
-from crashfuse.readers.format import FORMATS
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.testing.readers import written

@@ -29,7 +29,7 @@ from crashfuse.execution.cache import default_folder
 from crashfuse.importing import Choices, Reading, Settled, format_of, read_each, settle_each
 from crashfuse.importing.sources import is_archive, lay_out_source, members_of, tables_of
 from crashfuse.importing.tables import TableForm, table_forms
-from crashfuse.readers.format import TABLES, formats_of
+from crashfuse.readers.formats import TABLES, formats_of
 from crashfuse.readers.record import Record
 from crashfuse.ui.kit import campaigns
 from crashfuse.ui.kit.visitors import visitor
