@@ -175,7 +175,7 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     assert certify(planned, tmp_path / "second", *grid) == cli.DONE
     assert not (tmp_path / "second" / "changes.csv").exists()
     assert certify(planned, tmp_path / "third", *grid, "--since", str(planned)) == cli.WRONG_DATA
-    assert "certification.json: expected this file" in capsys.readouterr().err
+    assert "certification.json: expected the record of a certification" in capsys.readouterr().err
     assert not (tmp_path / "third").exists()
     first = str(tmp_path / "first")
     assert certify(planned, tmp_path / "first", *grid, "--since", first) == cli.WRONG_USAGE
@@ -202,7 +202,7 @@ def test_what_was_typed_in_km_h_and_kg_is_written_so(planned: Path, tmp_path: Pa
         (["--criteria", "{tmp}/none.toml"], 1, "none.toml: expected this file, found no such file"),
         (["--criteria", "{tmp}/long.toml"], 1, "expected a record over 0–100 ms, found 80 ms"),
         (["--matrix", "{tmp}/none.csv"], 1, "none.csv: expected this file, found no such file; list the conditions in"),
-        (["--matrix", "{tmp}/twice.csv"], 1, "row 3: expected each condition once, found that of A a second time"),
+        (["--matrix", "{tmp}/twice.csv"], 1, "row 3: expected each condition once, found that of A again"),
         (["--approach", "magic"], 2, "There is no approach 'magic'; choose from cae, "),
         (["--speed-mph", "20"], 2, "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb"),
         (["--speed-mph", "20", "--matrix", "{tmp}/twice.csv", *GRID], 2, "no --matrix."),

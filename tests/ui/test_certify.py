@@ -213,7 +213,7 @@ def test_without_criteria_the_page_says_how_to_declare_them(visit: Visit) -> Non
     ("name", "content", "sentence"),
     [
         ("criteria.toml", '[[criterion]]\nmetric = "crush"\nat_most = 3', "expected a metric of peak"),
-        ("matrix.csv", MATRIX + "M4,20,2050,1500\n", "found that of M1 a second time"),
+        ("matrix.csv", MATRIX + "M4,20,2050,1500\n", "found that of M1 again"),
     ],
 )
 def test_a_fault_in_a_file_is_a_sentence(asking: Path, visit: Visit, name: str, content: str, sentence: str) -> None:
