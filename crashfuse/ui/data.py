@@ -111,7 +111,7 @@ def show_tests(view: View) -> None:
         reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
     if cfc is None:
         st.caption(
-            f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart. In the "
+            f"Pulses were read {reading}. Dark is slow, bright fast; dashes and marks tell repeats apart. In the "
             "legend a click hides a test, a double click shows it alone."
         )
         return

@@ -65,6 +65,7 @@ FIGURE, TABLE, SIDEBAR = ".js-plotly-plot", '[data-testid="stTable"]', '[data-te
 MAIN, LINK = '[data-testid="stMain"]', f'{SIDEBAR} [data-testid="stPageLink-NavLink"]'
 PILL, POPOVER = '[data-testid="stButtonGroup"] button', '[data-testid="stPopoverBody"]'
 DIALOG = '[data-testid="stDialog"]'
+APPROACH = ".st-key-explained"  # on Compare
 LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"  # the page's ground in both themes
 PAIRED = ("C20", "C21", "C22", "C23")  # CAE runs at the tests' conditions, one of them beyond all others
 QUICK = ("cae", "displacement_domain")  # approaches that learn within seconds
@@ -238,6 +239,18 @@ class User:
     def open_tab(self, label: str) -> None:
         """Open a tab of the page."""
         self.press(label, '[class*="_tab"] button')
+
+    @property
+    def chosen_approach(self) -> str:
+        """Whose prediction Compare shows."""
+        field = self.find(f'{APPROACH} [role="combobox"]')
+        return str(field.get_attribute("value") or self.find(APPROACH).text)
+
+    def chooses_approach(self, label: str) -> None:
+        """On Compare, choose whose prediction is shown."""
+        self.presses_until(lambda: self.texts('[role="option"]'), "", f'{APPROACH} [role="combobox"]')
+        self.press(label, '[role="option"]')
+        self.wait(lambda: label in self.chosen_approach, f"{label} was never chosen.")
 
     def rates_over(self, ms: str) -> None:
         """Type the rated time window into the sidebar."""

@@ -82,7 +82,8 @@ def test_the_sidebar_folds_in_a_narrow_window_and_data_shows_one_figure_at_a_tim
     assert "data_tab=Conditions" in engineer.browser.current_url
     engineer.browser.back()
     engineer.find(FIGURE, "rated:")
-    engineer.browser.get(f"{engineer.browser.current_url}&data_also=T99")
+    engineer.go("Compare")
+    engineer.browser.get(f"{engineer.browser.current_url}&compare_also=T99")
     engineer.sees("Not among the tests in use and the CAE runs: T99.")
 
 

@@ -30,17 +30,15 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     assert all(approach in shown for approach in ("LF TCN", "Time domain", "Fused"))
     user.wait(lambda: not user.all(SIDEBAR, "Ready"))
     for chosen in ("time_domain", "displacement_domain"):
-        user.press_inside("Curves", "", '[role="combobox"]')
-        user.press(LABELS[chosen], '[role="option"]')
-        user.wait(lambda chosen=chosen: [name for name, filled in bands(user).items() if filled] == [chosen])  # type: ignore[misc]
-        user.wait(lambda: len(bands(user)) == 3)
-        user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+        user.chooses_approach(f"By {LABELS[chosen]}")
+        user.wait(lambda chosen=chosen: bands(user) == {chosen: True})  # type: ignore[misc]
     user.opens("More")
     why = user.sees("rated", POPOVER)
     user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     user.open_tab("Ratings and metrics")
     made_of = r"Made of \d+ % .*, because the nearest test is [\d.]+ mph away"
-    assert re.search(made_of, f"{why} {user.sees('Pulse metrics')}")
+    user.press("More: ", "summary")
+    user.wait(lambda: re.search(made_of, f"{why} {user.sees('Pulse metric')}"), "Nothing said what Fused is made of.")
     user.press("Time domain", '.cf-ratings [role="button"]')  # from a rating to its parts
     user.sees("Time domain 0.", '[data-testid="stMarkdown"]')
     assert "compare_tab=Why&explained=time_domain" in user.browser.current_url
