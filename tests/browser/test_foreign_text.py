@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser.conftest import FIGURE, MAIN, Server, User
+from tests.browser.conftest import FIGURE, PILL, Server, User
 
 pytestmark = pytest.mark.slow
 
@@ -57,10 +57,13 @@ def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path)
     user.press("Notes and marks on", "summary")
     user.sees("Log in again")
     assert made(user) == []
-    for tab in ("Why", "Ratings and metrics", "Over displacement"):
+    for tab, shown in (("Why", "Humps, and"), ("Ratings and metrics", "Rating by"), ("Pulses", "Nearest")):
         user.open_tab(tab)
-        user.find(MAIN)
+        user.sees(shown)
         assert made(user) == []
+    user.press("Over displacement", PILL)
+    user.sees("Marks: maximum crush")
+    assert made(user) == []
     user.go("Study")
     user.starts("Leave out each", FIGURE)
     for tab in ("Bands", "Past results", "Ratings"):
