@@ -64,8 +64,7 @@ for _loaded in load("crashfuse.readers", "reader", _checked):
 def formats_of(paths: Iterable[PurePath]) -> list[str]:
     """The formats found among files, judged by file name; tables last."""
     files = list(paths)
-    found = [name for name, each in FORMATS.items() if any(map(each.has, files))]
-    return sorted(found, key=TABLES.__eq__)
+    return sorted((name for name, each in FORMATS.items() if any(map(each.has, files))), key=TABLES.__eq__)
 
 
 def all_formats() -> str:
