@@ -31,8 +31,9 @@ def test_the_numbers_of_a_figure_are_those_of_visible_curves(engineer: User, cam
     engineer.sees("Corridor of the rating, inner", FIGURE)
     engineer.press_inside("Curves", "CAE", PILL)
     engineer.wait(lambda: "CAE" not in engineer.texts(f"{FIGURE} .legendtext"))
+    saved_as = "_T1_pulses-with-corridors-Displacement-domain-Test_0-60ms_g"
     press_tool(engineer, '[data-format="csv"]')
-    numbers = rows(engineer.arrived("_T1_pulses-with-corridors-Displacement-domain-Test_0-60ms_g.csv").read_text(encoding="utf-8"))
+    numbers = rows(engineer.arrived(f"{saved_as}.csv").read_text(encoding="utf-8"))
     shown = set(numbers[0])
     assert "Displacement domain: Velocity, upper (mph)" in shown
     assert any(name.startswith("Corridor of the rating, inner") for name in shown)
@@ -42,8 +43,8 @@ def test_the_numbers_of_a_figure_are_those_of_visible_curves(engineer: User, cam
     np.testing.assert_allclose(drawn, measured, rtol=1e-5, atol=1e-5)
     for form, start in (("svg", b"<svg"), ("png", b"\x89PNG")):
         press_tool(engineer, f'[data-format="{form}"]')
-        assert engineer.arrived(f"_T1_pulses-with-corridors-Displacement-domain-Test_0-60ms_g.{form}").read_bytes().startswith(start)
-    saved = engineer.arrived("_T1_pulses-with-corridors-Displacement-domain-Test_0-60ms_g.svg").read_text(encoding="utf-8")
+        assert engineer.arrived(f"{saved_as}.{form}").read_bytes().startswith(start)
+    saved = engineer.arrived(f"{saved_as}.svg").read_text(encoding="utf-8")
     assert "test T1 and its prediction by Displacement domain<" in saved  # not by CAE, which is hidden
     assert "@font-face" in saved  # which no other program has: without it, and without lengths, words would overlap
     assert len(re.findall("<(?:text|tspan)[^>]* textLength=", saved)) > 20
