@@ -412,7 +412,7 @@ def test_more_candidates_than_anyone_can_look_at_are_refused(tmp_path: Path) -> 
     path = tmp_path / "candidates.csv"
     rows = "".join(f"A{i},25,2000,1500\n" for i in range(1001))
     path.write_text(f"id,speed_mph,front_weight_lb,rear_weight_lb\n{rows}")
-    with pytest.raises(DataError, match=r"candidates.csv: at most 1000 candidates, found 1001; leave some out"):
+    with pytest.raises(DataError, match=r"candidates.csv: .*most 1000 candidates, found 1001; leave some out"):
         read_candidates(path)
 
 
