@@ -91,7 +91,7 @@ def test_a_study_report_shows_the_chosen_tests_in_the_units_of_the_page(small_se
     user.sees("Above the dotted line")
     user.press("Export")
     user.press("Short", PILL)
-    user.find('input[aria-label^="Tests shown one by one"]').send_keys("T3", Keys.ENTER)
+    user.find('input[aria-label^="Tests shown one by one"]').send_keys("T3", Keys.ENTER, Keys.TAB)
     user.wait(lambda: user.all(DIALOG, "T3"))
     report = user.downloads_file("report.html")
     assert re.findall("<h2>Test (T.): ([^<]*), front", report) == [("T3", "41.8 km/h")]
