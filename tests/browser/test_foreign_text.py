@@ -75,9 +75,12 @@ def test_no_page_makes_anything_of_it(server: Server, user: User, foreign: Path)
     user.press("1 pinned")
     assert made(user) == []
     user.open(server, "certify", campaign=foreign.name, approach="cae")
-    user.sees("Criteria and planned tests")
+    user.sees("Add a planned test")
     assert made(user) == []
     user.starts("Certify", '[class*="_tab"] button')
     for tab in ("Track record", "Validated domain", "Answer"):
         user.open_tab(tab)
         assert made(user) == []
+    user.press("", '[class*="planned_tests"] button')
+    user.sees("See the predicted pulse there")
+    assert made(user) == []

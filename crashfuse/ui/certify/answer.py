@@ -125,7 +125,7 @@ def _show_reason(certification: Certification, display: Display) -> None:
         state[_CRITERION] = criterion if criterion in verdicts else _deciding(row, certification)
         st.pills(
             "Criterion", list(verdicts), key=_CRITERION, required=True, label_visibility="collapsed",
-            format_func=lambda name: f"{name}: {verdicts[name].word}",
+            format_func=lambda name: plain(f"{name}: {verdicts[name].word}"),
             on_change=lambda: _choose(f"{test} | {state[_CRITERION]}"),
         )  # fmt: skip
         verdict = verdicts[state[_CRITERION]]
@@ -173,9 +173,9 @@ def _asked_otherwise(certification: Certification, variant: str) -> Request[Verd
 
 
 def _show_variants(certification: Certification) -> None:
-    variants, state, table = _variants(certification), st.session_state, []
-    address.put("what_if", [name for name in state["what_if"] if name in variants])
-    asked = st.pills("What if …", variants, selection_mode="multi", key="what_if", persist_state="session")
+    variants, state, table, key = _variants(certification), st.session_state, [], "what_if"
+    address.put(key, [name for name in state[key] if name in variants])
+    asked = st.pills("What if …", variants, selection_mode="multi", format_func=plain, key=key, persist_state="session")
     before = {row.id: row.word for row in planned(certification)}
     for name in asked:
         request = _asked_otherwise(certification, name)

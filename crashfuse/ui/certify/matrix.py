@@ -172,7 +172,7 @@ def _edit(view: View) -> None:
         units = zip(("Speed", "Front weight", "Rear weight"), shown, _units(SYSTEMS[parts[_SYSTEM]]), strict=True)
         numbers = [Field(f"{label} ({unit})", factor=IN_SI[kept] / IN_SI[unit]) for label, unit, kept in units]
         factors = [
-            Field(name.capitalize(), {value: value for value in known}) for name, known in campaign.factors.items()
+            Field(plain(name.capitalize()), {own: own for own in known}) for name, known in campaign.factors.items()
         ]
         return [Field("Id"), *numbers, None, *factors]
 
