@@ -180,7 +180,7 @@ def _reshape(folder: Path, role: str, form: str) -> None:
 
 @pytest.mark.parametrize(
     ("content", "found"),
-    [(b"name = \xe9", "bytes that are none"), (b"name = [", "toml as it would"), (b"notice = 7", "column notice")],
+    [(b"name = \xe9", "expected text in UTF-8"), (b"name = [", "toml as it would"), (b"notice = 7", "column notice")],
 )
 def test_settings_that_cannot_be_read_back_stop_an_addition(campaign_folder: Path, content: bytes, found: str) -> None:
     """It is judged by what reads it when the campaign is opened; nothing has changed."""
