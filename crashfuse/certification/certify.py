@@ -92,7 +92,7 @@ class Certification:
         """The answer at each condition, by its id."""
         return {i: _answer(row, self.criteria.confidence) for i, row in self.rows.items()}
 
-    @property
+    @cached_property
     def waived(self) -> dict[str, AllMet]:
         """Conditions that need not be run, by :func:`needs_no_test`, and were not; with :func:`all_met` of each."""
         return self._all_met("need not be run")

@@ -126,6 +126,7 @@ class Planned(NamedTuple):
     why: str
 
 
+@lru_cache(maxsize=8)  # asked for by three parts of a page
 def planned(certification: Certification) -> tuple[Planned, ...]:
     """The answer at every planned test, in the order of speed."""
     notes, same, found = _notes_at(certification)[1], certification.counted_once, []
