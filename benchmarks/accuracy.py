@@ -16,20 +16,17 @@ import numpy as np
 import pandas as pd
 from tables import write
 
-from crashfuse.approaches.calibration import STRIDE
-from crashfuse.approaches.mixture import Scores
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.reporting.rating_tables import REPEAT, TABLE_3, rating_table
-from crashfuse.signals.pulse import DT_S, Pulse
+from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import LeaveOut, StudyConfig
-from crashfuse.study.recommendation import recommend_for
+from crashfuse.study.recommendation import crps_g, recommend_for
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
 from crashfuse.synthetic.sample import sample_campaign
-from crashfuse.units import G
 from crashfuse.wording import signed
 
 _YARDSTICK = 0.975
@@ -100,7 +97,7 @@ def _approaches(study: Study, repeats: dict[str, dict[float, float]]) -> list[di
         row: dict[str, object] = {"approach": LABELS[name]}
         row |= {_window(window): f"{study.mean_rating(name, window):.3f}" for window in windows}
         row |= {"worst": f"{scores.min():.3f}", "gap closed": f"{_gap(scores, raw):.2f}"}
-        row |= {"change": signed((scores - raw).min(), 3), "CRPS (g)": f"{_crps_g(study, name):.2f}"}
+        row |= {"change": signed((scores - raw).min(), 3), "CRPS (g)": f"{crps_g(study, name, _WINDOW_MS).mean():.2f}"}
         if coverage is not None:
             shares = {"a to TTZV": "accel", "v to TTZV": "velocity", "a after TTZV": "rebound"}
             row |= {column: f"{coverage.share(share):.2f}" for column, share in shares.items()}
@@ -185,17 +182,6 @@ def _account(expected: list[dict[str, object]], errors: np.ndarray) -> dict[str,
         "inside 80 %": words.count("as expected"),
         "inside 95 %": sum("far" not in word for word in words),
     }
-
-
-def _crps_g(study: Study, approach: str) -> float:
-    """Mean CRPS of an approach's predictions of the tests over the rated window, in g."""
-    rated = slice(0, round(_WINDOW_MS / 1e3 / DT_S), STRIDE)
-    scores = []
-    for fold in study.folds:
-        prediction = fold.estimate(approach).prediction
-        draws = prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
-        scores.append(Scores.of(fold.test.pulse.accel_mps2[rated], [draws[:, rated]]).crps(np.ones(1)))
-    return float(np.mean(scores)) / G
 
 
 def _window(window_ms: float) -> str:

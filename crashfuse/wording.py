@@ -212,6 +212,12 @@ def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
     )
 
 
+def counted(n: int, noun: str) -> str:
+    """A number with its noun: ``3 criteria``."""
+    plural = "criteria" if noun == "criterion" else f"{noun}s"
+    return f"{n:,} {noun if n == 1 else plural}"
+
+
 def read_out(names: Sequence[str]) -> str:
     """Names as one reads them out: "A, B and C"."""
     *first, last = names or [""]

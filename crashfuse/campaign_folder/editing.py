@@ -33,6 +33,7 @@ from crashfuse.files.csv_text import csv_text, original
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.wall import Wall
+from crashfuse.wording import counted
 
 WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
 """Singular and plural of each role."""
@@ -73,12 +74,7 @@ class Added:
 
     def __str__(self) -> str:
         there = f"; there already: {len(self.there)}" if self.there else ""
-        return f"Added: {counted(len(self.ids), self.role)} ({_named(self.ids)}){there}"
-
-
-def counted(number: int, role: Role) -> str:
-    """A count of tests or CAE runs as text."""
-    return f"{number:,} {WHAT[role][number != 1]}"
+        return f"Added: {counted(len(self.ids), WHAT[self.role][0])} ({_named(self.ids)}){there}"
 
 
 def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:

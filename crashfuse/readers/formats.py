@@ -53,6 +53,7 @@ def _checked(name: str, found: object) -> Format:
 
 BROKEN_FORMATS: dict[str, str] = {}
 """Formats of other packages that cannot be used: whose fault that is, and why."""
+
 for _loaded in load("crashfuse.readers", "reader", _checked):
     if isinstance(_loaded, Broken):
         BROKEN_FORMATS[_loaded.name] = _loaded.sentence

@@ -14,7 +14,6 @@ from crashfuse.condition import Condition
 from crashfuse.reporting.certification_tables import ANSWER_WORDS
 from crashfuse.reporting.evidence_facts import (
     change_facts,
-    counted,
     criterion_facts,
     domain_facts,
     fact,
@@ -24,7 +23,7 @@ from crashfuse.reporting.evidence_facts import (
 )
 from crashfuse.study.facts import Fact, by_importance, campaign_facts, tuning_fact
 from crashfuse.study.outliers import departures_near
-from crashfuse.wording import Sentence, joined, probability_text, read_out
+from crashfuse.wording import Sentence, counted, joined, probability_text, read_out
 
 Place = Literal["answer", "summary", "matrix", "record", "domain", "changes"]
 SUBJECTS = {

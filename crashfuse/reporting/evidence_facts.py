@@ -12,7 +12,7 @@ from crashfuse.reporting.figures import how_left_out
 from crashfuse.reporting.fit_explanations import whole_sentence
 from crashfuse.reporting.provenance import certification_settings
 from crashfuse.study.facts import Fact
-from crashfuse.wording import Quantity, Sentence, joined, probability_text, speed, weight
+from crashfuse.wording import Quantity, Sentence, counted, joined, probability_text, speed, weight
 
 _NAMED = 20  # in a sentence
 _ONE_BY_ONE = 6  # conditions, or fewer
@@ -284,12 +284,6 @@ def measured_text(criterion: Criterion, value: float | None, shift: float) -> Qu
         return criterion.shown(value)
     told = "{} ({} at its condition, by the CAE model)"
     return Sentence(told, criterion.shown(value + shift), criterion.shown(value))
-
-
-def counted(n: int, noun: str) -> str:
-    """A number with its noun: ``3 criteria``."""
-    plural = "criteria" if noun == "criterion" else f"{noun}s"
-    return f"{n:,} {noun if n == 1 else plural}"
 
 
 def listed(names: Sequence[str]) -> str:

@@ -152,7 +152,7 @@ def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendat
 
 def _recommendation(study: Study) -> Recommendation:
     window_ms, n = max(study.config.windows_ms), len(study.folds)
-    crps = {name: _crps_g(study, name, window_ms) for name in by_preference(study.config.approaches)}
+    crps = {name: crps_g(study, name, window_ms) for name in by_preference(study.config.approaches)}
     best = min(crps.values(), key=lambda values: float(values.mean()))
     excess = {name: values - best for name, values in crps.items()}
     # the best and all within a standard error of it, the preferred one first
@@ -195,7 +195,7 @@ def _recommendation(study: Study) -> Recommendation:
     return Recommendation(name, tuple(sentences))
 
 
-def _crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
+def crps_g(study: Study, approach: str, window_ms: float) -> FloatArray:
     """CRPS of an approach's predictions of the tests, in g, shape (n_tests,)."""
     rated = slice(0, round(window_ms / 1e3 / DT_S), STRIDE)
     scores = []

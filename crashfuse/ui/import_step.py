@@ -11,7 +11,7 @@ import pandas as pd
 import streamlit as st
 
 from crashfuse.campaign_folder.condition_tables import Role, has_table, listed, read_conditions
-from crashfuse.campaign_folder.editing import WHAT, counted
+from crashfuse.campaign_folder.editing import WHAT
 from crashfuse.campaign_folder.history import changed_by, is_vacant
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
@@ -34,7 +34,7 @@ from crashfuse.ui.kit.text import advice_on_page, plain, without_options
 from crashfuse.ui.kit.uploads import Source
 from crashfuse.ui.kit.visitors import note_in_log, visitor
 from crashfuse.units import MS
-from crashfuse.wording import said
+from crashfuse.wording import counted, said
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys
 _FACTOR_PX, _FOLDER_PX = 170, 380
@@ -76,7 +76,7 @@ def _show_add_form(
 
 
 def _counts_of(settled: Sequence[Settled]) -> str:
-    return " and ".join(counted(n, role) for role, n in Counter(record.role for record in settled).items())
+    return " and ".join(counted(n, WHAT[role][0]) for role, n in Counter(record.role for record in settled).items())
 
 
 def _ask_folder() -> None:

@@ -22,7 +22,7 @@ from crashfuse.ui.kit import address, campaigns
 from crashfuse.ui.kit.campaigns import View
 from crashfuse.ui.kit.figures import choose
 from crashfuse.ui.kit.text import plain
-from crashfuse.wording import IN_SI, SYSTEMS, UnitSystem, speed
+from crashfuse.wording import IN_SI, SYSTEMS, UnitSystem, counted, speed
 
 JUDGED = "judged"  # session key: whether the conditions that are chosen have verdicts
 _FILE = "matrix.csv"
@@ -68,7 +68,7 @@ def choose_matrix(view: View) -> Matrix | None:
     if source == _TYPED:
         _edit(view)
     elif matrix is not None:
-        n = f"{len(matrix.ids):,} planned test{'s' * (len(matrix.ids) > 1)}"
+        n = counted(len(matrix.ids), "planned test")
         speeds = [condition.speed_mps for condition in matrix.conditions]
         ends = view.display.words(speed(min(speeds), max(speeds), between=" to "))
         with st.expander(f"{n}, {ends}", icon=":material/table:"):

@@ -31,7 +31,7 @@ from crashfuse.ui.kit.navigation import end_page, navigate, open_next, show_link
 from crashfuse.ui.kit.progress import show_running
 from crashfuse.ui.kit.results import show_problems
 from crashfuse.ui.kit.text import chosen_units, plain
-from crashfuse.wording import SYSTEMS, said, speed
+from crashfuse.wording import SYSTEMS, counted, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _HELD_OUT = "held-out chooser"  # session key: whether the page had it
@@ -331,8 +331,8 @@ class _AnswerLine:
         self.view = view
         self.row = st.container(horizontal=True, key="answer")
         n, runs = len(view.campaign.tests), len(view.campaign.cae)
-        self._link("tests", f"{n} test{'s' * (n != 1)}", "On Data.", "data", data_tab="Tests")
-        self._link("cae", f"{runs:,} CAE run{'s' * (runs != 1)}", "On Data.", "data", data_tab="CAE model")
+        self._link("tests", counted(n, "test"), "On Data.", "data", data_tab="Tests")
+        self._link("cae", counted(runs, "CAE run"), "On Data.", "data", data_tab="CAE model")
 
     def complete(self) -> None:
         """Add the answer of Certify, and what has to be known of the campaign."""
@@ -343,7 +343,7 @@ class _AnswerLine:
         meaning = "Certify tells which planned tests need not be run."
         if verdicts is not None:
             n, of = verdicts.certification.saved
-            told = f"{n:,} of {of:,} planned test{'s' * (of != 1)} need not be run"
+            told = f"{n:,} of {counted(of, 'planned test')} need not be run"
             meaning = "A test there would meet all criteria at once."
         self._link("certify", f"**{plain(told)}**", meaning, "certify")
         for fact in campaign_facts(view.campaign):
