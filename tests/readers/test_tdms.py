@@ -1,7 +1,6 @@
 """TDMS: NHTSA's properties lead to the pulse; files come from nptdms' writer, an independent one, or byte by byte."""
 
 import struct
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -195,9 +194,8 @@ def test_interleaved_big_endian_and_repeated_chunks_are_read(bit: int, order: st
     assert unfinished.values(unfinished.channels[1]).tolist() == b.tolist()
 
 
-def test_what_is_not_read_or_makes_no_sense_is_refused_at_once(tmp_path: Path) -> None:
-    """DAQmx, scales, 2^60 values, an endless list of objects, a file cut short: a sentence each, in a moment."""
-    began = time.monotonic()
+def test_what_is_not_read_or_makes_no_sense_is_refused(tmp_path: Path) -> None:
+    """DAQmx, scales, 2^60 values, an endless list of objects, a file cut short: a sentence each."""
     assert "DAQmx" in problem(saved(tmp_path / "a.tdms", by_hand(0b10001110, bytes(48))))
     wave = {"unit_string": "g", "wf_increment": 1e-4, "NI_Number_Of_Scales": np.uint32(4_000_000_000)}
     scaled = written([ChannelObject("g", "a", np.zeros(9, "i2"), properties=wave)])
@@ -209,7 +207,6 @@ def test_what_is_not_read_or_makes_no_sense_is_refused_at_once(tmp_path: Path) -
     assert "cut short" in problem(saved(tmp_path / "d.tdms", nhtsa_test()[:-1000]))
     assert "another kind of file" in problem(saved(tmp_path / "e.tdms", b"TDSh" + bytes(60)))
     assert "no such folder or file" in problem(tmp_path / "nothing")
-    assert time.monotonic() - began < 2
 
 
 WAVE: Mapping[str, Any] = {"wf_increment": 1e-4, "wf_start_offset": -0.05, "unit_string": "g"}
