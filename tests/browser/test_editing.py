@@ -56,7 +56,8 @@ def test_a_test_is_left_out_of_use_and_used_again(server: Server, user: User, ow
     user.wait(lambda: not (own / "campaign.toml").exists(), "campaign.toml never went.")
     user.press("T1", IN_USE)
     user.press("Take T1 out of the folder")
-    user.wait(lambda: not (own / "tests" / "T1.csv").exists(), "T1 never left the folder.")
+    user.sees("Taken out: T1.")
+    assert not (own / "tests" / "T1.csv").exists()
     user.press("Undo")
     user.wait((own / "tests" / "T1.csv").exists, "T1 never came back.")
 
