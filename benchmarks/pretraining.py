@@ -12,7 +12,6 @@ import hashlib
 import math
 import os
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -21,23 +20,15 @@ from many_vehicles import AT_ONCE, TESTS, Pulses, pulses
 from safetensors.torch import save_file
 from torch import Tensor
 
-from crashfuse.approaches.pretrained import FACTORS, N_TIMES, Forecast, PretrainedNetwork, unit
+from crashfuse.approaches.pretrained import PretrainedNetwork
+from crashfuse.approaches.pretrained_tuning import losses
 
 _FIRST_SEED = 40_000_000
 _KNOWN, _OFTEN = (1, 2, 3, 4, 6, 8, 10, 12), (0.2, 0.18, 0.15, 0.13, 0.12, 0.1, 0.07, 0.05)
 _UNSEEN = 512  # vehicles kept for judging
 _RATE, _WARM_UP, _LEAST = 1.2e-3, 500, 0.02
-_LATE = 0.3  # weight of the errors after the rated 60 ms
-_MEAN, _BAND = 20.0, 0.3  # weights of the errors of the expected pulse, and of the band's likelihood
 _AVERAGED = 10  # steps between those whose weights are averaged
 _LOOKS = 12
-
-
-class _Losses(NamedTuple):
-    first: Tensor
-    mean: Tensor
-    band: Tensor
-    cae: Tensor
 
 
 def main() -> None:
@@ -73,8 +64,7 @@ def _trained(data: Pulses, steps: int, batch: int) -> PretrainedNetwork:
         optimiser.param_groups[0]["lr"] = _RATE * min(1, step / _WARM_UP) * share
         chosen = torch.randint(0, n, (batch,), device=device)
         known = _some(batch, int(rng.choice(_KNOWN, p=_OFTEN)), device)
-        losses = _losses(network, [own[chosen].float() for own in arrays], known)
-        loss = _MEAN * (0.5 * losses.first + losses.mean) + _BAND * losses.band
+        loss = losses(network, [own[chosen].float() for own in arrays], known).total
         optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         if torch.isfinite(torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)):
@@ -95,45 +85,14 @@ def _some(n: int, known: int, device: torch.device, generator: torch.Generator |
     return (torch.rand(n, TESTS, generator=generator).argsort(1) < known).to(device)
 
 
-def _losses(network: PretrainedNetwork, arrays: list[Tensor], known: Tensor) -> _Losses:
-    """Means over the tests that are not known: absolute errors, and the band's negative log likelihood."""
-    measured, cae, conditions = arrays
-    with torch.autocast(cae.device.type, torch.bfloat16, enabled=cae.device.type == "cuda"):
-        forecast = network(measured, cae, conditions, known)
-    one = unit(conditions[..., :1])
-    weights = torch.ones(N_TIMES, device=cae.device)
-    weights[round(0.6 * N_TIMES) :] = _LATE
-    weights /= weights.mean()
-    unknown = (~known).float() / (~known).sum()
-
-    def error(pulse: Tensor) -> Tensor:
-        return (((measured - pulse) / one).abs() * weights).mean(-1).mul(unknown).sum()
-
-    band = (_surprise((measured - forecast.mean_mps2) / one, forecast) * unknown).sum()
-    return _Losses(error(forecast.first_mps2), error(forecast.mean_mps2), band, error(cae))
-
-
-def _surprise(off: Tensor, forecast: Forecast) -> Tensor:
-    """Negative log likelihood of errors per sample, up to a constant: a low-rank Gaussian by Woodbury's identity."""
-    precision, factors = torch.exp(-2 * forecast.log_deviation), forecast.factors
-    scaled = factors * precision[..., None]
-    inner = factors.mT @ scaled + torch.eye(FACTORS, device=off.device)
-    root = torch.linalg.cholesky(inner)
-    explained = torch.linalg.solve_triangular(root, (scaled * off[..., None]).sum(-2)[..., None], upper=False)
-    squares = (off.square() * precision).sum(-1) - explained.square().sum((-2, -1))
-    size = 2 * forecast.log_deviation.sum(-1) + 2 * torch.diagonal(root, dim1=-2, dim2=-1).log().sum(-1)
-    surprise: Tensor = 0.5 * (squares + size) / N_TIMES
-    return surprise
-
-
 @torch.no_grad()
 def _judged(network: PretrainedNetwork, arrays: list[Tensor]) -> str:
     cells = []
     for n in (1, 3, 8):
         known = _some(_UNSEEN, n, arrays[0].device, torch.Generator().manual_seed(n))
         parts = zip(*(torch.split(own[-_UNSEEN:].float(), 128) for own in arrays), torch.split(known, 128), strict=True)
-        losses = torch.stack([torch.stack(_losses(network, list(own), told)) for *own, told in parts]).mean(0)
-        cells.append(", ".join(f"{loss:.4f}" for loss in losses.tolist()))
+        means = torch.stack([torch.stack(losses(network, own, told)) for *own, told in parts]).mean(0)
+        cells.append(", ".join(f"{loss:.4f}" for loss in means.tolist()))
     return " | ".join(cells)
 
 

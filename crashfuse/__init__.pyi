@@ -60,6 +60,7 @@ from .signals.rating import rate_iso18571 as rate_iso18571
 from .signals.rating_explanation import RatingExplanation as RatingExplanation
 from .signals.rating_explanation import explain_rating as explain_rating
 from .signals.rating_sentences import rating_sentences as rating_sentences
+from .study.archive_learning import learn_archive as learn_archive
 from .study.config import StudyConfig as StudyConfig
 from .study.estimate import Estimate as Estimate
 from .study.estimate import Fit as Fit
@@ -74,6 +75,8 @@ from .study.saved_models import load_model as load_model
 from .study.saved_models import save_model as save_model
 from .study.study import Fold as Fold
 from .study.study import Study as Study
+from .vehicle_archive import VehicleArchive as VehicleArchive
+from .vehicle_archive import load_archive as load_archive
 from .version import __version__ as __version__
 
 __all__: list[str]

@@ -17,6 +17,7 @@ from crashfuse.signals.metrics import Metric, checked_metrics, metric_bases, met
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.signals.rating import filter_class_text, rating_basis
+from crashfuse.vehicle_archive import Prior, VehicleArchive
 from crashfuse.wording import MPH_LB, UnitSystem
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ class Campaign:
         Tests that are left out of use, by id and condition: nothing learns from them, and they are not rated.
     why_unused : mapping of str to str
         Why, by id; without words if nobody says.
+    prior : Prior, optional
+        What other vehicles teach this one, see :meth:`with_archive`.
     """
 
     name: str
@@ -64,6 +67,7 @@ class Campaign:
     units: UnitSystem = MPH_LB
     unused: tuple[tuple[str, Condition], ...] = ()
     why_unused: Mapping[str, str] = field(default_factory=dict)
+    prior: Prior | None = None
 
     @staticmethod
     def from_frames(
@@ -179,13 +183,15 @@ class Campaign:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the CAE runs, the tests and an unusual occupant model: the same from any files."""
+        """SHA-256 of the CAE runs, the tests, an unusual occupant model and what other vehicles teach."""
         digest = hashlib.sha256(self.cae.fingerprint.encode())
         if self.occupant != USUAL_OCCUPANT:
             digest.update(f"{self.occupant!r}\n".encode())
         for test in self.tests:
             digest.update(f"{test.id}|{test.condition!r}\n".encode())
             digest.update(test.pulse.accel_mps2.tobytes())
+        if self.prior is not None:
+            digest.update(self.prior.fingerprint.encode())
         return digest.hexdigest()
 
     @property
@@ -250,6 +256,16 @@ class Campaign:
         """The campaign with these tests held out: the only data available for predicting them."""
         held_out = {self.test(test_id).id for test_id in test_ids}
         return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
+
+    def with_archive(self, archive: VehicleArchive) -> "Campaign":
+        """The campaign that past vehicles teach before its tests do; it is taken out of the archive if it is in.
+
+        Raises
+        ------
+        UsageError
+            If it shares CAE runs or tests with more than one vehicle of the archive.
+        """
+        return replace(self, prior=archive.prior_for(self.name, self.cae.fingerprint, self.tests))
 
     def evenly_over_speed(self, most: int) -> "Campaign":
         """The campaign with at most so many tests, evenly spaced in the order of speed, the ends included."""

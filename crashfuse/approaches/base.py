@@ -147,6 +147,8 @@ class Approach(ABC):
         Among approaches that the tests cannot separate, the lowest number is recommended.
     learns_from_tests, trains_networks : bool
         Whether :meth:`fit` uses tests, and whether :meth:`prepare` trains networks, which takes long.
+    learns_from_archive : bool
+        Whether it uses what past vehicles teach, ``campaign.prior``.
     made_of : tuple of Approach classes
         The approaches that it mixes, if any; the first note of a prediction then states the weights.
     """
@@ -161,6 +163,7 @@ class Approach(ABC):
     preference: ClassVar[int]
     learns_from_tests: ClassVar[bool] = True
     trains_networks: ClassVar[bool] = False
+    learns_from_archive: ClassVar[bool] = False
     made_of: ClassVar[tuple[type["Approach"], ...]] = ()
 
     _thinning: tuple[str, ...] = ()
@@ -215,6 +218,11 @@ class Approach(ABC):
     def _require(self, learned: str) -> None:
         if not hasattr(self, learned):
             raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")
+
+    @property
+    def usual_errors(self) -> Mapping[str, FloatArray]:
+        """Standardised errors of metrics that past vehicles teach, beside those of left-out tests; most have none."""
+        return {}
 
     @property
     def device(self) -> str:

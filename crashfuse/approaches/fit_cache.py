@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -22,6 +23,7 @@ _TEXT = "text"  # name of the array that holds everything else as JSON
 
 def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = SILENT) -> tuple[A, float]:
     """Fit an approach, or restore it from the cache; also the duration of the fit in s."""
+    campaign = _taught(approach, campaign)
 
     def learn() -> tuple[float, Mapping[str, npt.ArrayLike]]:
         start = time.perf_counter()
@@ -46,8 +48,13 @@ def is_cached(approach: Approach, campaign: Campaign, cache: Cache) -> bool:
     return cache.is_cached(FITS, _key(approach, campaign))
 
 
+def _taught(approach: Approach, campaign: Campaign) -> Campaign:
+    """The campaign with what it may learn from: fits that past vehicles do not change are those without an archive."""
+    return campaign if approach.learns_from_archive else replace(campaign, prior=None)
+
+
 def _key(approach: Approach, campaign: Campaign) -> dict[str, object]:
-    return {**settings(approach), "campaign": campaign.fingerprint}
+    return {**settings(approach), "campaign": _taught(approach, campaign).fingerprint}
 
 
 def settings(approach: Approach) -> dict[str, object]:

@@ -1,6 +1,6 @@
 """The fused approach (beyond the paper): both domains, a pre-trained network and the raw CAE in one prediction."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Self
 
@@ -45,6 +45,8 @@ class Fused(AboutFused):
     pulse of the band is drawn from one component. The CAE's draws are its pulse plus the error that it had in some
     test, with either sign. It always uses the fast forms, as the paper has no fused approach.
     """
+
+    learns_from_archive = True
 
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
         self.seed = seed
@@ -112,7 +114,8 @@ class Fused(AboutFused):
     def _begin(self, campaign: Campaign) -> Campaign:
         campaign = self._thinned(campaign)
         self._tests = Tests.of(campaign, self.displacement_domain_.model_)
-        self.pool_ = Pool()
+        taught = self.pretrained_.prior_
+        self.pool_ = Pool() if taught is None else Pool(taught.logits)
         return campaign
 
     def _alone(self) -> list[HeldOut]:
@@ -143,9 +146,8 @@ class Fused(AboutFused):
         components.append(self._tests.raw(cae, speed_mps))
         weights = self._weights([part.draws[:, ::STRIDE] for part in components])
         mixture = mixed(components, weights, _N_DRAWS, self.seed)
-        notes = dict.fromkeys(
-            (self._reason(condition, weights), *self._thinning, *(n for part in parts for n in part.notes))
-        )
+        others = [note for prediction in predictions for note in prediction.notes]
+        notes = dict.fromkeys((self._reason(condition, weights), *self._thinning, *others))
         near = nearness(speed_mps, self._tests.speeds_mps)
         return Prediction(condition, mixture.mean, mixture.widened(self._widening(near)), tuple(notes))
 
@@ -169,8 +171,15 @@ class Fused(AboutFused):
         order = [i for i in np.argsort(-shown, kind="stable") if shown[i] > 0]
         parts = ", ".join(f"{shown[i]:.0f} % {COMPONENTS[i]}" for i in order)
         n = len(self.calibration_.tests)
-        source = f"weights learned from {n} tests, each predicted from the others" if n else "weights of other vehicles"
+        taught = "weights of other vehicles" if self.pretrained_.prior_ is None else "weights of the archive's vehicles"
+        source = f"weights learned from {n} tests, each predicted from the others" if n else taught
         return Sentence("Made of {}, because the nearest test is {} away ({}).", parts, away, source)
+
+    @property
+    def usual_errors(self) -> Mapping[str, FloatArray]:
+        """Those of past vehicles, if they teach this one."""
+        taught = self.pretrained_.prior_
+        return {} if taught is None else taught.errors
 
     def learned(self) -> FittedState:
         """Fitted states of the approaches, and the weights."""

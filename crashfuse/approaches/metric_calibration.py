@@ -32,6 +32,7 @@ _USUAL_SCALES = {
 # Crashes at one condition do not crush alike, however sure the draws beside a test are. The share is that of the best
 # log score of 2,254 unseen crashes of 24 random vehicles.
 _REPEATABILITY = dict.fromkeys(("max_crush", "esw", "centroid_time"), 0.015)  # of the value
+_PAST_COUNT = 2  # a vehicle of an archive, given by two errors, counts as four left-out tests
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
 _LATEST_MS = dict.fromkeys(("peak_time", "step_time", "centroid_time"), float(GRID_S[-1]) * 1e3)
@@ -122,19 +123,23 @@ def standardised_error(values: FloatArray, measured: float, metric: str = "") ->
     return (measured - median) / unit
 
 
-def metric_errors(left_out: Mapping[str, Prediction], campaign: Campaign) -> Errors:
-    """Standardised errors of all metrics for left-out tests, in their order."""
+def metric_errors(
+    left_out: Mapping[str, Prediction], campaign: Campaign, usual: Mapping[str, FloatArray] = {}
+) -> Errors:
+    """Standardised errors of all metrics: those that past vehicles teach, then of left-out tests, in their order."""
+    taught = {name: np.tile(usual[name], _PAST_COUNT) if name in usual else np.empty(0) for name in METRIC_LABELS}
     if not left_out:
-        return {name: np.empty(0) for name in METRIC_LABELS}
+        return taught
     tests = [campaign.test(test_id) for test_id in left_out]
     speeds = np.array([test.condition.speed_mps for test in tests])
     accel = np.array([test.pulse.accel_mps2 for test in tests])
     measured = metric_values(accel, speeds, occupant=campaign.occupant)
     drawn = _drawn_together(list(left_out.values()), campaign.occupant)
-    return {
-        name: np.array([standardised_error(draws[name], v, name) for draws, v in zip(drawn, values, strict=True)])
+    found = {
+        name: [standardised_error(draws[name], v, name) for draws, v in zip(drawn, values, strict=True)]
         for name, values in measured.items()
     }
+    return {name: np.concatenate([taught[name], errors]) for name, errors in found.items()}
 
 
 def _drawn_together(predictions: Sequence[Prediction], occupant: OccupantModel) -> list[dict[str, FloatArray]]:

@@ -32,6 +32,7 @@ from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray, in_full
+from crashfuse.vehicle_archive import PARTS, Prior, differences, in_parts
 
 N_TIMES = N_SAMPLES // bands.STRIDE
 FACTORS = 8  # functions of time along which a test's errors hang together
@@ -212,6 +213,7 @@ class Pretrained(BandedApproach):
     description = "a network, trained once on simulated vehicles, that reads the tests of this one."
     colour = "#8C564B"
     preference = 35
+    learns_from_archive = True
 
     def __init__(self, *, seed: int = 0, cache: Cache | None = None) -> None:
         self.seed = seed
@@ -227,6 +229,8 @@ class Pretrained(BandedApproach):
         if not campaign.tests:
             raise UsageError("The pre-trained network learns from tests; this campaign has none.")
         campaign = self._begin(campaign, watch)
+        self.prior_ = self._choose(campaign.prior)
+        self._all_tests = self._read()
         if len(campaign.tests) < bands.LEAST_CHECKED:
             self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             self.calibration_ = Calibration(_UNCHECKED, ())
@@ -241,8 +245,36 @@ class Pretrained(BandedApproach):
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         self._measured = np.array([test.pulse.accel_mps2[:: bands.STRIDE] for test in campaign.tests])
         self._cae = np.array([self.model_.pulse(test.condition).accel_mps2[:: bands.STRIDE] for test in campaign.tests])
-        self._all_tests = self._read()
         return campaign
+
+    def _choose(self, prior: Prior | None) -> Prior | None:
+        """What past vehicles teach, if the CAE model errs as theirs do, and left-out tests come out no worse by it."""
+        self.archive_ = ""
+        if prior is None:
+            return None
+        off = differences(self._measured, self._cae, self._vectors[:, 0])
+        vehicles = f"{len(prior.vehicles)} past vehicles"
+        beside = (
+            f"tests lose {in_parts(off)} of the impact speed more than the CAE model in {PARTS}, those of the past "
+            f"vehicles {in_parts(prior.differences)}"
+        )
+        if not prior.helps:
+            self.archive_ = f"The archive of {vehicles} is not used: left out, they were not predicted better with it."
+        elif prior.likeness(off) <= 0:
+            self.archive_ = f"The archive of {vehicles} is not used, as this one is of another kind: {beside}."
+        elif len(off) >= bands.LEAST_CHECKED and self._left_out_error(prior) > self._left_out_error(None):
+            self.archive_ = f"The archive of {vehicles} is not used: with it left-out tests are predicted worse."
+        else:
+            self.archive_ = f"Taught by an archive of {vehicles} of a like kind: {beside}."
+            return prior
+        return None
+
+    def _left_out_error(self, prior: Prior | None) -> float:
+        """Mean error of left-out tests over the rated time, in impact speeds per second."""
+        self.prior_ = prior
+        means = np.array([self._without(number, [number])(1.0)[0] for number in range(len(self._vectors))])
+        off = np.abs(means - self._measured) / self._vectors[:, :1]
+        return float(off[:, : 6 * N_TIMES // 10].mean())
 
     def _without(self, number: int, out: Sequence[int]) -> HeldOutPredictor:
         others = self._read(np.delete(np.arange(len(self._vectors)), out))
@@ -251,11 +283,13 @@ class Pretrained(BandedApproach):
 
     def _read(self, tests: npt.NDArray[np.intp] | slice = slice(None)) -> KnownTests:
         with single_thread(), torch.inference_mode():
-            return _network().read(*map(_batch, (self._measured[tests], self._cae[tests], self._vectors[tests])))
+            return _network(self.prior_).read(
+                *map(_batch, (self._measured[tests], self._cae[tests], self._vectors[tests]))
+            )
 
     def _pulses(self, tests: KnownTests, vector: FloatArray, cae: FloatArray, seed: Sequence[int]) -> FloatArray:
         with single_thread(), torch.inference_mode():
-            forecast = _network().predict(tests, _batch(cae[None]), _batch(vector[None]))
+            forecast = _network(self.prior_).predict(tests, _batch(cae[None]), _batch(vector[None]))
             tensors = forecast.mean_mps2, forecast.log_deviation.exp(), forecast.factors
         mean, deviation, factors = (tensor[0, 0].double().numpy() for tensor in tensors)
         rng = np.random.default_rng(seed)
@@ -273,16 +307,20 @@ class Pretrained(BandedApproach):
         widening = self.calibration_.widening * self.calibration_.further(near)
         pulses = self._pulses(self._all_tests, condition.vector, cae[:: bands.STRIDE], [self.seed])
         pulses = in_full(_widened(pulses, widening), bands.STRIDE)
-        return Prediction(condition, pulses[0], pulses[1:], (*self._thinning, *self.model_.notes(condition)))
+        notes = (self.archive_, *self._thinning, *self.model_.notes(condition))
+        return Prediction(condition, pulses[0], pulses[1:], tuple(filter(None, notes)))
 
     def learned(self) -> FittedState:
         """The check of the band."""
         self._require("calibration_")
-        return FittedState.of({}, {}, **self._learned_band())
+        return FittedState.of({"taught": self.prior_ is not None, "archive": self.archive_}, {}, **self._learned_band())
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Take up the tests again."""
         self._begin(campaign)
+        self.archive_ = str(learned.values["archive"])
+        self.prior_ = campaign.prior if learned.values["taught"] else None
+        self._all_tests = self._read()
         self._restore_band(learned)
         return self
 
@@ -301,11 +339,21 @@ def _widened(pulses: FloatArray, factor: float) -> FloatArray:
     return np.asarray(pulses[0] + factor * (pulses - pulses[0]))
 
 
-@functools.cache
-def _network() -> PretrainedNetwork:
+@functools.lru_cache(maxsize=8)
+def _network(prior: Prior | None) -> PretrainedNetwork:
+    """The network, with the weights that past vehicles tuned; a ValueError if they are not of it."""
+    network = shipped_network()
+    if prior is not None:
+        tuned = {name: torch.from_numpy(np.array(weight, np.float32)) for name, weight in prior.network.items()}
+        network.load_state_dict({**network.state_dict(), **tuned})
+    return network.eval()
+
+
+def shipped_network() -> PretrainedNetwork:
+    """The network as it was trained on simulated vehicles."""
     content = _WEIGHTS.read_bytes()
     if hashlib.sha256(content).hexdigest() != _SHA256:
         raise CrashfuseError(f"{_WEIGHTS.name} is not the file that belongs to this version; install crashfuse again.")
     network = PretrainedNetwork()
     network.load_state_dict({name: weight.float() for name, weight in load(content).items()})
-    return network.eval()
+    return network

@@ -32,6 +32,7 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.signals.wall import Wall
 from crashfuse.units import KN, MS
+from crashfuse.vehicle_archive import load_archive
 
 _FEWEST_RUNS = 10
 PULSES = (".csv", ".parquet")
@@ -49,13 +50,17 @@ _NOTES = (".md", ".txt")
 _ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory
 
 
-def load_campaign(path: str | Path) -> Campaign:
+def load_campaign(path: str | Path, archive: str | Path | None = None) -> Campaign:
     """Read and check a campaign folder, or a zip of one; a DataError has every problem, not only the first.
 
     It contains ``tests.csv`` and ``cae.csv``, the pulses of each as ``<role>/<id>.csv`` (or ``.parquet``) or
     ``<role>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``. All pulses are then on the study grid.
+    An ``archive`` of past vehicles (``.cfa``) teaches it: :meth:`crashfuse.campaign.Campaign.with_archive`.
     """
     path = Path(path)
+    if archive is not None:
+        known = load_archive(archive)  # before the campaign, which takes longer
+        return load_campaign(path).with_archive(known)
     if not (path.is_file() and path.suffix.lower() == ".zip"):
         return read_folder(path)
     with tempfile.TemporaryDirectory(prefix="crashfuse-") as scratch:

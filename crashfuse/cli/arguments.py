@@ -20,6 +20,7 @@ def parser() -> argparse.ArgumentParser:
         prog="crashfuse",
         description="Fuse CAE crash pulses with physical full-frontal barrier tests; predict and rate pulses.",
     )
+    root.set_defaults(archive=None)
     root.add_argument("--version", action="version", version=f"crashfuse {__version__}")
     commands = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
@@ -89,6 +90,7 @@ def parser() -> argparse.ArgumentParser:
     curve.add_argument("--repeats", type=whole(0), metavar="N", help="random choices of each number (default: 3)")
     _add_windows(curve)
     _add_units(curve)
+    _add_archive(curve)
     _add_seed(curve)
     _add_device(curve)
     _add_workers(curve)
@@ -120,6 +122,12 @@ def parser() -> argparse.ArgumentParser:
 
     outgoing.add_figure_options(commands.add_parser("figures", help="write a report's figures as files or slides"))
     studies.add_comparison_options(commands.add_parser("compare", help="say which of two studies rates better"))
+    learn = command("learn-archive", models.learn_archive, "learn from past vehicles what teaches the next one", None)
+    learn.add_argument("campaigns", type=Path, nargs="+", metavar="CAMPAIGN")
+    learn.add_argument("--out", type=Path, required=True, metavar="FILE.cfa", help="file of the archive")
+    _add_seed(learn)
+    learn.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: one for each core)")
+
     listing = commands.add_parser("studies", help="list the studies and predictions of this machine")
     listing.set_defaults(run=studies.past_studies)
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
@@ -171,6 +179,11 @@ def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> 
     parser.add_argument("--preset", type=kind, metavar="fast|paper", help=help_)
     _add_seed(parser, several=several)
     _add_device(parser)
+    _add_archive(parser)
+
+
+def _add_archive(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--archive", type=Path, metavar="FILE.cfa", help="past vehicles (crashfuse learn-archive)")
 
 
 def _add_seed(parser: argparse.ArgumentParser, *, several: bool = False) -> None:

@@ -37,7 +37,7 @@ def certify(arguments: argparse.Namespace) -> None:
     earlier = read_earlier(arguments.since) if arguments.since else None
     key = None if arguments.seal is None else seal.private_key(arguments.seal)
     inputs = {} if key is None else seal.rests_on(arguments.campaign, arguments.criteria, arguments.matrix)
-    campaign, notes = load_campaign(arguments.campaign), read_notes(arguments.campaign)
+    campaign, notes = load_campaign(arguments.campaign, arguments.archive), read_notes(arguments.campaign)
     criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     if earlier is not None:
         earlier.require_of(campaign)  # or another vehicle's would be told only once all is computed

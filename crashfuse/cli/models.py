@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.cli.outgoing import pulse_export
-from crashfuse.cli.output import opened, replacing, require_output, say_facts, say_written, writing
+from crashfuse.cli.output import (
+    opened,
+    replacing,
+    require_output,
+    require_writable,
+    say_facts,
+    say_written,
+    writing,
+)
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,13 +31,32 @@ def train(arguments: argparse.Namespace) -> None:
     from crashfuse.study.saved_models import model_file, save_model
 
     require_output(arguments.out, arguments.campaign)
-    campaign, config = load_campaign(arguments.campaign), settings(arguments)
+    campaign, config = load_campaign(arguments.campaign, arguments.archive), settings(arguments)
     with watching() as watch:
         for name in config.approaches:
             fit = Fit.of(campaign, name, config, watch=watch)
             save_model(fit, campaign, arguments.out / model_file(name))
     print(f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs of {campaign.name}.")
     print(f"Written to {arguments.out}: {', '.join(model_file(name) for name in config.approaches)}")
+
+
+def learn_archive(arguments: argparse.Namespace) -> None:
+    """Learn from past vehicles what teaches the next one."""
+    from crashfuse.campaign_folder.load import load_campaign
+    from crashfuse.reporting.training_progress import watching
+    from crashfuse.study.archive_learning import learn_archive
+
+    if arguments.out.suffix != ".cfa":
+        raise UsageError(f"An archive is a file that ends in .cfa, not {arguments.out}.")
+    require_writable(arguments.out.parent)
+    campaigns = [load_campaign(folder) for folder in arguments.campaigns]
+    with watching() as watch:
+        archive = learn_archive(campaigns, seed=arguments.seed or 0, watch=watch, workers=arguments.workers)
+    archive.save(arguments.out)
+    print("Each vehicle left out, its rating over 0–60 ms by the fused prediction with the others and without:")
+    print(archive.record.to_string(index=False, float_format="{:.3f}".format))
+    print(archive.sentence)
+    print(f"Written to {arguments.out}")
 
 
 def predict(arguments: argparse.Namespace) -> None:

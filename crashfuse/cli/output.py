@@ -56,7 +56,7 @@ def opened(arguments: argparse.Namespace, kind: str) -> tuple["Campaign", "Displ
     from crashfuse.campaign_folder.load import load_campaign
 
     require_output(arguments.out, arguments.campaign, kind)
-    campaign = load_campaign(arguments.campaign)
+    campaign = load_campaign(arguments.campaign, arguments.archive)
     return campaign, display_of(arguments, campaign)
 
 

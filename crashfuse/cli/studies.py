@@ -77,7 +77,8 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
 
     runs = []
     for name, folder in folders.items():
-        campaign, report = load_campaign(folder), ReportOptions(arguments.report, notes=read_notes(folder))
+        campaign = load_campaign(folder, arguments.archive)
+        report = ReportOptions(arguments.report, notes=read_notes(folder))
         for way in ways:
             out = arguments.out
             if not alone:

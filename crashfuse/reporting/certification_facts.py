@@ -37,6 +37,7 @@ SUBJECTS = {
     "tests.left_out_of_use": "Tests left out of use",
     "test.not_used": "Tests that are not used",
     "tests.cae_tuned": "What the CAE model has seen",
+    "campaign.archive": "What past vehicles teach",
     "condition.no_factor": "Conditions without a factor that the tests have",
     "condition.new_together": "Factors that no test has together",
     "campaign.warning": "Warnings about the campaign",

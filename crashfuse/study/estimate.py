@@ -129,11 +129,11 @@ class Fit:
             left_out = learned.left_out(campaign)
 
         def judge() -> tuple[Errors, Errors]:
-            errors = metric_errors(left_out, campaign)
+            errors = metric_errors(left_out, campaign, learned.usual_errors)
             return errors, errors
 
         def restore(entry: Entry) -> Errors:
-            return {name: numbers(entry, name, len(left_out)) for name in METRIC_LABELS}
+            return {name: numbers(entry, name, None) for name in METRIC_LABELS}
 
         key = {**settings(learned), "campaign": campaign.fingerprint, "code": code_digest(__name__)}
         errors = cache.get_or_compute(_JUDGED, key, judge, restore, watch)

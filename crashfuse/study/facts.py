@@ -23,6 +23,7 @@ IMPORTANCE = (
     "cae.ended_otherwise",
     "cae.runs_fail",
     "tests.left_out_of_use",
+    "campaign.archive",
     "campaign.warning",
     "campaign.notice",
 )
@@ -108,6 +109,10 @@ def _campaign_facts(campaign: Campaign) -> Iterator[Fact]:
         ids = [test_id for test_id, _ in campaign.unused]
         reasons = {"tests": ids, "reasons": [campaign.reason_of(test_id) for test_id in ids]}
         yield Fact("tests.left_out_of_use", campaign.remarks[0], f"without {', '.join(ids)}", reasons)
+    if (prior := campaign.prior) is not None:
+        values = {"vehicles": list(prior.vehicles), "taken_out": prior.taken_out, "sha256": prior.fingerprint}
+        label = f"Archive of {len(prior.vehicles)} vehicles"
+        yield Fact("campaign.archive", prior.sentence, label, values)
     for warning in campaign.warnings:
         yield Fact("campaign.warning", warning, "Warning")
     if campaign.notice:

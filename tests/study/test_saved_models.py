@@ -18,7 +18,7 @@ from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, NotFittedError, UsageError
-from crashfuse.study import saved_models as models
+from crashfuse.files.tensors import checksum
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.saved_models import load_model, save_model
@@ -105,7 +105,7 @@ def test_another_version_is_refused(
     campaign: Campaign, saved: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     """Numbers must not change silently with the code around them."""
-    monkeypatch.setattr(models, "versions", lambda: {**versions(), name: "99.0"})
+    monkeypatch.setattr("crashfuse.study.saved_models.versions", lambda: {**versions(), name: "99.0"})
     with pytest.raises(DataError, match=rf"a model made with {name} 99\.0, found .*{name} .*; train it again"):
         load_model(saved, campaign)
 
@@ -153,7 +153,7 @@ def test_arrays_that_do_not_fit_are_refused_although_the_checksum_is_right(campa
         (arrays, text.replace('"seed": 0', '"seed": []')),
         (arrays, text.replace('"learned": {', '"learned": {"x": 1}, "y": {')),
     ):
-        digest = models._digest(record, forged)
+        digest = checksum(record, forged)
         save_file(forged, saved, {"crashfuse": record, "sha256": digest})
         with pytest.raises(DataError, match="expected a model as crashfuse saved it, found"):
             load_model(saved, campaign)
@@ -208,7 +208,7 @@ def test_a_model_of_one_process_is_read_by_another(
 def test_a_header_that_means_harm_is_a_sentence(campaign: Campaign, tmp_path: Path, text: str) -> None:
     """Its checksum is right."""
     path = tmp_path / "m.safetensors"
-    path.write_bytes(save({}, {"crashfuse": text, "sha256": models._digest(text, {})}))
+    path.write_bytes(save({}, {"crashfuse": text, "sha256": checksum(text, {})}))
     with pytest.raises(DataError, match=r"m\.safetensors: expected a model"):
         load_model(path, campaign)
 

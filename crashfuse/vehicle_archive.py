@@ -1,0 +1,228 @@
+"""What past vehicles teach the next one before its tests do, and the file that holds it: an archive of vehicles.
+
+It holds no pulse. A vehicle of the archive is taken out of it where it is judged itself: of each, the archive also
+knows what all others teach.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.crash_test import CrashTest
+from crashfuse.errors import NO_FILE, DataError, Problem, UsageError
+from crashfuse.files.atomic import write_atomically
+from crashfuse.files.tensors import Arrays, read_tensors, tensor_bytes
+from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.wording import read_out, signed
+
+LEAST_VEHICLES = 3
+PARTS = "0–20, 20–40 and 40–60 ms"
+"""The parts of a crash in which CAE models are compared."""
+_PARTS_S = (0.0, 0.02, 0.04, 0.06)
+
+# What the CAE models of simulated vehicles (benchmarks/many_vehicles.py) get wrong on average in each part, in impact
+# speeds per second: its mean and deviation between vehicles, and the deviation between tests of one vehicle.
+_USUAL_MEAN: FloatArray = np.array([-1.1, -1.6, -0.5])
+_BETWEEN: FloatArray = np.array([1.8, 3.4, 3.6])
+_WITHIN: FloatArray = np.array([0.9, 2.4, 3.2])
+_FEW = 4  # tests: with more, archives change little
+_AGAIN = "learn it again with crashfuse learn-archive"
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What some vehicles teach the next one.
+
+    Attributes
+    ----------
+    vehicles : tuple of str
+        Their names.
+    network : mapping of str to ndarray
+        Weights of the pre-trained network that were tuned to them, by name.
+    logits : ndarray, shape (n_components, n_components + 1)
+        Prior mean of the fused weights, as :data:`crashfuse.approaches.mixture.PRIOR`.
+    errors : mapping of str to ndarray, shape (2 n_vehicles,)
+        Standardised errors of each metric that stand for each vehicle's: mean minus and plus deviation.
+    differences : ndarray, shape (n_vehicles, 3)
+        What each CAE model gets wrong in each part of a crash: :func:`differences`.
+    helps : bool
+        Whether each of these vehicles, left out, was predicted better with the others than without any, on average.
+    taken_out : str
+        Name of the vehicle that was taken out of the archive because it is the one to be judged; empty for none.
+    """
+
+    vehicles: tuple[str, ...]
+    network: Arrays
+    logits: FloatArray
+    errors: Mapping[str, FloatArray]
+    differences: FloatArray
+    helps: bool = True
+    taken_out: str = ""
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of all that predictions depend on."""
+        digest = hashlib.sha256(repr((self.vehicles, self.helps)).encode())
+        for name, array in self.arrays.items():
+            digest.update(f"{name} {array.shape}".encode() + array.tobytes())
+        return digest.hexdigest()
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """All arrays by name."""
+        weights = {f"network {name}": weight for name, weight in sorted(self.network.items())}
+        errors = {f"error {name}": errors for name, errors in self.errors.items()}
+        return {**weights, **errors, "logits": self.logits, "differences": self.differences}
+
+    @property
+    def sentence(self) -> str:
+        """Who teaches, in words."""
+        names = read_out(self.vehicles)
+        sentence = f"An archive of past vehicles teaches this one before its tests do: {names}."
+        if not self.helps:
+            sentence = f"The archive of {names} is not used: left out, they were not predicted better with it."
+        return sentence + (f" {self.taken_out}, which this is, was taken out of it." if self.taken_out else "")
+
+    def likeness(self, found: FloatArray) -> float:
+        """Log odds that a vehicle is of the archive's kind, not of any, by :func:`differences` of its tests, (n, 3).
+
+        Both kinds are normal in each part of a crash. The deviation between the archive's vehicles is shrunk as if
+        one more had deviated as vehicles of any kind do.
+        """
+        n, mean = len(self.differences), self.differences.mean(axis=0)
+        spread = (_BETWEEN**2 + ((self.differences - mean) ** 2).sum(axis=0)) / n
+        within = _WITHIN**2 / len(found)
+        alike = _log_normal(found.mean(axis=0) - mean, spread * (1 + 1 / n) + within)
+        return alike - _log_normal(found.mean(axis=0) - _USUAL_MEAN, _BETWEEN**2 + within)
+
+
+def _log_normal(off: FloatArray, variance: FloatArray) -> float:
+    return float(-0.5 * (off**2 / variance + np.log(variance)).sum())
+
+
+def differences(measured_mps2: FloatArray, cae_mps2: FloatArray, speeds_mps: FloatArray) -> FloatArray:
+    """What a CAE model gets wrong on average in each part of a crash, shape (n, 3), in impact speeds per second.
+
+    Pulses are of shape (n, 1250 / k).
+    """
+    step_s = 1250 * DT_S / measured_mps2.shape[1]
+    ends = np.round(np.array(_PARTS_S) / step_s).astype(int)
+    off = (measured_mps2 - cae_mps2) / speeds_mps[:, None]
+    return np.array([off[:, begin:end].mean(axis=1) for begin, end in pairwise(ends)]).T
+
+
+def in_parts(off: FloatArray) -> str:
+    """Mean :func:`differences` in words: by how many percent of the impact speed more a test loses in each part."""
+    lost = -100 * off.mean(axis=0) * np.diff(_PARTS_S)
+    return f"{read_out([f'{share:.1f}'.replace('-', '−') for share in lost])} %"
+
+
+@dataclass(frozen=True, slots=True)
+class PastVehicle:
+    """A vehicle of an archive: its name, fingerprints of its CAE runs and tests, and the number of the tests."""
+
+    name: str
+    cae: str
+    tests: tuple[str, ...]
+
+    def is_of(self, cae: str, tests: Sequence[CrashTest]) -> bool:
+        """Whether any of these tests, or these CAE runs, were learned from."""
+        return self.cae == cae or not {test.digest for test in tests}.isdisjoint(self.tests)
+
+
+@dataclass(frozen=True, eq=False)
+class VehicleArchive:
+    """An archive: what its vehicles teach, all of them and all but each, and how that came out on the one left out.
+
+    ``record`` has one row a vehicle, number of tests and metric or rating: the columns of ``archive_record.csv``.
+    """
+
+    vehicles: tuple[PastVehicle, ...]
+    whole: Prior
+    without: tuple[Prior, ...]
+    record: pd.DataFrame
+    seed: int = 0
+
+    def __repr__(self) -> str:
+        return f"<VehicleArchive of {', '.join(vehicle.name for vehicle in self.vehicles)}>"
+
+    @property
+    def sentence(self) -> str:
+        """How its vehicles, each left out, were predicted with the others and without, in words."""
+        few = self.record[self.record["n_tests"] <= _FEW]
+        gains = few["rating"] - few["rating_without"]
+        by_vehicle = gains.groupby(few["vehicle"]).mean()
+        sizes = f"1 to {few['n_tests'].max()} tests"
+        return (
+            f"Each of its {len(by_vehicle)} vehicles left out and predicted from {sizes}, the others changed the mean "
+            f"rating by {signed(by_vehicle.mean(), 3)} ({signed(by_vehicle.min(), 3)} to "
+            f"{signed(by_vehicle.max(), 3)}): so few vehicles say little of the next."
+        )
+
+    def prior_for(self, name: str, cae: str, tests: Sequence[CrashTest]) -> Prior:
+        """What the archive teaches a vehicle with these CAE runs and tests, without itself.
+
+        Raises
+        ------
+        UsageError
+            If it shares CAE runs or tests with more than one vehicle of the archive.
+        """
+        same = [number for number, vehicle in enumerate(self.vehicles) if vehicle.is_of(cae, tests)]
+        if len(same) > 1:
+            names = read_out([self.vehicles[number].name for number in same])
+            raise UsageError(f"{name} shares tests or CAE runs with {names} of the archive: take one archive without.")
+        return replace(self.without[same[0]], taken_out=self.vehicles[same[0]].name) if same else self.whole
+
+    def save(self, path: str | Path) -> None:
+        """Write it to a ``.cfa`` file."""
+        priors = [self.whole, *self.without]
+        arrays = {f"{n} {name}": array for n, prior in enumerate(priors) for name, array in prior.arrays.items()}
+        record = {
+            "vehicles": [astuple(vehicle) for vehicle in self.vehicles],
+            "helps": [prior.helps for prior in priors],
+            "record": self.record.to_dict("list"),
+            "seed": self.seed,
+        }
+        write_atomically(Path(path), tensor_bytes(record, arrays))
+
+
+def load_archive(path: str | Path) -> VehicleArchive:
+    """Read an archive; a DataError if the file is none."""
+    path = Path(path)
+    if not path.is_file():
+        raise DataError(Problem(str(path), "an archive of vehicles", NO_FILE, "make it with crashfuse learn-archive"))
+    try:
+        record, arrays = read_tensors(path)
+        vehicles = tuple(PastVehicle(str(name), str(cae), tuple(tests)) for name, cae, tests in record["vehicles"])
+        names = [vehicle.name for vehicle in vehicles]
+        priors = [
+            _prior(number, tuple(names[: number - 1] + names[number:] if number else names), arrays, helps)
+            for number, helps in enumerate(record["helps"])
+        ]
+        if len(vehicles) < LEAST_VEHICLES or len(priors) != len(vehicles) + 1:
+            raise ValueError(f"{len(vehicles)} vehicles and {len(priors)} times what they teach")
+        whole, *without = priors
+        return VehicleArchive(vehicles, whole, tuple(without), pd.DataFrame(record["record"]), int(record["seed"]))
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        found = str(error) if isinstance(error, ValueError) else "another kind of file"
+        raise DataError(Problem(str(path), "an archive as crashfuse saved it", found, _AGAIN)) from error
+
+
+def _prior(number: int, vehicles: tuple[str, ...], arrays: Arrays, helps: object) -> Prior:
+    mine = {name.partition(" ")[2]: array for name, array in arrays.items() if name.partition(" ")[0] == str(number)}
+    if not all(np.isfinite(array).all() for array in mine.values()):
+        raise ValueError("numbers that are not finite")
+    parts = {
+        kind: {name.removeprefix(kind): array for name, array in mine.items() if name.startswith(kind)}
+        for kind in ("network ", "error ")
+    }
+    if mine["differences"].shape != (len(vehicles), len(_PARTS_S) - 1):
+        raise ValueError("vehicles whose CAE models are not described")
+    return Prior(vehicles, parts["network "], mine["logits"], parts["error "], mine["differences"], bool(helps))
