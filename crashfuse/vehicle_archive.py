@@ -187,7 +187,7 @@ class VehicleArchive:
         record = {
             "vehicles": [astuple(vehicle) for vehicle in self.vehicles],
             "helps": [prior.helps for prior in priors],
-            "record": self.record.to_dict("list"),
+            "record": self.record.to_dict("split", index=False),
             "seed": self.seed,
         }
         write_atomically(Path(path), tensor_bytes(record, arrays))
@@ -209,7 +209,7 @@ def load_archive(path: str | Path) -> VehicleArchive:
         if len(vehicles) < LEAST_VEHICLES or len(priors) != len(vehicles) + 1:
             raise ValueError(f"{len(vehicles)} vehicles and {len(priors)} times what they teach")
         whole, *without = priors
-        return VehicleArchive(vehicles, whole, tuple(without), pd.DataFrame(record["record"]), int(record["seed"]))
+        return VehicleArchive(vehicles, whole, tuple(without), pd.DataFrame(**record["record"]), int(record["seed"]))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         found = str(error) if isinstance(error, ValueError) else "another kind of file"
         raise DataError(Problem(str(path), "an archive as crashfuse saved it", found, _AGAIN)) from error
@@ -225,4 +225,6 @@ def _prior(number: int, vehicles: tuple[str, ...], arrays: Arrays, helps: object
     }
     if mine["differences"].shape != (len(vehicles), len(_PARTS_S) - 1):
         raise ValueError("vehicles whose CAE models are not described")
+    if mine["logits"].shape != (4, 5):
+        raise ValueError("weights of other approaches")
     return Prior(vehicles, parts["network "], mine["logits"], parts["error "], mine["differences"], bool(helps))

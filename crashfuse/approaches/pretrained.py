@@ -341,11 +341,14 @@ def _widened(pulses: FloatArray, factor: float) -> FloatArray:
 
 @functools.lru_cache(maxsize=8)
 def _network(prior: Prior | None) -> PretrainedNetwork:
-    """The network, with the weights that past vehicles tuned; a ValueError if they are not of it."""
+    """The network, with the weights that past vehicles tuned."""
     network = shipped_network()
     if prior is not None:
         tuned = {name: torch.from_numpy(np.array(weight, np.float32)) for name, weight in prior.network.items()}
-        network.load_state_dict({**network.state_dict(), **tuned})
+        try:
+            network.load_state_dict({**network.state_dict(), **tuned})
+        except RuntimeError as error:
+            raise CrashfuseError("The archive was learned with another network; learn it again.") from error
     return network.eval()
 
 

@@ -219,7 +219,7 @@ def _tuned(
         return weights, weights
 
     digest = hashlib.sha256(b"".join(rows.tobytes() for vehicle in mine for rows in vehicle)).hexdigest()
-    key = {"vehicles": digest, "seed": seed, "code": code_digest(tuned.__module__)}
+    key = {"vehicles": digest, "seed": seed, "code": code_digest(Vehicle.__module__)}
     return [(members, cache.get_or_compute(_NETWORKS, key, tune, dict, watch))]
 
 

@@ -1,0 +1,79 @@
+"""What an archive of past vehicles is worth to the next: ``python benchmarks/archive.py [--kind sister]``.
+
+Vehicles are drawn at random (``benchmarks/vehicles.py``), sisters of the sample's or of any kind, each with ten tests,
+every second with CAE runs paired with them. An archive is learned from some of them. Others, of the same kind and of
+the other one, are predicted by the fused prediction from 1, 2, 3, 4 and 6 of their tests with the archive and without.
+Printed are the mean rating over 0–60 ms, the lowest change of a vehicle, the share of metrics inside their 95 %
+intervals and how wide these are with the archive as a share of those without.
+"""
+
+import argparse
+
+import numpy as np
+import pandas as pd
+from vehicles import KINDS
+
+from crashfuse.campaign import Campaign
+from crashfuse.signals.metrics import metric_values
+from crashfuse.study.archive_learning import SIZES, learn_archive
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.learning_curve import learning_curve
+
+_CONFIG = StudyConfig(approaches=("fused",), windows_ms=(60.0,))
+_TESTS = 10
+
+
+def _campaign(kind: str, seed: int) -> Campaign:
+    return KINDS[kind](seed).campaign(_TESTS, paired=seed % 2 == 0)
+
+
+def _rows(campaign: Campaign, what: str) -> pd.DataFrame:
+    curve = learning_curve(campaign, _CONFIG, repeats=0)
+    measured = {
+        test.id: metric_values(test.pulse.accel_mps2, test.condition.speed_mps, occupant=campaign.occupant)
+        for test in campaign.tests
+    }
+    rows: list[dict[str, float]] = []
+    for (_, row), forecast in zip(curve.table.iterrows(), curve.forecasts, strict=True):
+        values = {name: float(value) for name, value in measured[row["held_out"]].items()}
+        ends = {name: distribution.interval for name, distribution in forecast.items() if distribution is not None}
+        known = {
+            name: (low, high)
+            for name, (low, high) in ends.items()
+            if low is not None and high is not None and np.isfinite(values[name])
+        }
+        inside = [low <= values[name] <= high for name, (low, high) in known.items()]
+        widths = {f"width {name}": high - low for name, (low, high) in known.items()}
+        rows.append({"n_tests": row["n_tests"], "rating": row["overall"], "inside": float(np.mean(inside)), **widths})
+    table = pd.DataFrame(rows)
+    return table[table["n_tests"].isin(SIZES)].groupby("n_tests").mean().add_suffix(what)
+
+
+def main() -> None:
+    """Learn, predict, print a Markdown table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kind", choices=list(KINDS), default="sister", help="of the archive's vehicles")
+    parser.add_argument("--archive", type=int, nargs="*", default=[9101, 9102, 9103, 9104], help="their seeds")
+    parser.add_argument("--judged", type=int, nargs="*", default=[9109, 9110, 9111, 9112], help="seeds of the others")
+    given = parser.parse_args()
+    archive = learn_archive([_campaign(given.kind, seed) for seed in given.archive])
+    print(archive.sentence)
+    parts = []
+    for kind in ("sister", "any"):
+        for seed in given.judged:
+            campaign = _campaign(kind, seed)
+            taught = _rows(campaign.with_archive(archive), "")
+            part = taught.join(_rows(campaign, " without")).reset_index()
+            widths = [column for column in taught if column.startswith("width")]
+            narrower = np.log(part[widths].to_numpy() / part[[f"{name} without" for name in widths]].to_numpy())
+            part["width"] = np.exp(np.nanmean(narrower, axis=1))
+            parts.append(part.assign(kind=kind, change=part["rating"] - part["rating without"]))
+            print(parts[-1][["kind", "n_tests", "rating", "rating without", "width"]].round(3), flush=True)
+    columns = ["rating", "rating without", "inside", "inside without", "width"]
+    groups = pd.concat(parts).groupby(["kind", "n_tests"])
+    table = groups[columns].mean().join(groups["change"].min().rename("lowest change"))
+    print(table.reset_index().round(3).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
