@@ -70,7 +70,7 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
 
 
 def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
-    """The time that the channels have in common, and their values then, shape (n_channels, n)."""
+    """The time in common, and the values then, shape (n_channels, n)."""
     evens = [resample_evenly(channel, where) for channel in channels]
     steps.extend(note for *_, note in evens if note)
     times = [time for time, *_ in evens]
@@ -82,13 +82,16 @@ def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[s
         if abs(time[1] - time[0] - step) > tolerance or clock.size < _FEWEST:
             shown = ((channels[0].name, first), (channel.name, time))
             found = ", ".join(f"{name} at {1 / (t[1] - t[0]):.6g} Hz from {time_text(t[0], 6)}" for name, t in shown)
-            advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
-            raise DataError(Problem(where, "channels sampled alike to average", found, advice))
+            raise DataError(Problem(where, "channels sampled alike to average", found, _choose(channels[0])))
     if any(abs(time[0] - first[0]) > tolerance for time in times):
         starts = ", ".join(f"{one.name} from {time_text(t[0], 6)}" for one, t in zip(channels, times, strict=True))
         steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
     steps.append(f"Recorded at {(clock.size - 1) / (clock[-1] - clock[0]):.6g} Hz from {time_text(clock[0], 6)}.")
     return clock, np.array([np.interp(clock, time, values) for time, values, _ in evens])
+
+
+def _choose(channel: "RecordedChannel | _Signal", what: str = "one") -> str:
+    return f"choose {what} (--channel {shlex.quote(channel.name)})"
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:
@@ -98,7 +101,7 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     if not chosen:
         is_bad = all(channel.doubt == Doubt.FAILED or channel.is_simulated for channel in record.channels)
         expected = "a sound channel of {}" if is_bad else "the channel of {} that is the vehicle's pulse"
-        advice = f"choose one, or several to be averaged (--channel {shlex.quote(record.channels[0].name)})"
+        advice = _choose(record.channels[0], "one, or several to be averaged")
         missing.append(Problem(record.source, expected.format(record.id), record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
@@ -118,7 +121,7 @@ def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
 
 
 def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
-    """Those chosen, else the largest group that agree in change of velocity, in a test also in time and shape."""
+    """Those chosen, else most of them: alike in change of velocity, in a test also in time and shape."""
     record, choices, steps = case.record, case.choices, case.steps
     chosen = record.chosen(choices.channels)
     if choices.channels:
@@ -153,8 +156,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
         return chosen
     if not majority:
         expected = f"channels of {record.id} that agree in time, shape and change of velocity"
-        advice = f"choose one (--channel {shlex.quote(reference.name)})"
-        raise DataError(Problem(record.source, expected, joined(texts, "; "), advice))
+        raise DataError(Problem(record.source, expected, joined(texts, "; "), _choose(reference)))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")
         steps.append(Sentence("Careful: left out, unlike the others: {}.", odd))
@@ -245,9 +247,8 @@ def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedC
         time_s, values = signals[channel.name]
         factor = ACCELERATION_UNITS.get(case.choices.unit or channel.unit or "", G)
         others = [np.interp(time_s, *signals[other.name]) for other in channels if other is not channel]
-        expected = np.mean(others, axis=0) if others else values
-        faults = confirmed(sensor_faults(time_s, values * factor), time_s, values * factor, expected * factor)
-        if faults:
+        accel, expected = values * factor, (np.mean(others, axis=0) if others else values) * factor
+        if faults := confirmed(sensor_faults(time_s, accel), time_s, accel, expected):
             clauses = joined([fault.text for fault in faults], "; ")
             failures[channel.name] = Sentence("{}: {}", printable(channel.name), clauses)
     sound = tuple(channel for channel in channels if channel.name not in failures)
@@ -265,8 +266,7 @@ def average(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[FloatArr
     source = case.record.source
     if case.choices.unit is None and len({channel.unit for channel in channels}) > 1:
         found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
-        advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
-        raise DataError(Problem(source, "channels of one unit to average", found, advice))
+        raise DataError(Problem(source, "channels of one unit to average", found, _choose(channels[0])))
     time_s, values = _on_one_clock(channels, source, case.steps)
     if len(channels) > 1:
         case.steps.append(f"{len(channels)} channels averaged.")

@@ -35,15 +35,15 @@ class Choices:
     channels : tuple of str
         Names of the channels to average.
     unit : str, optional
-        Unit of the acceleration, as :func:`crashfuse.readers.vocabulary.acceleration_unit` takes it.
+        Unit of the acceleration, however it is spelt.
     deceleration_sign : {"negative", "positive"}, optional
-        Whether the file writes deceleration as negative or as positive numbers.
+        How the file writes deceleration.
     time_zero_s : float, optional
         Time of first contact in the file's own time.
     gap_m : float, optional
         Distance that CAE runs move before they meet the barrier; a run that decelerates before is left as it is.
     front_share : float, optional
-        Share of the mass on the front axle, for files that state only the total mass.
+        Share of the mass on the front axle.
     """
 
     channels: tuple[str, ...] = ()
@@ -84,13 +84,13 @@ class UnknownUnit(Problem):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Case:
-    """A record on its way to a pulse: its speed is NaN where it is unknown; steps are appended to those so far."""
+    """A record on its way to a pulse."""
 
     record: Record
     choices: Choices
     role: Role
-    speed_mps: float
-    steps: list[str]
+    speed_mps: float  # NaN if unknown
+    steps: list[str]  # so far
 
     @property
     def is_moving(self) -> bool:
@@ -107,8 +107,8 @@ def unit_and_sign(
     case: Case, channels: tuple[RecordedChannel, ...], time_s: FloatArray, values: FloatArray
 ) -> tuple[str, str]:
     """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed."""
-    choices, steps, moving, gain = case.choices, case.steps, case.is_moving, delta_v(time_s, values)
-    fitting = [name for name, factor in ACCELERATION_UNITS.items() if moving and case.fits(gain * factor)]
+    choices, steps, gain = case.choices, case.steps, delta_v(time_s, values)
+    fitting = [name for name, factor in ACCELERATION_UNITS.items() if case.is_moving and case.fits(gain * factor)]
     label = choices.unit or channels[0].unit
     if label is None:
         if len(fitting) != 1:
@@ -124,7 +124,7 @@ def unit_and_sign(
         raise DataError(_unlike(case, time_s, change, label, f"check the unit: {fitting[0]} would fit (--unit)"))
     found = "negative" if gain <= 0 or case.speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
-    if moving and sign != found:
+    if case.is_moving and sign != found:
         other, advice = Sentence("a change of {}", speed(change)), "remove --deceleration-sign"
         raise DataError(Problem(case.record.source, f"{sign} deceleration, as chosen", other, advice))
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
@@ -178,8 +178,8 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
         zero, why = begins.calm_s, "deceleration begins there"
     if not start - step_of(time_s) <= zero <= end:
         found = f"a record from {number(start / MS, '.4g')} to {time_text(end)}"
-        expected = f"time zero at {time_text(zero)} ({why})"
-        raise DataError(Problem(case.record.source, expected, found, "give the time of first contact (--time-zero-ms)"))
+        expected, advice = f"time zero at {time_text(zero)} ({why})", "give that of first contact (--time-zero-ms)"
+        raise DataError(Problem(case.record.source, expected, found, advice))
     steps.append(f"Time zero at {time_text(zero)} of the file: {why}; deceleration {began}.")
     if begins is not None and role == "tests" and abs(begins.calm_s - zero) > _SUSPICIOUS_S:
         steps.append("Careful: deceleration begins far from time zero; check it.")
@@ -187,9 +187,9 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
         after = time_s >= zero
         free_m = speed_mps * free_travel_s(time_s[after], accel[after])
         if free_m > LEAST_M:
+            take = f"take out a gap (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})"
             steps.append(
-                f"Careful: the vehicle moves {free_m / MS:.0f} mm from time zero before it decelerates. "
-                f"Take out a gap (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})."
+                f"Careful: the vehicle moves {free_m / MS:.0f} mm from time zero before it decelerates; {take}."
             )
     return zero
 
@@ -199,15 +199,12 @@ def filter_class(
 ) -> float | None:
     """The channel filter class to apply; None for no filter."""
     chosen = case.choices.channel_filter_class
-    if chosen == "none":
-        case.steps.append("Not filtered, as chosen.")
-        return None
-    if chosen is not None:
+    if chosen is not None and chosen != "none":
         return float(chosen)
-    if why := filtered_before(channels, time_s, accel):
+    why = filtered_before(channels, time_s, accel) if chosen is None else "chosen by the user"
+    if why:
         case.steps.append(f"Not filtered: {why}.")
-        return None
-    return _DEFAULT_CFC
+    return None if why else _DEFAULT_CFC
 
 
 def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray) -> str:

@@ -12,7 +12,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 import pandas as pd
 
 from crashfuse.campaign_folder.pulse_files import read_pulse
@@ -303,7 +302,6 @@ def _channels(path: Path) -> dict[tuple[str, int], Channel]:
 
 
 def _signal(channel: Channel) -> _Curve:
-    if channel.interval_s is None or channel.values.size < 2:
+    if channel.time_s is None:
         raise DataError(Problem(channel.code, "an evenly sampled signal", "no sampling interval", "export it again"))
-    time_s = (channel.start_s or 0.0) + np.arange(channel.values.size) * channel.interval_s
-    return Pulse(time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown")
+    return Pulse(channel.time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown")

@@ -35,9 +35,7 @@ _NODES = ("binout", "nodout", "nodouthf")
 _LISTINGS = ("d3hsp", "messag", "mes")
 _KIND = "binout or nodout of LS-DYNA"
 
-# size limits of a library; only the needed part of a binout is read, however long it is
-LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
-
+LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)  # only what is needed is read
 _MOST_UNZIPPED = 256 << 20  # bytes of a zipped binout, which must be read in memory
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept for a single run, per run of many, for all runs
 
@@ -170,8 +168,8 @@ def _record(
     speed_or_why, mass_and_source = (speed_mps, no_speed), (mass, "from the kinetic energy at that speed (glstat)")
     quality, about = quality_of(glstat, matsum), _about(files, run, budget, steps)
     force = f"{AXES[solver_run.axis_of_travel(run.start, travel)]}_force"
-    forces = [(time, state[force]) for time, state in sorted(run.walls.items()) if force in state]
-    wall = (np.array([time for time, _ in forces]), np.array([value for _, value in forces]))
+    forces = {time: state[force] for time, state in sorted(run.walls.items()) if force in state}
+    wall = np.array([*forces]), np.array([*forces.values()])
     known = speed_or_why, mass_and_source, quality, steps, about, wall
     return solver_run.run_record(run_id, source, run.nodes, proposed, units, *known)
 

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeVar
 
@@ -36,7 +37,8 @@ def opened_members(
     members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():
-            members.append(_on_disk(file, folder))
+            inside = PurePosixPath(file.relative_to(folder).as_posix())
+            members.append(Member(inside, str(inside), partial(file.open, "rb")))
             size += file.stat().st_size
             if len(members) > limits.members:
                 raise too_many(path.name, len(members), limits)
@@ -55,7 +57,7 @@ def read_all(items: Iterable[Item], read: Callable[[Item], Result], source: str)
 
 
 def files_below(folder: Path) -> Iterator[Path]:
-    """Yield all files in a folder and its subfolders; a DataError for an unreadable one."""
+    """Yield all files in a folder and those in it; a DataError for an unreadable one."""
 
     def refuse(error: OSError) -> None:
         found, advice = error.strerror or str(error), "ask for the right to read it"
@@ -80,8 +82,3 @@ def is_numbered(path: PurePath) -> bool:
     """Whether a name ends in the number of a channel, as ``T1.001`` does."""
     number = path.suffix[1:]
     return len(number) >= 3 and number.isascii() and number.isdecimal()
-
-
-def _on_disk(path: Path, folder: Path) -> Member:
-    inside = PurePosixPath(path.relative_to(folder).as_posix())
-    return Member(inside, str(inside), lambda: path.open("rb"))

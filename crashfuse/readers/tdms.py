@@ -46,8 +46,7 @@ _MOST_CLOCKS = 1000
 _SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
 _ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
-# size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB
-TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
+TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)  # 1000 channels of 10,000 samples have 80 MB
 
 
 def _text_of(properties: Properties, name: str) -> str:
@@ -71,9 +70,8 @@ def _waveform(
     if clock is None or clock.size != values.size:
         expected, advice = "samples and the time between them (wf_increment)", "export it with a channel of time"
         raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice))
-    unit = vocabulary.unit_named(
-        _text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"), "acceleration"
-    )
+    stated = _text_of(properties, "unit_string") or _text_of(properties, "inst_yunits")
+    unit = vocabulary.unit_named(stated, "acceleration")
     cutoff_hz = _number_of(properties, "inst_prefil") or None
     # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
     origin, status = (
@@ -99,12 +97,9 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         every.append(_Candidate(channel, properties, use))
     found, what = [one for one in every if one.use.role == "acceleration"], "acceleration"
     if not found:
-        what, unknown = "channel", [one for one in every if one.use.is_unknown]
-        found = [
-            one
-            for one in unknown
-            if not (_text_of(one.properties, "unit_string") or table_headers.why_no_acceleration(one.channel.name, ""))
-        ]
+        unknown = [one for one in every if one.use.is_unknown and not _text_of(one.properties, "unit_string")]
+        found = [one for one in unknown if not table_headers.why_no_acceleration(one.channel.name, "")]
+        what = "channel"
     if not found:
         expected = "accelerations along X, by units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
@@ -121,16 +116,10 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         steps.append(f"Left out for lack of samples or of their time: {', '.join(map(printable, unread))}.")
     chosen, why = _proposed(channels, len(found), what)
     about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
-    recorded, other, steps = tuple(channels.values()), vocabulary.other_setup(about), [*steps, *why]
-    pedigree = {
-        name: text
-        for name, words in _ABOUT.items()
-        for key in file.properties
-        if re.fullmatch(words, key) and (text := _text_of(file.properties, key))
-    }
-    return Record(
-        record_id, where, condition, recorded, chosen, tuple(steps), unread=unread, other_setup=other, about=pedigree
-    )
+    pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
+    pedigree = {name: text for name, key in pairs if (text := _text_of(file.properties, key))}
+    read = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
+    return Record(*read, unread=unread, other_setup=vocabulary.other_setup(about), about=pedigree)
 
 
 def _read_channels(
@@ -174,7 +163,7 @@ def _aligned(
 def _clock_of(
     one: _Candidate, clocks: Sequence[_Candidate], file: TdmsFile, times: dict[str, FloatArray]
 ) -> FloatArray | None:
-    """A channel of time of equal length, if any: of its group, and of a name that begins alike."""
+    """Of equal length, if any, of its group, and of a name that begins alike."""
     size = file.size(one.channel)
     alike = [clock for clock in clocks if file.size(clock.channel) == size >= 2]
     if not alike:
@@ -189,8 +178,7 @@ def _clock_of(
     key = f"{clock.channel.group}/{clock.channel.name}"
     if key not in times:
         time = file.values(clock.channel)
-        unit = clock.use.unit or ("s" if np.ptp(time) <= _LONGEST_S else "ms")
-        times[key] = time * UNITS["time"][unit]
+        times[key] = time * UNITS["time"][clock.use.unit or ("s" if np.ptp(time) <= _LONGEST_S else "ms")]
     return times[key]
 
 
@@ -250,8 +238,7 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     sensors = {_sensor(place, pair[1]): pair for place, pair in enumerate(pairs, start=1)}
     candidates = nhtsa.of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
     if not candidates:
-        found, advice = f"none in {len(pairs)} channels", "download all channels of the test"
-        raise DataError(Problem(where, "X accelerations of the vehicle", found, advice))
+        raise DataError(Problem(where, nhtsa.LACKING[0], f"none in {len(pairs)} channels", nhtsa.LACKING[1]))
 
     def read(sensor: Sensor) -> RecordedChannel:
         channel, _ = sensors[sensor]
@@ -261,11 +248,9 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     test = sensors[candidates[0]][1]
     speed = _number_of(test, "veh_vehspd") or _number_of(test, "test_clsspd")
     mass = _number_of(test, "veh_vehtwt")
-    car = " ".join(filter(None, (_text_of(test, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
-    steps = [
-        f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}.",
-        *nhtsa.condition_steps(speed, mass, where),
-    ]
+    car = " ".join(filter(None, (_text_of(test, f"veh_{name}") for name in ("year", "maked", "modeld"))))
+    title = f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}."
+    steps = [title, *nhtsa.condition_steps(speed, mass, where)]
     condition = PartialCondition(speed * KPH or None, mass or None)
     other = nhtsa.other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}

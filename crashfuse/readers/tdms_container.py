@@ -48,9 +48,8 @@ class _Scales:
     def __init__(self, properties: Properties) -> None:
         self._properties, self._left = properties, _MOST_STEPS
         indices = (int(match[1]) for name in properties if (match := _TYPE.fullmatch(name)))
-        self.count = self._whole("ni_number_of_scales", float(max(indices, default=-1) + 1))
-        if str(properties.get("ni_scaling_status")).lower() == "scaled":
-            self.count = 0
+        count = self._whole("ni_number_of_scales", float(max(indices, default=-1) + 1))
+        self.count = 0 if str(properties.get("ni_scaling_status")).lower() == "scaled" else count
 
     def _whole(self, name: str, usual: float | None = None) -> int:
         number = self._properties.get(name, usual)
@@ -117,7 +116,7 @@ _Extent = tuple[tuple[int, int], str, int, tuple[int, int]]
 
 @dataclass(slots=True)
 class TdmsChannel:
-    """A channel of a TDMS file; property names are in lower case, because files differ in case."""
+    """A channel of a TDMS file."""
 
     group: str
     name: str
@@ -128,7 +127,7 @@ class TdmsChannel:
 
 @dataclass(frozen=True, slots=True)
 class TdmsFile:
-    """A TDMS file with its own properties; the values of its channels are read on demand."""
+    """A TDMS file; the values of its channels are read on demand."""
 
     properties: dict[str, str | float]
     channels: tuple[TdmsChannel, ...]
@@ -137,7 +136,7 @@ class TdmsFile:
     _where: str
 
     def properties_of(self, channel: TdmsChannel) -> Properties:
-        """All properties of a channel: its own, else its group's, else the file's."""
+        """Of a channel, else of its group, else of the file."""
         return ChainMap(*self._levels(channel))
 
     def _levels(self, channel: TdmsChannel) -> list[dict[str, str | float]]:
@@ -169,9 +168,9 @@ def parse_tdms(content: bytes, where: str) -> TdmsFile:
     reader = _Reader(content, where)
     while len(content) - reader.at >= 28:
         reader.segment()
-    channels = tuple(item for item in reader.objects.values() if item.name)
-    groups = {item.group: item for item in reader.objects.values() if item.group and not item.name}
-    root = reader.objects.get("/")
+    root, items = reader.objects.get("/"), [*reader.objects.values()]
+    groups = {item.group: item for item in items if item.group and not item.name}
+    channels = tuple(item for item in items if item.name)
     return TdmsFile(root.properties if root else {}, channels, groups, content, where)
 
 

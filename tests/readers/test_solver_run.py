@@ -13,9 +13,9 @@ from crashfuse.errors import DataError
 from crashfuse.importing import Choices, import_source, settle
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition
-from crashfuse.readers.solver_run import Energies as Histories
-from crashfuse.readers.solver_run import History, axis_of_travel, departure
+from crashfuse.readers.solver_run import History, axis_of_travel, departure, quality_by_histories
 from crashfuse.readers.vocabulary import TRAVELS, Travel
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.testing.readers import written
 from tests.conftest import SHARED, Capture, needs_shared
 from tests.importing.crash_files import isomme
@@ -226,19 +226,19 @@ def test_a_damaged_glstat_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("histories", "quality"),
     [
-        (Histories(), RunQuality()),
-        (Histories(total=np.array([0.0, 1.0]), work=np.zeros(2)), RunQuality()),
-        (Histories(total=np.array([1.0, np.nan]), work=np.zeros(2)), RunQuality()),
-        (Histories(total=np.array([1.0, 1.2]), work=np.array([0.5, 0.7])), RunQuality(0.0)),
-        (Histories(total=np.array([1.0, 9.0]), work=np.zeros(2)), RunQuality(1.0)),
-        (Histories(internal=np.zeros(2), hourglass=np.zeros(2)), RunQuality()),
-        (Histories(internal=np.array([0.0, 2.0]), hourglass=np.array([0.0, -1e-9])), RunQuality(hourglass_share=0.0)),
-        (Histories(added_mass=np.array([0.1, 3.0])), RunQuality(added_mass_share=1.0)),
+        ({}, RunQuality()),
+        ({"total": np.array([0.0, 1.0]), "work": np.zeros(2)}, RunQuality()),
+        ({"total": np.array([1.0, np.nan]), "work": np.zeros(2)}, RunQuality()),
+        ({"total": np.array([1.0, 1.2]), "work": np.array([0.5, 0.7])}, RunQuality(0.0)),
+        ({"total": np.array([1.0, 9.0]), "work": np.zeros(2)}, RunQuality(1.0)),
+        ({"internal": np.zeros(2), "hourglass": np.zeros(2)}, RunQuality()),
+        ({"internal": np.array([0.0, 2.0]), "hourglass": np.array([0.0, -1e-9])}, RunQuality(hourglass_share=0.0)),
+        ({"added_mass_percent": np.array([10.0, 300.0])}, RunQuality(added_mass_share=1.0)),
     ],
 )
-def test_quality_follows_from_the_histories(histories: Histories, quality: RunQuality) -> None:
+def test_quality_follows_from_the_histories(histories: dict[str, FloatArray], quality: RunQuality) -> None:
     """What can't be computed is not recorded; what lies beyond the whole counts as all of it."""
-    found = histories.quality
+    found = quality_by_histories(**histories)
     assert (found.hourglass_share, found.added_mass_share) == (quality.hourglass_share, quality.added_mass_share)
     assert found.energy_change == (None if quality.energy_change is None else pytest.approx(quality.energy_change))
 
