@@ -74,7 +74,7 @@ class ConditionTable:
 def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
     """Read a condition table, in units by the endings of its columns; a DataError has every problem of it.
 
-    A CAE run may start at rest, a test may not. A list made ``by_hand`` may have a spreadsheet's decimal commas.
+    A list made ``by_hand`` may have a spreadsheet's decimal commas.
     """
     problems: list[Problem] = []
     table = read_lenient(path, role, problems, by_hand=by_hand)
@@ -186,7 +186,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def id_trouble(run_id: str) -> tuple[str, str, str] | None:
-    """Expected, found and advice for an id that is no file name on every platform, or is a formula to a spreadsheet."""
+    """Expected, found and advice for an id that is no file name on every platform, or a formula."""
     if not run_id:
         return "an id in each row", "an empty cell", "name the row"
     found = repr(printable(run_id, 60))
@@ -199,7 +199,7 @@ def id_trouble(run_id: str) -> tuple[str, str, str] | None:
 
 
 def folded(name: str) -> str:
-    """A name as seen by a file system that ignores case and Unicode normalisation."""
+    """A name as a file system sees it that ignores case and Unicode normalisation."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
@@ -210,9 +210,8 @@ def safe_id(name: str) -> str:
     plain = plain.strip(" ").rstrip(". ")
     if plain.startswith(_FORMULA):
         plain = f"_{plain[1:]}"
-    if plain and id_trouble(plain) is not None:  # the name of a device
-        plain = f"_{plain}"
-    return plain or "record"
+    plain = plain or "record"
+    return plain if id_trouble(plain) is None else f"_{plain}"  # the name of a device
 
 
 def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
@@ -263,7 +262,7 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
 
 def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[RunQuality, ...]:
     columns = [name for name in QUALITIES if name in frame]
-    if not columns or not (frame[columns] != "").to_numpy().any():
+    if not (frame[columns] != "").to_numpy().any():
         return ()
     values: dict[str, list[float | None]] = {}
     for name in columns:

@@ -152,8 +152,8 @@ def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) 
 def undo(folder: Path, last: Change | None = None) -> Change:
     """Undo the last change of a campaign folder, which is returned: every file is again what it was, byte for byte.
 
-    ``last`` is the change that is meant. A DataError leaves the folder as it is: there is none, another one was made
-    since, or one of its files was changed since.
+    ``last`` is the change that is meant. A DataError leaves the folder as it is: there is none, or it or one of its
+    files was changed since.
     """
     with taking_turns(folder):
         change = next(iter(changes(folder)), None)
@@ -272,7 +272,7 @@ def _read(path: Path) -> Change | None:
         if path.parent.is_symlink() or path.is_symlink() or path.stat().st_size > _LARGEST:
             return None
         values = json.loads(path.read_text(encoding="utf-8"))
-        files = tuple(ChangedFile(row["name"], row["before"], row["after"]) for row in values["files"])
+        files = tuple(ChangedFile(**row) for row in values["files"])
         if not all(map(_is_sound, files)) or len({file.name for file in files}) != len(files):
             return None
         what, when = printable(str(values["what"])), printable(str(values["when"]), 40)

@@ -15,8 +15,8 @@ import pandas as pd
 from crashfuse.campaign_folder.condition_tables import RowNumbers, find_column, listed, numbers_in
 from crashfuse.campaign_folder.plausibility import gap_s
 from crashfuse.errors import CHECK_PATH, KEEP_ONE, NO_FILE, DataError, Problem, collecting, printable, shortened
-from crashfuse.files.csv_text import CsvTable, unreadable
-from crashfuse.files.parquet import ParquetTable
+from crashfuse.files.csv_text import unreadable
+from crashfuse.files.parquet import opened_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault, sensor_faults
@@ -290,7 +290,7 @@ def _sample_batches(
     Cells that are not numbers become problems and NaN; what makes a file unreadable is a DataError.
     """
     empty = True
-    with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where) as table:
+    with opened_table(path, where) as table:
         (time, to_s), (accel, to_mps2) = _columns(table.names, where, with_id=with_id)
         for frame, rows in table.blocks([*(["id"] if with_id else []), time, accel]):
             if any((blank := _blank(frame)).tolist()):

@@ -1,7 +1,7 @@
 """Untrusted Parquet tables: the requested columns, batch by batch, once it is known what their pages unpack to."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import IO, Self
 
@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.errors import KEEP_ONE, DataError, Problem, printable
-from crashfuse.files.csv_text import require_file
+from crashfuse.files.csv_text import CsvTable, require_file
 
 _BATCH_ROWS = 1_000_000
 _HARMLESS = 64 << 20  # bytes of a column that may always be decoded
@@ -87,6 +87,11 @@ class ParquetTable:
             return False
         expected = "text" if name == "id" else "numbers"
         raise DataError(Problem(self._where, expected, f"values of type {kind}", _AGAIN, name))
+
+
+def opened_table(path: Path, where: str) -> AbstractContextManager[ParquetTable | CsvTable]:
+    """Open a table in either form."""
+    return (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where)
 
 
 def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:

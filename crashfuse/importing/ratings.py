@@ -17,8 +17,8 @@ import pandas as pd
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError, one_of, printable, require_a, several
-from crashfuse.files.csv_text import CsvTable, read_rows
-from crashfuse.files.parquet import ParquetTable
+from crashfuse.files.csv_text import read_rows
+from crashfuse.files.parquet import opened_table
 from crashfuse.importing.channels import missing_choices, resample_evenly
 from crashfuse.importing.detection import Choices, delta_v
 from crashfuse.importing.pulse_conversion import settled_at
@@ -50,14 +50,11 @@ _Class = float | Literal["none"] | None
 
 @dataclass(frozen=True, slots=True)
 class RatingChoices:
-    """How the files of a rating are read, beyond what the import detects; a UsageError if there is no such choice.
-
-    Without ``channel_filter_class`` both are filtered as the import does, and tables in our own form not at all.
-    """
+    """How the files of a rating are read, beyond what the import detects; a UsageError if there is no such choice."""
 
     channels: tuple[str, ...] = ()  # of the reference, to be averaged
     comparison_channels: tuple[str, ...] = ()  # of the comparison, if they are others
-    channel_filter_class: _Class = None
+    channel_filter_class: _Class = None  # as the import finds; tables in our own form are not filtered
     unit: str | None = None  # of the acceleration in files of other formats
     also: tuple[str, ...] = ()  # measures beside the rating: sprague-geers, anova
 
@@ -160,9 +157,8 @@ def _split(cell: str) -> tuple[str, ...]:
 def _pair_table(
     reference: Path, comparison: Path, windows_ms: Sequence[float], choices: RatingChoices, read: _Read
 ) -> pd.DataFrame:
-    names = {"reference": str(reference), "comparison": str(comparison)}
-    rows = _rated_rows(*_curves(reference, comparison, choices, read), windows_ms, choices.also)
-    return _ratings_table([{**names, **row} for row in rows])
+    rows = [*_rated_rows(*_curves(reference, comparison, choices, read), windows_ms, choices.also)]
+    return _ratings_table(rows).assign(reference=str(reference), comparison=str(comparison))
 
 
 def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Read) -> tuple[_Curve, _Curve]:
@@ -222,7 +218,7 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None)
 def _is_own(path: Path) -> bool:
     with suppress(DataError):
         if path.suffix in (".csv", ".parquet"):
-            with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, path.name) as table:
+            with opened_table(path, path.name) as table:
                 has_time = any(f"time_{unit}" in table.names for unit in TIME)
                 has_acceleration = any(f"acceleration_{unit}" in table.names for unit in ACCELERATION)
                 return has_time and has_acceleration and "id" not in table.names
@@ -293,12 +289,12 @@ def _rows(
 
 def _channels(path: Path) -> dict[tuple[str, int], Channel]:
     count: Counter[str] = Counter()
-    found: dict[tuple[str, int], Channel] = {}
+    numbered: dict[tuple[str, int], Channel] = {}
     for channel in read_isomme(path).channels:
         if code := channel.code.upper():
             count[code] += 1
-            found[code, count[code]] = channel
-    return found
+            numbered[code, count[code]] = channel
+    return numbered
 
 
 def _signal(channel: Channel) -> _Curve:

@@ -88,7 +88,7 @@ class Reading:
 
 
 def format_of(source: Path) -> str:
-    """The format of a file, folder or zip, by the file names in it; a DataError for none, or several besides tables."""
+    """The format of a source, by the names of its files; a DataError for none, or several besides tables."""
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", CHECK_PATH))
     found = formats_of(_names(source)) or formats_of(name for inner in _archives(source) for name in _names(inner))
@@ -159,14 +159,11 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         if unread := [path.name for path in others]:
             notes.append(f"Careful: tables in the source are left out, {listed(unread)}; import them by themselves.")
     for record in tables.records if fmt == TABLES else _of_homes(source, fmt, reading.travel, problems):
-        if reading.record_id is not None:
-            if ids:
-                raise UsageError(f"One id is not enough: {source.name} holds several records.")
-            record = replace(record, id=reading.record_id)
-        record = replace(record, steps=(*record.steps, *([] if ids else notes)))
-        ids.append(record.id)
-        record = tables.given_to(record)
-        name = safe_id(record.id)
+        if reading.record_id is not None and ids:
+            raise UsageError(f"One id is not enough: {source.name} holds several records.")
+        ids.append(reading.record_id or record.id)
+        record = replace(record, id=ids[-1], steps=(*record.steps, *(notes if len(ids) == 1 else [])))
+        record, name = tables.given_to(record), safe_id(record.id)
         if reading.record_id is None and name != record.id:
             note = f"Its id is {name}, because {printable(record.id, 60)!r} cannot name a file on every system."
             record = replace(record, id=name, steps=(*record.steps, note))
@@ -185,8 +182,8 @@ def _names(source: Path) -> Iterable[PurePath]:
         return islice(files_below(source), _MOST_FILES)
     if is_archive(source.name):
         with source.open("rb") as stream:
-            listed = archive.tar_members if archive.is_tar(source.name) else archive.zip_members
-            return [member.path for member in listed(stream, source.name, DEFAULT_LIMITS)]
+            members = archive.tar_members if archive.is_tar(source.name) else archive.zip_members
+            return [member.path for member in members(stream, source.name, DEFAULT_LIMITS)]
     return [source]
 
 
