@@ -35,7 +35,7 @@ def check_tests_differ(
 ) -> None:
     """Reject tests that are copies of each other, and warn of those that might be.
 
-    Pulses are on the study grid, shape (n_tests, 1250); ``ends_s`` is where shorter records end, by id.
+    Pulses are on the study grid; ``ends_s`` is where shorter records end, by id.
     """
     ends = [ends_s.get(test_id, np.inf) for test_id in table.ids]
     records = [row[: np.searchsorted(GRID_S, end, "right")] for row, end in zip(accel, ends, strict=True)]
@@ -48,10 +48,8 @@ def check_tests_differ(
         else:
             doubtful.append(f"{table.ids[one]} and {table.ids[other]} ({100 * share:.1f} %)")
     if doubtful:
-        warnings.append(
-            f"tests.csv: shifted and scaled, the pulses of some tests hardly differ: {_pairs(doubtful)}. They may be "
-            "good repeats; check that none is a copy."
-        )
+        finding = f"tests.csv: shifted and scaled, some tests hardly differ: {_pairs(doubtful)}"
+        warnings.append(f"{finding}. They may be good repeats; check that none is a copy.")
 
 
 def check_runs_differ(table: ConditionTable, accel: npt.NDArray[np.float32], warnings: list[str]) -> None:

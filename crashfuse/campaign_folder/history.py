@@ -101,7 +101,7 @@ def settle(folder: Path) -> None:
             with taking_turns(folder):
                 pass
         except OSError as error:
-            trouble = "finished changes", "an interrupted one", "open it where its folder can be written"
+            trouble = "finished changes", "an interrupted one", "open it where it can be written"
             raise DataError(Problem(str(folder), *trouble)) from error
 
 
@@ -258,7 +258,7 @@ def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
 
 def _by_hand(home: Path) -> str:
     kept = f"{_HOME}/{home.name}"
-    return f"compare the campaign with {kept}/{_BEFORE}, put it right by hand, then remove {kept}"
+    return f"compare the campaign with {kept}/{_BEFORE}, put it right, then remove {kept}"
 
 
 def _entries(folder: Path, names: str = "[0-9]" * 6) -> list[Path]:

@@ -24,7 +24,7 @@ Faults = Mapping[str, tuple[SensorFault, ...]]
 """What looks like a fault of a test's sensor, by the test's id."""
 
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
-"""Limits of ΔV/v0. Tests: from "not yet stopped at 100 ms" to more rebound than any car has; one CAE run may be odd."""
+"""Limits of ΔV/v0. Tests: not yet stopped at 100 ms, to more rebound than any car has; one CAE run may be odd."""
 LONG_ENOUGH = "a record that lasts until the vehicle has stopped, or 100 ms"
 MOVING = 0.05
 """Residual share of the impact speed at the end of a record: 0.25 % of the energy is left."""
@@ -61,7 +61,7 @@ _FEWEST_OTHERS = 2  # fewer do not tell which of the tests is odd: the CAE runs 
 def check_physics(
     role: str, table: ConditionTable, accel: FloatArray, faults: Faults, problems: list[Problem], advice: str = ""
 ) -> None:
-    """Compare changes of velocity with impact speeds, where known; ``advice`` is for a cause that explains them all."""
+    """Compare changes of velocity with impact speeds; ``advice`` is for a cause that explains them all."""
     low, high = STOPS[role]
     speed, biggest = table.speeds_mps, _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
@@ -93,11 +93,9 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
         near = float(np.median(ratios[np.argsort(np.abs(speeds - speed), kind="stable")[:NEAR]]))
         share = -change / max(speed * near, 1e-9)
         if speed > CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
-            unit, ending = ("km/h", "_mph") if share < 1 else ("mph", "_kph")
-            warnings.append(
-                f"tests.csv, {test_id}: its change of velocity is {share:.2f} times that of CAE runs near "
-                f"{_speed_text(speed)}; check its speed ({unit} in a column …{ending}?), its scale and zero."
-            )
+            cause = "km/h in a column …_mph?" if share < 1 else "mph in a column …_kph?"
+            finding = f"its change of velocity is {share:.2f} times that of CAE runs near {_speed_text(speed)}"
+            warnings.append(f"tests.csv, {test_id}: {finding}; check its speed ({cause}), its scale and zero.")
     return warnings
 
 
@@ -172,7 +170,7 @@ def _likely_cause(ratio: float, low: float, high: float) -> str:
         "check the unit of the speed (mph in a column …_kph?)": MPH / KPH,
     }
     likely = [advice for advice, factor in causes.items() if low <= ratio / factor <= high]
-    return likely[0] if likely else "check the speed, the units and time zero of this pulse"
+    return likely[0] if likely else "check its speed, units and time zero"
 
 
 def _weights(table: ConditionTable) -> FloatArray:
@@ -190,12 +188,12 @@ def _changes(accel: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """How far and how long CAE runs move freely, what share of them, and how much of a gap is taken out already."""
+    """What CAE runs move freely before they meet the barrier."""
 
     distance_m: float | None  # None if it is not one: a late trigger, or models with different gaps
     lasts_s: tuple[float, float]
-    share: float
-    taken_m: float = 0.0
+    share: float  # of the runs
+    taken_m: float = 0.0  # out already
 
     @property
     def hides_tests(self) -> bool:
@@ -213,13 +211,13 @@ class Gap:
     @property
     def warning(self) -> str:
         """The finding, and what to do."""
-        who = "the CAE runs move" if self.share == 1 else f"{100 * self.share:.0f} % of the CAE runs move"
+        who = f"{100 * self.share:.0f} % of the" if self.share < 1 else "the"
         first, last = (f"{lasts / MS:.1f}" for lasts in self.lasts_s)
-        far = f"freely for {first} to {last} ms before they decelerate, over no one distance"
+        far, why = f"freely for {first} to {last} ms", "over no one distance"
         if self.distance_m is not None:
-            far = f"{self.distance_m / MS:.0f} mm before they decelerate, whatever their speed"
+            far, why = f"{self.distance_m / MS:.0f} mm", "whatever their speed"
         until = " Until then tests are not compared with CAE runs." if self.hides_tests else ""
-        return f"cae.csv: {who} {far}; {self.advice}.{until}"
+        return f"cae.csv: {who} CAE runs move {far} before they decelerate, {why}; {self.advice}.{until}"
 
 
 def find_gap(
@@ -324,8 +322,9 @@ def confirmed_faults(
         row = tables["tests"].ids.index(test_id)
         measured = pulses["tests"][row]
         expected = _expected(tables, pulses, row) if is_comparable else measured
-        confirmed_of[test_id] = confirmed(likely, GRID_S, measured, expected)
-    return {test_id: sure for test_id, sure in confirmed_of.items() if sure}
+        if sure := confirmed(likely, GRID_S, measured, expected):
+            confirmed_of[test_id] = sure
+    return confirmed_of
 
 
 def _expected(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], row: int) -> FloatArray:

@@ -51,16 +51,12 @@ class RecordedPulse:
 
 @dataclass(slots=True)
 class PulseFiles:
-    """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid.
-
-    With a channel filter class, whole records are filtered before they are cropped to the grid. With a gap before the
-    barrier, a record begins where its run is through it, by its speed.
-    """
+    """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid."""
 
     folder: Path
     role: str
-    channel_filter_class: float | None
-    gap_m: float = 0.0
+    channel_filter_class: float | None  # of whole records, before they are cropped to the grid
+    gap_m: float = 0.0  # before the barrier: a record begins where its run is through, by its speed
     speeds_mps: Mapping[str, float] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
@@ -98,15 +94,16 @@ class PulseFiles:
                         self.faults[run_id] = faults
                     if _ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
-        self.unread = sorted(unread)
+        self.unread, file = sorted(unread), f"{self.role}.csv"
         if not self._unreadable:
-            file, found = f"{self.role}.csv", f"none in {self.role}/ or {self.role}_pulses"
+            found = f"none in {self.role}/ or {self.role}_pulses"
             found += f", but {listed(strangers)} without a row" if strangers else ""
             expected = [f"a pulse for {printable(run_id, 60)}" for run_id in missing]
             self.problems += [Problem(file, text, found, "add it or remove its row", "id") for text in expected]
         if strangers:
-            where = f"{self.role}: pulses without a row in {self.role}.csv"
-            self.warnings.append(f"{where} are left out, namely {listed(strangers)}.")
+            self.warnings.append(
+                f"{self.role}: pulses without a row in {file} are left out, namely {listed(strangers)}."
+            )
         return accel
 
     def check(self) -> None:
@@ -117,8 +114,7 @@ class PulseFiles:
 
     def _forms(self) -> list[Path]:
         tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.role}_pulses{ending}").exists()]
-        singles = self.folder / self.role
-        return [*tables, *([singles] if singles.is_dir() else [])]
+        return [*tables, *filter(Path.is_dir, [self.folder / self.role])]
 
     def records(self, ids: Sequence[str] | None) -> Iterator[tuple[str, str, RecordedPulse | None]]:
         """Yield id, place and samples (None if unreadable) of each record, at least of these ids; None for all."""
@@ -240,9 +236,8 @@ def _time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} after {time_text(time[at], 6)}"
-        return Problem(
-            where, "time that increases", found, "sort by time, delete duplicates", column, int(rows[at + 1])
-        )
+        advice = "sort by time, delete duplicates"
+        return Problem(where, "time that increases", found, advice, column, int(rows[at + 1]))
     step = float(np.median(steps))
     off = np.abs(steps - step)
     if off.max() > UNEVEN * step:
@@ -285,7 +280,7 @@ def _cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
 def _sample_batches(
     path: Path, where: str, problems: list[Problem], *, with_id: bool = False
 ) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
-    """Samples of a CSV or Parquet file in SI units, batch by batch, with the record id of each if they have one.
+    """Samples of a file in SI units, batch by batch, with the record id of each if they have one.
 
     Cells that are not numbers become problems and NaN; what makes a file unreadable is a DataError.
     """
@@ -350,7 +345,7 @@ def _columns(names: Sequence[str], where: str, *, with_id: bool) -> tuple[tuple[
 
 
 def _blank(frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
-    """Mask of the lines that are empty in all columns, such as spreadsheets leave at the end."""
+    """Of lines that are empty in all columns, such as spreadsheets leave at the end."""
     if not all(isinstance(kind, pd.StringDtype) for kind in frame.dtypes):
         return np.zeros(len(frame), dtype=bool)
     return np.asarray((frame == "").all(axis=1))

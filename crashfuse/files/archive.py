@@ -143,7 +143,7 @@ def name_trouble(name: str) -> tuple[str, str, str] | None:
         "an absolute path": name.startswith("/"),
         "a drive letter or a colon": ":" in name,
         "a path that leaves its folder": any(part in ("", ".", "..") for part in parts),
-        "a name that ends in a dot or a space": any(part != part.strip(" ").rstrip(".") for part in parts),
+        "a name that ends in a dot or space": any(part != part.strip(" ").rstrip(".") for part in parts),
         "a name that Windows keeps for a device": any(
             part.split(".")[0].rstrip().upper() in _DEVICES for part in parts
         ),
@@ -173,7 +173,7 @@ def refuse(problems: list[Problem], name: str) -> None:
 
 def too_many(where: str, found: int, limits: Limits) -> DataError:
     """The error for more files than allowed."""
-    return DataError(Problem(where, f"at most {limits.members} files", f"{found}", "put all pulses into one table"))
+    return DataError(Problem(where, f"at most {limits.members} files", f"{found}", "put pulses into one table"))
 
 
 def too_much(where: str, limits: Limits) -> DataError:

@@ -45,7 +45,7 @@ class ParquetTable:
         try:
             yield cls(path, where)
         except MemoryError:
-            trouble = "one that does not, or is damaged", "close other programs, or export fewer runs"
+            trouble = "one that does not", "close other programs, or export fewer runs"
             raise DataError(Problem(where, "a table that fits into memory", *trouble)) from None
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             found = f"a damaged or another one ({printable(' '.join(str(error).split()), 80)})"

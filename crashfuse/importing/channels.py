@@ -51,7 +51,7 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
-        advice = "sort it by time, without duplicates, or export more digits"
+        advice = "sort it by time, or export more digits"
         raise DataError(Problem(place, "time that increases from sample to sample", found, advice))
     step = float(np.median(steps))
     if steps.max() > _GAP * step:
@@ -65,7 +65,7 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     if lost.any() and np.abs(steps - (lost + 1) * step).max() <= UNEVEN * step:
         first_s = time[int(np.argmax(lost > 0))]
         lacking = f"{channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {time_text(first_s, 6)}"
-        note = f"Careful: {lacking}; they are interpolated."
+        note = f"Careful: {lacking}; interpolated."
     return clock, np.interp(clock, time, values), note
 
 
@@ -116,7 +116,7 @@ def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
     if not simulated:
         return []
     found = ", ".join(f"{channel.name} ({channel.remark})" for channel in simulated)
-    advice = "import it as a CAE run (--as cae, or --cae FILE), or correct the file"
+    advice = "import it as a CAE run (--as cae, --cae FILE), or correct it"
     return [Problem(record.source, f"measured channels of {record.id}", f"by its own account {found}", advice)]
 
 
@@ -255,9 +255,7 @@ def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedC
     if failures and sound and not case.choices.channels:
         case.steps.append(Sentence("Left out, as a sensor failed: {}.", joined([*failures.values()], "; ")))
         return sound
-    case.steps.extend(
-        Sentence("Careful: {}; leave the test out, or mend its record.", fault) for fault in failures.values()
-    )
+    case.steps.extend(Sentence("Careful: {}; mend its record, or leave it out.", fault) for fault in failures.values())
     return channels
 
 

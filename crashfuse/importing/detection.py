@@ -227,7 +227,7 @@ def report_offset(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: l
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
         return
     mean = float(accel[before].mean())
-    advice = "Careful: correct the zero if the vehicle did not brake" if abs(mean) > _OFFSET_MPS2 else "Zero kept"
+    advice = "Careful: correct the zero if nothing braked" if abs(mean) > _OFFSET_MPS2 else "Zero kept"
     steps.append(f"{advice}: before contact it reads {signed(mean / G, 2)} g on average.")
 
 

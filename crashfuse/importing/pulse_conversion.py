@@ -30,10 +30,9 @@ _FASTEST_MPS = 100.0
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
 _GIVE_EACH = "add a row for each to a table of conditions (--conditions TABLE)"
-_GIVE_SPEED = "give the speed (--speed-kph V, or --speed-mph V)"
+_GIVE_SPEED = "give the speed (--speed-kph V, --speed-mph V)"
 _GIVE_WEIGHTS = (
-    "give two of mass, front weight, rear weight and front share "
-    "(--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
+    "give two of mass, axle weights and front share (--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
 )
 _LONGER = {
     "tests": "export the whole record; or check time zero",
@@ -57,7 +56,7 @@ def complete_condition(
     given, front_share = choices.condition, choices.front_share
     if front_share is not None and not _LEAST_SHARE <= front_share <= _MOST_SHARE:
         found = f"{front_share:.4g} ({100 * front_share:.4g} %)"
-        raise UsageError(f"The front axle carries a share of 0.2 to 0.8 of the mass, not {found}.")
+        raise UsageError(f"The front axle carries a share of 0.2 to 0.8, not {found}.")
     if given != PartialCondition():
         steps.append("Of the condition, what the user gave overrules the file.")
     if contradiction := choices.weights.contradiction():
@@ -241,7 +240,7 @@ def settled_at(
     if raw:
         before = detection.filtered_before(channels, time_s, accel)
         again = f"Careful: {before}; the campaign filters it again."
-        steps.append(again if before else "Raw: the campaign filters it with its own channel_filter_class.")
+        steps.append(again if before else "Raw: the campaign filters it by its channel_filter_class.")
     cfc = None if raw else detection.filter_class(case, channels, time_s, accel)
     if cfc is not None:
         try:

@@ -129,7 +129,7 @@ def rate_pairs(
     unknown = [name for name in names if name not in _PAIR_COLUMNS]
     if unknown or not {"reference", "comparison"} <= set(names) or len(set(names)) < len(names):
         expected = f"the columns reference and comparison, and at most {', '.join(_PAIR_COLUMNS[2:])}"
-        raise DataError(Problem(path.name, expected, ", ".join(names), "name the columns like that"))
+        raise DataError(Problem(path.name, expected, ", ".join(names), "name the columns so"))
     if not rows or len(rows) > _MOST_PAIRS:
         raise DataError(Problem(path.name, f"1 to {_MOST_PAIRS} pairs", f"{len(rows)}", "one pair a row"))
     read = lru_cache(_KEPT)(_curve)
@@ -252,7 +252,7 @@ def rate_channels(
     refuses others.
     """
     if choices != RatingChoices(also=choices.also):
-        raise UsageError("Channels are rated as they are: choose no channel, unit or filter.")
+        raise UsageError("Channels are rated as they are: choose nothing.")
     reference, comparison = Path(reference), Path(comparison)
     sides = [_channels(path) for path in (reference, comparison)]
     if not set(sides[0]) & set(sides[1]):

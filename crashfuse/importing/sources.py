@@ -131,7 +131,7 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     if fmt != TABLES and reading.columns and reading.conditions is None:
         raise UsageError("Only tables have columns to map.")
     if reading.travel is not None and not FORMATS[fmt].axes:
-        raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
+        raise UsageError(f"{FORMATS[fmt].label} says which channels are along X; remove --travel.")
     if archives := [source] if _has_to_be_unpacked(source, fmt) else _archives(source):
         if sum(packed.stat().st_size for packed in archives) > DEFAULT_LIMITS.total_bytes:
             raise archive.too_much(source.name, DEFAULT_LIMITS)

@@ -21,7 +21,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers import vocabulary
-from crashfuse.readers.members import as_text, is_numbered, opened_members
+from crashfuse.readers.members import ONE_TEST, as_text, is_numbered, opened_members
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
@@ -102,7 +102,7 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
     headers = [member for member in members if member.path.suffix.lower() == ".mme"]
     if len(headers) != 1:
         found = f"{len(headers)} of them" if headers else "none"
-        raise DataError(Problem(name, "one .mme file", found, "choose the folder of one test"))
+        raise DataError(Problem(name, "one .mme file", found, ONE_TEST))
     home = headers[0].path.parent
     folders = {folder for member in members if (folder := member.path.parent).name.lower() == "channel"}
     homes = {home, *(folder for folder in folders if folder.parent == home)}
@@ -120,7 +120,7 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
             clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
     refuse(problems, name)
     if not channels:
-        raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export the channels too"))
+        raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export them too"))
     timed = tuple(_timed(channel, clocks.get(reference or "")) for channel, reference in channels)
     descriptors = _descriptors(_lines_in(headers[0], budget), headers[0].where)
     return IsommeTest(headers[0].path.stem, tuple(descriptors), timed)
@@ -265,7 +265,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
         steps.append(f"Left out for lack of an even time: {', '.join(untimed)}.")
     zero = "0 is time zero, by the format's definition"
     if any(named[name][1].start_s is None for name in chosen or recorded):
-        steps.append("No time of the first sample; time zero has to be found.")
+        steps.append("No time of the first sample; find time zero.")
         zero = ""
     side = test.descriptor(f"Impact side test object {vehicle}") or ""
     other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
@@ -305,7 +305,7 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, list[s
     if kind := test.descriptor(_ABOUT_THE_TEST[0]):
         notes.append(f"{_ABOUT_THE_TEST[0]}: {printable(kind)}.")
     told = Sentence("Speed {} from the .mme file.", vocabulary.speed(speed_mps or 0.0, form=".4g"))
-    notes.append(told if speed_mps else f"The .mme file has no speed of {its}.")
+    notes.append(told if speed_mps else f"No speed of {its} in the .mme file.")
     if front and rear:
         weights = vocabulary.weight(front), vocabulary.weight(rear)
         notes.append(Sentence("Front weight {} and rear weight {} from the .mme file.", *weights))

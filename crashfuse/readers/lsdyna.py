@@ -21,7 +21,7 @@ from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
 from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, energies_text, quality_of, read_nodout
-from crashfuse.readers.members import opened_members, read_all
+from crashfuse.readers.members import COPY_ALL, opened_members, read_all
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import AXES, Travel
 
@@ -72,7 +72,7 @@ class _RunFiles:
                 if (restarts, part) not in followers:
                     base, (before, lacking) = re.sub(r"_*(%\d+)?$", "", member.path.name), followers[0]
                     expected = f"{base}{'_' * before}{f'%{lacking:03d}' if lacking else ''} before it"
-                    raise DataError(Problem(member.where, expected, "none", "copy it from the run too"))
+                    raise DataError(Problem(member.where, expected, "none", COPY_ALL))
                 followers = [(restarts, part + 1), (restarts + 1, 0)]
             families.append([member for _, member in sorted(files.items())])
         return families
@@ -118,7 +118,7 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     places = sorted(runs)
     ids = _ids([place if place[-1] else place[:-1] for place in places], home)
     if len(set(ids)) < len(ids):
-        raise DataError(Problem(path.name, "a folder of its own name for each run", "the same twice", "rename one"))
+        raise DataError(Problem(path.name, "a name for each run", "one twice", "rename one"))
     return {run_id: runs[place] for run_id, place in zip(ids, places, strict=True)}
 
 
@@ -179,7 +179,7 @@ def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -
     for member in [files.text[kind] for kind in _LISTINGS if kind in files.text][:1]:
         listing = solver_run.read_listing(member.chunks(budget))
         if any(about.get(name) and listing.get(name, about[name]) != about[name] for name in ("title", "date")):
-            steps.append(f"Careful: {member.where} is the listing of another run; it is left out.")
+            steps.append(f"Careful: {member.where} is the listing of another run; left out.")
             break
         about |= listing
         if (deck := files.decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
@@ -216,7 +216,7 @@ def _histories(
         raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
     last, energies = max(float(node.time[-1]) for node in run.nodes), sorted(glstat)
     if len(energies) > 2 and energies[-1] - last > 2 * max(np.diff(energies)):
-        note = f"Careful: nodes end at {last:.4g}, energies at {energies[-1]:.4g}; copy all files of the run."
+        note = f"Careful: nodes end at {last:.4g}, energies at {energies[-1]:.4g}; {COPY_ALL}."
         run = replace(run, notes=(*run.notes, note))
     return run, glstat, matsum
 
@@ -226,6 +226,6 @@ def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
     for chunk in file.chunks(budget):
         if content.tell() + len(chunk) > _MOST_UNZIPPED:
             expected = f"a binout of at most {_MOST_UNZIPPED >> 20} MiB in a zip"
-            raise DataError(Problem(file.where, expected, "more", "import the unpacked folder"))
+            raise DataError(Problem(file.where, expected, "more", "unpack the zip"))
         content.write(chunk)
     return content

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers import lsdyna_histories
 from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, Histories, States
-from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND
+from crashfuse.readers.members import COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import KEEP_APART, History, axis_of_travel
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
@@ -84,7 +84,7 @@ class _LsdaFile:
             head = self._record.unpack_from(content)[1], self._kind.unpack_from(content, self._record.size)[0]
             if head == (_DATA, kind) and content[ahead - len(label) : ahead] == label:
                 return np.frombuffer(content, numbers, offset=ahead)
-        raise self._damaged(f"no data of {name} where they should be")
+        raise self._damaged(f"no data of {name} in their place")
 
     def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
         if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
@@ -113,7 +113,7 @@ class _LsdaFile:
     def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
         length, command = self._record.unpack(self._exactly(self._record.size, offset))
         if command != _BEGIN_TABLE:
-            raise self._damaged("no symbol table where it should be")
+            raise self._damaged("no symbol table in its place")
         ahead, at = self._record.size, 0
         block = self._stream.read(min(length, _BLOCK))
         while command != _END_TABLE:
@@ -121,7 +121,7 @@ class _LsdaFile:
             length, command = self._record.unpack_from(block, at)
             length = ahead + self._offset.size if command == _END_TABLE else length
             if command not in (_CD, _VARIABLE, _END_TABLE) or not ahead <= length <= ahead + _LONGEST_RECORD:
-                raise self._damaged("a symbol table that makes no sense")
+                raise self._damaged("a senseless symbol table")
             block, at = self._with_more(block, at, length)
             yield command, block[at + ahead : at + length]
             at += length
@@ -291,7 +291,7 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
                 continue
             if database not in metadata:
                 expected = f"the numbers of the nodes of {database} (metadata)"
-                raise DataError(Problem(where, expected, "none", "copy all files of the run"))
+                raise DataError(Problem(where, expected, "none", COPY_ALL))
             times = (file.read(state, "time") for state in states[database])
             time = np.array([np.nan if values is None or values.size != 1 else float(values[0]) for values in times])
             order = [place for place in np.argsort(time, kind="stable").tolist() if np.isfinite(time[place])]

@@ -67,7 +67,9 @@ def files_below(folder: Path) -> Iterator[Path]:
         yield from (Path(home, name) for name in names)
 
 
-OTHER_KIND, CUT_SHORT, COPY_AGAIN = "another kind of file", "one that was cut short", "copy it again from the run"
+OTHER_KIND, CUT_SHORT = "another kind of file", "one that was cut short"
+COPY_AGAIN, COPY_ALL = "copy it again from the run", "copy all files of the run"
+ONE_TEST = "choose the file or folder of one test"
 
 
 def as_text(content: bytes) -> str:

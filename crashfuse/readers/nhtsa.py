@@ -21,7 +21,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
-from crashfuse.readers.members import is_numbered, opened_members
+from crashfuse.readers.members import ONE_TEST, is_numbered, opened_members
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import Doubt, doubt_of, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
@@ -174,7 +174,7 @@ def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ..
         times = {sensors[name]: channels[sensors[name]].time_s for name in names}
         chosen, what = _at_best_place([one for one, t in times.items() if t[-1] >= _LONGEST_S - 2 * (t[1] - t[0])])
         if not chosen:
-            return (), "No channel lies on the rear floor or at the centre of gravity; choose one."
+            return (), "No channel is on the rear floor or at the centre of gravity; choose one."
         why = f"Channels {what}, averaged: {', '.join(sensor.shown for sensor in chosen)}."
         return tuple(str(sensor.number) for sensor in chosen), why
 
@@ -226,7 +226,7 @@ def _specification(members: Sequence[Member], path: Path) -> Member:
     if path.suffix.upper() == ".EV5":
         found = [member for member in found if member.path.name == path.name]
     if len(found) != 1:
-        advice = "choose the folder of one test" if found else "download the test's specification (EV5) too"
+        advice = ONE_TEST if found else "download the specification (EV5) too"
         raise DataError(Problem(path.name, "one .EV5 file", f"{len(found) or 'none'}", advice))
     return found[0]
 

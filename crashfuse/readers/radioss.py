@@ -34,7 +34,7 @@ from crashfuse.readers.solver_run import CUT, read_listing, sha256_of
 from crashfuse.readers.vocabulary import Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
-_KIND = "a time history of Radioss (T01), or the CSV of it"
+_KIND = "a time history of Radioss (T01), or its CSV"
 _NODES, _WALLS, _ACCELEROMETERS = 0, 102, 108
 _VARIABLES: Mapping[int, Mapping[int, str]] = {
     _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
@@ -42,7 +42,7 @@ _VARIABLES: Mapping[int, Mapping[int, str]] = {
 }  # names of the variables that are read, by the kind of a group and their codes
 _UNREAD = {101: "interfaces", 103: "rigid bodies", 104: "sections", 105: "joints"}
 _MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
-_AGAIN = f"{COPY_AGAIN}, write it in Radioss's default form (/TFILE/4), or convert it to CSV (th_to_csv)"
+_AGAIN = f"{COPY_AGAIN}, write it in the default form (/TFILE/4), or convert it (th_to_csv)"
 _BEGINS = re.compile(rb'\s*"?time"?\s*,\s*"?INTERNAL ENERGY"?\s*,\s*"?KINETIC ENERGY', re.IGNORECASE)
 _UNNAMED = re.compile(r"(.*\S)\s+var\s+(\d{1,9})")
 _NAMED = re.compile(r"(.*\S)\s+(\S+)")

@@ -160,7 +160,7 @@ def with_names(history: TimeHistory) -> TimeHistory:
             watched.append(replace(one, name=one.name if is_node else f"{ACCELEROMETER}{one.name}", curves=curves))
         else:
             unread.append(f"unnamed columns of {one.title or 'node'} ({one.name})")
-    note = "Variables that the file does not name are told by initial velocity and integrals."
+    note = "Unnamed variables are told by initial velocity and integrals."
     notes = (*history.notes, note) if guessed else history.notes
     return replace(history, watched=tuple(watched), unread=tuple(unread), notes=notes)
 

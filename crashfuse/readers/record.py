@@ -183,7 +183,7 @@ def proposal(
     if passed_over := [text for name, text in remarks.items() if name not in chosen]:
         steps.append(f"Left out by the file's own account: {', '.join(passed_over)}.")
     if doubtful := [text for name, text in remarks.items() if name in chosen and channels[name].doubt]:
-        steps.append(f"Careful: taken for want of better, by the file's own account: {', '.join(doubtful)}.")
+        steps.append(f"Careful: taken for want of better: {', '.join(doubtful)}.")
     return chosen, tuple(steps)
 
 

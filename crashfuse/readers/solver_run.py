@@ -205,7 +205,7 @@ def departure(
     is_aslant = bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
     if travel is None and (not moves or is_aslant):
         expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
-        advice = "choose a run in the vehicle's axes, or give axis and speed (--travel, --speed-kph)"
+        advice = "choose a run in the vehicle's axes, or give both (--travel, --speed-kph)"
         raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
     if travel is not None:
         if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
@@ -258,7 +258,7 @@ def run_record(
     (speed_mps, no_speed), (mass_kg, mass_of) = speed_or_why, mass_and_source
     told = list(steps)
     if any(map(_is_aliased, proposed)):
-        told.append("Accelerations that do not add up are taken from the velocities.")
+        told.append("Accelerations that do not add up are taken from velocities.")
     if speed_mps is not None:
         told.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
     if mass_kg is not None:

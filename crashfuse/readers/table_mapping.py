@@ -291,7 +291,7 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
         raise DataError(_one_column(sheet, "id", ids))
     if len(sheet.cells) > MOST_ROWS:
         expected = f"conditions in at most {MOST_ROWS:,} rows"
-        raise DataError(Problem(sheet.name, expected, "more", "leave out what is not needed"))
+        raise DataError(Problem(sheet.name, expected, "more", "leave some out"))
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
     if times != 1:

@@ -371,5 +371,5 @@ def _explained(problem: Problem, rows: list[list[str]], uncalculated: list[bool]
     if text := next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), ""):
         return replace(problem, found=f"numbers kept as text, such as {text!r}", advice=advice)
     if any(uncalculated):
-        return replace(problem, found="formulas whose values are not in the file", advice=advice)
+        return replace(problem, found="formulas without their values", advice=advice)
     return problem

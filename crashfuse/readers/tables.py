@@ -36,7 +36,7 @@ _GAP = re.compile(r"[\t,;]")
 _DELIMITERS = {"Comma": ",", "Semicolon": ";"}  # else tab
 _MOST_COLUMNS, _MOST_COLUMNS_IN_ALL = 2000, 20_000  # of a LabVIEW file
 _SAME_S = 1e-6  # times that differ by less are one
-_APART = "save each segment as a file of its own"
+_APART = "save each segment by itself"
 _LONGEST_GAP = 1.5  # steps between segments that continue each other
 _MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
 _LARGEST_SAMPLE = 1 << 20  # characters
@@ -61,7 +61,7 @@ def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
     for block, title in zip(blocks, titles, strict=True):
         first = next(number for number in block if roles[number] == "acceleration")
         columns = sheet.of_columns(block)
-        note = f"One of several times side by side, with: {', '.join(printable(name, 40) for name in columns.columns)}."
+        note = f"One of several times side by side: {', '.join(printable(name, 40) for name in columns.columns)}."
         name = f"{sheet.name}: {printable(title if tests else bare_name(sheet.columns[first]), 60)}"
         parts.append(replace(columns, name=name, part_of="" if tests else sheet.name, steps=(*sheet.steps, note)))
     return tuple(parts)
@@ -131,7 +131,7 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
         columns.append(channel)
     names, units, series = zip(*columns, strict=True)
     header = Header(segments[0].first_row - 1, table_sheet.unique(names), units, ("",) * len(names))
-    form = ["A LabVIEW measurement.", *[f"{n} segments that continue each other are joined."] * (n > 1)]
+    form = ["A LabVIEW measurement.", *[f"{n} segments are joined."] * (n > 1)]
     return table_sheet.sheet_of(name, header, pd.concat(series, axis=1, ignore_index=True), decimal, *form)
 
 
@@ -174,7 +174,7 @@ def _channels(
         time_s = np.concatenate([one.times(of, number, channels[0], is_shared=shared) for one, of in pairs])
         if not np.isfinite(time_s).any():
             expected = f"times, or X0 and Delta_X, of {printable(names[number], 60)}"
-            raise DataError(Problem(name, expected, "none", "save them with the samples"))
+            raise DataError(Problem(name, expected, "none", "save them too"))
         unit = segments[0].cell("Y_Unit_Label", number)
         yield (names[number], unit, cells.iloc[:, number].reset_index(drop=True)), time_s
 
@@ -258,7 +258,7 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
         if delimiter == ",":
             _refuse_commas_in_numbers(longer, name, is_ragged=True)
         found = " ".join(str(error).split())[:160]
-        advice = f"export it again (the data begin in row {first_row})"
+        advice = f"export it again (data begin in row {first_row})"
         raise DataError(Problem(name, f"{width} cells in each row", found, advice)) from None
 
 
@@ -285,7 +285,7 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
     if broken:
         at, number = broken[0]
         expected, found = "a comma either between columns or in numbers", f"both, as in {number}"
-        advice = "export it with decimal points and no thousands separators, or with semicolons"
+        advice = "export it with plain decimal points, or with semicolons"
         raise DataError(Problem(name, expected, found, advice, row=at))
 
 

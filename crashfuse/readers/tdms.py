@@ -22,7 +22,7 @@ from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import nhtsa, table_headers, vocabulary
 from crashfuse.readers.formats import FORMATS
-from crashfuse.readers.members import opened_members, read_all
+from crashfuse.readers.members import ONE_TEST, opened_members, read_all
 from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse
@@ -111,9 +111,9 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     if len(set(began_s.values())) > 1:
         channels = _aligned(channels, began_s, steps)
     if others := sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every):
-        steps.append(f"Left out: accelerations of dummies or in other directions ({others}).")
+        steps.append(f"Left out: dummies, and other directions ({others}).")
     if unread:
-        steps.append(f"Left out for lack of samples or of their time: {', '.join(map(printable, unread))}.")
+        steps.append(f"Left out for lack of samples or times: {', '.join(map(printable, unread))}.")
     chosen, why = _proposed(channels, len(found), what)
     about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
     pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
@@ -144,7 +144,7 @@ def _read_channels(
         channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or table_headers.cutoff_of(channel.name))
         if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
-            raise DataError(Problem(where, expected, "more", "choose the file of one test"))
+            raise DataError(Problem(where, expected, "more", ONE_TEST))
     return channels, unread, began_s
 
 
@@ -156,7 +156,7 @@ def _aligned(
     times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
     first_s = min(float(time_s[0]) for time_s in times.values())
     late = ", ".join(f"{printable(name)} by {time_text(delay_s, 6)}" for name, delay_s in late_s.items() if delay_s)
-    steps.append(f"Aligned by the start of recording (wf_start_time), time 0 at the first sample: {late} later.")
+    steps.append(f"Aligned by wf_start_time, time 0 at the first sample: {late} later.")
     return {name: replace(channel, time_s=times[name] - first_s) for name, channel in channels.items()}
 
 

@@ -256,7 +256,7 @@ def test_samples_that_are_missing_are_told() -> None:
     time_s = clock(-0.05, 0.3)
     kept = np.delete(time_s, [700, 900, 902])
     settled = settle(record(RecordedChannel("X", "X", kept, half_sine_g(kept), "g")))
-    assert "Careful: X lacks 3 of 3501 samples, the first after 19.9 ms; they are interpolated." in settled.steps
+    assert "Careful: X lacks 3 of 3501 samples, the first after 19.9 ms; interpolated." in settled.steps
 
 
 def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
