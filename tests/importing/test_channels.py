@@ -65,9 +65,8 @@ def test_a_late_sensor_of_three_is_left_out() -> None:
     settled = settle(record(sensor("A"), sensor("B", 12 * MS), sensor("C", scale=0.98)))
     assert settled.channels == ("A", "C")
     assert crush_of(settled) == pytest.approx(CRUSH_M, rel=0.01)
-    assert any(
-        "Careful: left out, unlike the others: B: " in step and "12 ms later than A" in step for step in settled.steps
-    )
+    assert "left out, unlike the others: B: " in careful(settled)
+    assert "12 ms later than A" in careful(settled)
 
 
 def test_sensors_in_two_units_are_one_pulse() -> None:
@@ -136,7 +135,7 @@ def isomme(*channels: tuple[str, str, str], **descriptors: str) -> IsommeTest:
         ([(LEFT, "", "no data"), (RIGHT, "", "unknown")], (RIGHT,), f"{LEFT} (no data)"),
         ([(LEFT, "", "ok"), (RIGHT, "", "scaling factor changed")], (LEFT,), f"{RIGHT} (scaling factor changed)"),
         ([(LEFT, "", "channel failed"), ("10VEHC000000ACXP", "", "ok")], ("10VEHC000000ACXP",), f"{LEFT} (channel"),
-        ([(LEFT, "", "channel failed"), (RIGHT, "", "system noise")], (RIGHT,), f"for want of better, .* {RIGHT} (sys"),
+        ([(LEFT, "", "channel failed"), (RIGHT, "", "system noise")], (RIGHT,), f"for want of better: {RIGHT} (sys"),
     ],
 )
 def test_what_the_file_speaks_against_is_not_averaged(

@@ -191,20 +191,14 @@ def test_parts_are_summed_where_the_whole_is_not_told(tmp_path: Path, form: str)
     assert found.added_mass_share is None
 
 
-def test_hourglass_energy_that_is_not_computed_is_not_recorded(tmp_path: Path) -> None:
-    """LS-DYNA writes zeros where the model does not ask for it."""
-    zeros = replace(TOLD, hourglass=(0.0, 0.0, 0.0))
-    record = only(saved(tmp_path / "run7", binout0000=binout(zeros.glstat_folders(), zeros.matsum_folders())))
+def test_energies_that_a_run_lacks_are_not_recorded(tmp_path: Path) -> None:
+    """LS-DYNA writes zeros for hourglass energy it does not compute; a killed run's last state has no total energy."""
+    zeros, whole = replace(TOLD, hourglass=(0.0, 0.0, 0.0)), TOLD.glstat()
+    record = only(saved(tmp_path / "zeros", binout0000=binout(zeros.glstat_folders(), zeros.matsum_folders())))
     assert record.quality.hourglass_share is None
     assert any("hourglass energy not recorded" in step for step in record.steps)
-
-
-def test_a_run_killed_while_it_wrote_its_energies_is_judged_by_the_states_before(tmp_path: Path) -> None:
-    """The last state has its work but not yet its total energy."""
-    whole = TOLD.glstat()
-    cut = whole[: whole.rindex(b" total energy...")]
-    found = only(saved(tmp_path / "run7", binout0000=binout(), glstat=cut)).quality
-    assert found.energy_change == pytest.approx(-0.04)
+    killed = saved(tmp_path / "killed", binout0000=binout(), glstat=whole[: whole.rindex(b" total energy...")])
+    assert only(killed).quality.energy_change == pytest.approx(-0.04)
 
 
 def test_energies_alone_are_no_run(tmp_path: Path) -> None:
