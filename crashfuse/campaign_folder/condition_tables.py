@@ -19,13 +19,14 @@ from crashfuse.crash_test import TUNED
 from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
+from crashfuse.files.parquet import EMPTY
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MASS, SPEED
 from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem
 
-Role = Literal["tests", "cae"]
-"""Either of the two condition tables of a campaign, with its pulses."""
+Role = Literal["tests", "cae"]  # either of the two condition tables of a campaign, with its pulses
 TABLES = ("tests.csv", "cae.csv")
+NAMELESS = "an id in each row", "an empty cell", "name the row"
 _MOST_PROBLEMS = 20  # of cells of one column of pulses; the rest are only counted
 RowNumbers = npt.NDArray[np.integer[Any]]
 
@@ -188,7 +189,7 @@ def listed(names: Iterable[str]) -> str:
 def id_trouble(run_id: str) -> tuple[str, str, str] | None:
     """Expected, found and advice for an id that is no file name on every platform, or a formula."""
     if not run_id:
-        return "an id in each row", "an empty cell", "name the row"
+        return NAMELESS
     found = repr(printable(run_id, 60))
     unsafe, trouble = _UNSAFE.search(run_id), name_trouble(run_id)
     if wrong := f"with {unsafe[0]}" if unsafe else trouble and trouble[1]:
@@ -224,7 +225,7 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
         problems.extend(error.problems)
         return None
     if not rows:
-        problems.append(Problem(path.name, "a header and at least one row", "an empty table", "add the rows"))
+        problems.append(Problem(path.name, "a header and at least one row", *EMPTY))
         return None
     if twice := [name for name, count in Counter(names).items() if name and count > 1]:
         problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", KEEP_ONE))
@@ -235,7 +236,6 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
 
 
 def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]:
-    """The places of the rows with a valid id that no row before has."""
     seen: dict[str, str] = {}
     sound: list[int] = []
     for place, (row, run_id) in enumerate(ids.items()):

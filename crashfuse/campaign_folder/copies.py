@@ -18,8 +18,7 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 
 Pairs = list[tuple[int, int]]
-ONE_RECORD = 0.005
-"""Tests that differ by less are one record."""
+ONE_RECORD = 0.005  # tests that differ by less are one record
 _ALIKE_TESTS = 0.015  # tests that differ by less may be one record, or good repeats
 _TESTS_SHIFT_S, _AVERAGED_S = 20e-3, 4e-3
 _RUNS_DIFFER, _IDENTICAL = 5e-4, 1e-7  # distances of pulses of norm 1; sampled at 10 kHz: 5e-5

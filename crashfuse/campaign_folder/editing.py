@@ -36,8 +36,7 @@ from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.wall import Wall
 from crashfuse.wording import counted
 
-WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
-"""Singular and plural of each role."""
+WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}  # one, several
 _NAMED = 5  # ids
 _SAME = 1e-5  # relative: a table may keep float32
 _SETTINGS = "campaign.toml"
@@ -163,7 +162,6 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
 
 
 def _set_cells(folder: Path, ids: Sequence[str], values: Mapping[str, str], what: str) -> str:
-    """Set cells of tests by column, which is added if the table lacks it."""
     with taking_turns(folder):
         _require(ids, _tests(folder)[0], "there")
         path = folder / "tests.csv"
@@ -301,7 +299,6 @@ def _with_columns(text: str, further: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def _check_readable(files: Mapping[str, str]) -> None:
-    """Raise a DataError if a file could not be read back."""
     problems: list[Problem] = []
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -315,7 +312,6 @@ def _check_readable(files: Mapping[str, str]) -> None:
 
 
 def _check_differ(folder: Path) -> None:
-    """Raise a DataError if a test in use has become a copy of another."""
     settings, tests = read_settings(folder, [], []), _table(folder, "tests")
     if tests is not None:
         tests = tests.without([place for place, test_id in enumerate(tests.ids) if test_id in settings.unused])

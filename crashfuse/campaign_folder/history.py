@@ -77,10 +77,7 @@ def changed_by(author: str) -> Iterator[None]:
 
 @contextmanager
 def taking_turns(folder: Path) -> Iterator[None]:
-    """Let nobody else change a campaign folder meanwhile, and find it without half a change.
-
-    Raises a DataError if another process changes it for too long, half a change stays, or it is the sample.
-    """
+    """Let nobody else change a campaign folder meanwhile, and find it without half a change; else a DataError."""
     if is_sample(folder):
         raise DataError(Problem(str(folder), "a folder of yours", "the sample", "copy it (crashfuse sample DIR)"))
     with sole_writer(folder, _PATIENCE_S):
@@ -106,7 +103,7 @@ def settle(folder: Path) -> None:
 
 
 def is_vacant(folder: Path) -> bool:
-    """True if there is nothing in a folder but what is kept of changes, or no such folder."""
+    """Whether there is nothing in a folder but what is kept of changes, or no such folder."""
     settle(folder)
     return not folder.is_dir() or all(path.name in (_HOME, NAME) for path in folder.iterdir())
 
@@ -184,7 +181,7 @@ def sample_folder() -> Path:
 
 
 def is_sample(folder: Path) -> bool:
-    """True if a folder is the sample's own or lies inside it: it is never changed."""
+    """Whether a folder is the sample's or lies inside it: it is never changed."""
     folder, samples = folder.resolve(), (SHIPPED, default_folder() / "sample")
     return bool({folder, *folder.parents} & {sample.resolve() for sample in samples})
 

@@ -33,15 +33,11 @@ from crashfuse.signals.wall import Wall
 from crashfuse.units import KN, MS
 
 _FEWEST_RUNS = 10
-PULSES = (".csv", ".parquet")
-"""Endings of tables of pulses."""
-WALLS: Mapping[str, str] = {"tests": "tests_wall.parquet", "cae": "cae_wall.parquet"}
-"""Forces of the barrier by role, tidy."""
+PULSES = (".csv", ".parquet")  # endings of tables of pulses
+WALLS: Mapping[str, str] = {"tests": "tests_wall.parquet", "cae": "cae_wall.parquet"}  # forces of the barrier
 WALL_COLUMNS = ("id", "time_ms", "force_kn")
-FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", *WALLS.values())
-"""The files of a campaign folder beside its pulses."""
-AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
-"""The files of a campaign folder that do not lie in a folder in it."""
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", *WALLS.values())  # beside pulses
+AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}  # in no folder
 _ABOUT = re.compile(r"(?i)(readme|licen[cs]e)(\..*)?|.*\.md")
 _ROLES: tuple[Role, ...] = ("tests", "cae")
 _NOTES = (".md", ".txt")
@@ -196,13 +192,11 @@ def _check_pulses(
     return gap
 
 
-def _check_counts(
-    tables: dict[str, ConditionTable], left_out: int, problems: list[Problem], warnings: list[str]
-) -> None:
+def _check_counts(tables: dict[str, ConditionTable], failed: int, problems: list[Problem], warnings: list[str]) -> None:
     if "tests" in tables and len(tables["tests"].ids) == 1:
         warnings.append("Only one test: nothing can be left out, so nothing is checked; the scatter is assumed.")
     if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
-        found = f"{len(tables['cae'].ids)}" + f", and {left_out} left out for their quality" * bool(left_out)
+        found = f"{len(tables['cae'].ids)}" + f", and {failed} left out for their quality" * bool(failed)
         problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
 
 

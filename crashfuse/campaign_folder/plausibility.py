@@ -20,28 +20,25 @@ from crashfuse.signals.sensor_faults import SensorFault, confirmed
 from crashfuse.units import KPH, LB, MPH, MS, G
 from crashfuse.wording import number, signed, time_text
 
-Faults = Mapping[str, tuple[SensorFault, ...]]
-"""What looks like a fault of a test's sensor, by the test's id."""
+Pulses = npt.NDArray[np.float32]  # on the study grid
+Faults = Mapping[str, tuple[SensorFault, ...]]  # what looks like a fault of a test's sensor, by the test's id
 
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
 """Limits of ΔV/v0. Tests: not yet stopped at 100 ms, to more rebound than any car has; one CAE run may be odd."""
 LONG_ENOUGH = "a record that lasts until the vehicle has stopped, or 100 ms"
-MOVING = 0.05
-"""Residual share of the impact speed at the end of a record: 0.25 % of the energy is left."""
-CREEP_MPS = 1.0
-"""Below this speed ΔV/v0 is dominated by noise."""
+WHICH_AXLE = "check which axle is which"
+MOVING = 0.05  # residual share of the impact speed at the end of a record: 0.25 % of the energy is left
+CREEP_MPS = 1.0  # below this speed ΔV/v0 is dominated by noise
 _LIBRARY_STOPS = (0.8, 1.6)  # for the median run: single runs may be odd, not half of them
 _BAND_HZ, _HIGH_SHARE = 250, 0.01
 _MOST_SPECTRA, _MOST_NOISY = 500, 50  # pulses examined
-NEAR = 5
-"""CAE runs at about a test's speed that it is compared with."""
+NEAR = 5  # CAE runs at about a test's speed that it is compared with
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
 _BESIDE = 0.05  # of a weight: so far beyond the CAE runs' it is still like theirs
 _MOST_FAULTS = 2  # in a sentence
 _AT_ONCE = 2000  # pulses per batch
 # of a gap
-LEAST_M = 0.015
-"""Shorter gaps are no finding."""
+LEAST_M = 0.015  # shorter gaps are no finding
 _LEAST_S = 1e-3
 _SMEARED_S = 5e-3  # by so much an onset may come before contact
 _LATE_ONSET_S = 3e-3  # later than the tests, over no one distance
@@ -113,7 +110,7 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
             "": stated_kg,
             "check their unit (kilograms in a column …_lb?)": stated_kg / LB,
             "check their unit (pounds in a column …_kg?)": stated_kg * LB,
-            "check which axle is which": stated_kg[::-1],
+            WHICH_AXLE: stated_kg[::-1],
         }
         fitting = [advice for advice, kg in might_be.items() if ((low <= kg) & (kg <= high)).all()]
         if fitting and fitting[0]:
@@ -162,13 +159,10 @@ def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
 
 
 def _likely_cause(ratio: float, low: float, high: float) -> str:
-    causes = {
-        "flip the sign of the acceleration (deceleration is negative)": -1.0,
-        "check the unit of the acceleration (m/s² in a column …_g?)": G,
-        "check the unit of the acceleration (g in a column …_mps2?)": 1 / G,
-        "check the unit of the speed (km/h in a column …_mph?)": KPH / MPH,
-        "check the unit of the speed (mph in a column …_kph?)": MPH / KPH,
-    }
+    causes = {"flip the sign of the acceleration (deceleration is negative)": -1.0}
+    units = (("acceleration", "m/s²", "g", G), ("acceleration", "g", "mps2", 1 / G))
+    units += (("speed", "km/h", "mph", KPH / MPH), ("speed", "mph", "kph", MPH / KPH))
+    causes |= {f"check the unit of the {of} ({unit} in a column …_{end}?)": factor for of, unit, end, factor in units}
     likely = [advice for advice, factor in causes.items() if low <= ratio / factor <= high]
     return likely[0] if likely else "check its speed, units and time zero"
 
@@ -221,11 +215,7 @@ class Gap:
 
 
 def find_gap(
-    speeds_mps: FloatArray,
-    accel: npt.NDArray[np.float32],
-    test_speeds_mps: FloatArray,
-    tests: npt.NDArray[np.float32],
-    taken_m: float = 0.0,
+    speeds_mps: FloatArray, accel: Pulses, test_speeds_mps: FloatArray, tests: Pulses, taken_m: float = 0.0
 ) -> Gap | None:
     """The gap of CAE runs that have one, or begin late, where the tests do not."""
     speed, free_s, sudden = _free_travel(speeds_mps, accel)
@@ -269,9 +259,7 @@ def _is_through(free_s: FloatArray, lasts_s: FloatArray) -> npt.NDArray[np.bool_
     return np.asarray(free_s > np.maximum(lasts_s / 3, lasts_s - _SMEARED_S))
 
 
-def _free_travel(
-    speeds_mps: FloatArray, accel: npt.NDArray[np.float32]
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+def _free_travel(speeds_mps: FloatArray, accel: Pulses) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
     """Speed, time of free travel, and whether that ends suddenly, of at most 500 pulses that are fast enough."""
     fastest = float(np.nanmax(speeds_mps, initial=0.0))
     rows = np.flatnonzero((speeds_mps > max(CREEP_MPS, _FAST * fastest)) & ~np.isnan(accel[:, 0]))  # NaN: unread

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.campaign_folder.condition_tables import RowNumbers, find_column, listed, numbers_in
+from crashfuse.campaign_folder.condition_tables import NAMELESS, RowNumbers, find_column, listed, numbers_in
 from crashfuse.campaign_folder.plausibility import gap_s
 from crashfuse.errors import CHECK_PATH, KEEP_ONE, NO_FILE, DataError, Problem, collecting, printable, shortened
 from crashfuse.files.csv_text import unreadable
@@ -23,12 +23,9 @@ from crashfuse.signals.sensor_faults import SensorFault, sensor_faults
 from crashfuse.units import ACCELERATION, MS, TIME
 from crashfuse.wording import number, time_text
 
-UNEVEN = 0.02
-"""Allowed unevenness as a share of a time step: what rounding the times to a few digits can cause."""
-SLOWEST_S = 1e-3 * (1 + UNEVEN)
-"""Longest time step of a record."""
-SHORTEST_S = 60e-3
-"""Shortest record from contact: the longest rated window by default."""
+UNEVEN = 0.02  # allowed unevenness as a share of a time step: what rounding the times to a few digits can cause
+SLOWEST_S = 1e-3 * (1 + UNEVEN)  # longest time step of a record
+SHORTEST_S = 60e-3  # shortest record from contact: the longest rated window by default
 _NO_CRASH_S, _AN_INSTANT_S = 10.0, 1e-3  # 60 ms and more taken for seconds; a second and less taken for ms
 _MOST_SAMPLES = 2_000_000  # a record of 10 s at 200 kHz
 _LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: beyond any sensor or vehicle
@@ -101,9 +98,8 @@ class PulseFiles:
             expected = [f"a pulse for {printable(run_id, 60)}" for run_id in missing]
             self.problems += [Problem(file, text, found, "add it or remove its row", "id") for text in expected]
         if strangers:
-            self.warnings.append(
-                f"{self.role}: pulses without a row in {file} are left out, namely {listed(strangers)}."
-            )
+            left_out = f"{self.role}: pulses without a row in {file} are left out"
+            self.warnings.append(f"{left_out}, namely {listed(strangers)}.")
         return accel
 
     def check(self) -> None:
@@ -158,9 +154,7 @@ class PulseFiles:
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, RecordedPulse | None]]:
         """Records that were split at a batch boundary are joined."""
-        finished: set[str] = set()
-        pending_id = ""
-        pending: list[RecordedPulse] = []
+        finished, pending_id, pending = set[str](), "", list[RecordedPulse]()
         so_far = len(self.problems)
         try:
             for codes, rows_of in _sample_batches(path, path.name, self.problems, with_id=True):
@@ -280,10 +274,7 @@ def _cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
 def _sample_batches(
     path: Path, where: str, problems: list[Problem], *, with_id: bool = False
 ) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
-    """Samples of a file in SI units, batch by batch, with the record id of each if they have one.
-
-    Cells that are not numbers become problems and NaN; what makes a file unreadable is a DataError.
-    """
+    """In SI units, with the record id of each sample, if asked for; a cell that is no number is a problem and NaN."""
     empty = True
     with opened_table(path, where) as table:
         (time, to_s), (accel, to_mps2) = _columns(table.names, where, with_id=with_id)
@@ -297,7 +288,7 @@ def _sample_batches(
             nameless = (ids.codes < 0) | np.isin(ids.codes, np.flatnonzero(ids.categories == ""))
             if nameless.any():
                 at = int(rows[nameless.argmax()])
-                raise DataError(Problem(where, "an id in each row", "an empty cell", "name the row's run", "id", at))
+                raise DataError(Problem(where, *NAMELESS, "id", at))
             time_s = to_s * numbers_in(frame[time], time, where, rows, problems, _LARGEST_S / to_s)
             accel_mps2 = to_mps2 * numbers_in(frame[accel], accel, where, rows, problems, _LARGEST_MPS2 / to_mps2)
             yield ids, RecordedPulse(time_s, accel_mps2, rows, time)
@@ -345,7 +336,6 @@ def _columns(names: Sequence[str], where: str, *, with_id: bool) -> tuple[tuple[
 
 
 def _blank(frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
-    """Of lines that are empty in all columns, such as spreadsheets leave at the end."""
     if not all(isinstance(kind, pd.StringDtype) for kind in frame.dtypes):
         return np.zeros(len(frame), dtype=bool)
     return np.asarray((frame == "").all(axis=1))

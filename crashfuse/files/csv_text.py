@@ -163,10 +163,7 @@ def read_rows(
     path: Path, where: str, *, by_hand: bool = False, most_rows: int = MOST_ROWS
 ) -> tuple[list[str], list[list[str]], list[int]]:
     """Header, padded rows and row numbers of a small table; ``by_hand``: with semicolons and decimal commas, too."""
-    rows: list[list[str]] = []
-    numbers: list[int] = []
-    wide: list[Problem] = []
-    number = 1
+    rows, numbers, wide, number = list[list[str]](), list[int](), list[Problem](), 1
     with text_from(path, where) as stream:
         lines = _lines(stream, where)
         first = next(lines, "")

@@ -25,7 +25,8 @@ _ENCODING = {_DATA: 2, _DATA_V2: 4}  # a field of these structs
 _DELTA_LENGTH_BYTE_ARRAY = 6
 _DELTA_BYTE_ARRAY = 7  # a text as what differs from the one before it: any length from a byte
 _STRUCT = 12
-_AGAIN = "export it again"
+_AGAIN, EMPTY = "export it again", ("an empty table", "add the rows")
+UNSOUND = "a sound Parquet file", "a damaged or another one"
 
 
 class ParquetTable:
@@ -48,14 +49,14 @@ class ParquetTable:
             trouble = "one that does not", "close other programs, or export fewer runs"
             raise DataError(Problem(where, "a table that fits into memory", *trouble)) from None
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-            found = f"a damaged or another one ({printable(' '.join(str(error).split()), 80)})"
-            raise DataError(Problem(where, "a sound Parquet file", found, _AGAIN)) from None
+            found = f"{UNSOUND[1]} ({printable(' '.join(str(error).split()), 80)})"
+            raise DataError(Problem(where, UNSOUND[0], found, _AGAIN)) from None
 
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
         """Yield these columns and the row numbers, as if a header were 1: float64, and categories for text."""
         texts = [name for name in columns if self._is_text(name)]
         if not self._rows:
-            raise DataError(Problem(self._where, "at least one row", "an empty table", "add the rows"))
+            raise DataError(Problem(self._where, "at least one row", *EMPTY))
         written_out = check_size(self._path, self._where, columns)
         row = 2
         dictionaries = {field.name for field in self._schema if pa.types.is_dictionary(field.type)}
@@ -139,7 +140,7 @@ def _pages(stream: IO[bytes], start: int, length: int, where: str) -> Iterator[t
             if packed < 0 or size < 0:
                 raise ValueError("a negative size")
         except (IndexError, KeyError, ValueError) as error:
-            raise DataError(Problem(where, "a sound Parquet file", "a damaged one (page header)", _AGAIN)) from error
+            raise DataError(Problem(where, *UNSOUND, _AGAIN)) from error
         data = next((field for field in _ENCODING if field in header.inner), None)
         yield size, None if data is None else header.inner[data].get(_ENCODING[data])
         start += header.at + packed

@@ -187,10 +187,8 @@ def settle_each(
     tolerant: bool = False,
 ) -> tuple[Settled, ...]:
     """Settle all records that can be, append problems of others; ``tolerant``: of invalid choices, too."""
-    settled: dict[int, Settled] = {}
-    refused: list[Problem] = []
-    ids: list[str] = []
-    unclear: dict[int, Record] = {}
+    settled, unclear = dict[int, Settled](), dict[int, Record]()
+    refused, ids = list[Problem](), list[str]()
 
     def attempt(place: int, record: Record) -> None:
         try:

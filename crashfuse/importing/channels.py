@@ -11,7 +11,7 @@ from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.campaign_folder.pulse_files import UNEVEN
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, stated_zero
-from crashfuse.readers.record import Record, RecordedChannel
+from crashfuse.readers.record import Channels, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, speed
 from crashfuse.signals.filters import smoothed
 from crashfuse.signals.pulse import FloatArray
@@ -120,7 +120,7 @@ def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
     return [Problem(record.source, f"measured channels of {record.id}", f"by its own account {found}", advice)]
 
 
-def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
+def agreeing_channels(case: Case) -> Channels:
     """Those chosen, else most of them: alike in change of velocity, in a test also in time and shape."""
     record, choices, steps = case.record, case.choices, case.steps
     chosen = record.chosen(choices.channels)
@@ -166,7 +166,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
     return tuple(channel for channel, agrees in zip(chosen, near, strict=True) if agrees)
 
 
-def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[str]) -> tuple[RecordedChannel, ...]:
+def _usable(record: Record, proposed: Channels, steps: list[str]) -> Channels:
     problems: dict[str, Problem] = {}
     for channel in proposed:
         try:
@@ -180,7 +180,7 @@ def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[s
     return tuple(channel for channel in proposed if channel.name not in problems)
 
 
-def _in_one_unit(channels: tuple[RecordedChannel, ...], choices: Choices) -> tuple[RecordedChannel, ...]:
+def _in_one_unit(channels: Channels, choices: Choices) -> Channels:
     factors = [ACCELERATION_UNITS[channel.unit] for channel in channels if channel.unit]
     if choices.unit is not None or len(factors) < len(channels):
         return channels
@@ -239,7 +239,7 @@ class _Signal:
         return Sentence("{}: {}{}", self.name, change, "".join(f", {text}" for text in differ if text))
 
 
-def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedChannel, ...]:
+def _sound(case: Case, channels: Channels) -> Channels:
     """All of them if they were chosen or no sensor is sound, which is told."""
     signals = {channel.name: resample_evenly(channel, case.record.source)[:2] for channel in channels}
     failures: dict[str, Sentence] = {}
@@ -259,7 +259,7 @@ def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedC
     return channels
 
 
-def average(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[FloatArray, FloatArray]:
+def average(case: Case, channels: Channels) -> tuple[FloatArray, FloatArray]:
     """The time and the mean of the channels, in the unit of the first."""
     source = case.record.source
     if case.choices.unit is None and len({channel.unit for channel in channels}) > 1:

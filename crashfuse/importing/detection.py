@@ -8,13 +8,14 @@ import numpy as np
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LEAST_M, STOPS, gap_s
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
-from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel
+from crashfuse.readers.record import AxleWeights, Channels, PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, acceleration_unit, speed
 from crashfuse.signals.filters import CFC60_NOISE, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text
 
+_GIVEN = "given by the user"
 NEAR_SPEED = "a change of velocity near the impact speed of {}"
 
 _LONGEST_GAP_M = 10.0  # at 56 km/h more than half a second
@@ -103,9 +104,7 @@ class Case:
         return low <= abs(change_mps) / self.speed_mps <= high
 
 
-def unit_and_sign(
-    case: Case, channels: tuple[RecordedChannel, ...], time_s: FloatArray, values: FloatArray
-) -> tuple[str, str]:
+def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: FloatArray) -> tuple[str, str]:
     """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed."""
     choices, steps, gain = case.choices, case.steps, delta_v(time_s, values)
     fitting = [name for name, factor in ACCELERATION_UNITS.items() if case.is_moving and case.fits(gain * factor)]
@@ -118,7 +117,7 @@ def unit_and_sign(
         label = fitting[0]
         steps.append(f"Unit {label}, by the change of velocity; the file names none.")
     else:
-        steps.append(f"Unit {label}, {'given by the user' if choices.unit else f'from {channels[0].unit_from}'}.")
+        steps.append(f"Unit {label}, {_GIVEN if choices.unit else f'from {channels[0].unit_from}'}.")
     change = gain * ACCELERATION_UNITS[label]
     if fitting and label not in fitting:
         raise DataError(_unlike(case, time_s, change, label, f"check the unit: {fitting[0]} would fit (--unit)"))
@@ -167,7 +166,7 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
     begin = 0.0 if stated else start
     gap = gap_s(time_s - begin, accel, speed_mps, choices.gap_m) if role == "cae" and choices.gap_m else 0.0
     if choices.time_zero_s is not None:
-        zero, why = float(choices.time_zero_s), "given by the user"
+        zero, why = float(choices.time_zero_s), _GIVEN
     elif gap and choices.gap_m:
         zero, why = begin + gap, f"after a gap of {number(choices.gap_m / MS, '.4g')} mm, given by the user"
     elif stated:
@@ -188,15 +187,11 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
         free_m = speed_mps * free_travel_s(time_s[after], accel[after])
         if free_m > LEAST_M:
             take = f"take out a gap (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})"
-            steps.append(
-                f"Careful: the vehicle moves {free_m / MS:.0f} mm from time zero before it decelerates; {take}."
-            )
+            steps.append(f"Careful: the vehicle moves {free_m / MS:.0f} mm from time zero before deceleration; {take}.")
     return zero
 
 
-def filter_class(
-    case: Case, channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray
-) -> float | None:
+def filter_class(case: Case, channels: Channels, time_s: FloatArray, accel: FloatArray) -> float | None:
     """The channel filter class to apply; None for no filter."""
     chosen = case.choices.channel_filter_class
     if chosen is not None and chosen != "none":
@@ -207,7 +202,7 @@ def filter_class(
     return None if why else _DEFAULT_CFC
 
 
-def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray) -> str:
+def filtered_before(channels: Channels, time_s: FloatArray, accel: FloatArray) -> str:
     """The evidence that a record was filtered to CFC 60 or below; empty if there is none."""
     cutoffs = [channel.cutoff_hz for channel in channels]
     if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):

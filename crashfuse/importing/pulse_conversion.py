@@ -11,7 +11,7 @@ import numpy as np
 
 from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.condition_tables import Role, listed
-from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS
+from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS, WHICH_AXLE
 from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import About, Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting
@@ -123,7 +123,7 @@ def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
         expected, wrong = Sentence("axles of {} that carry at least {}", record.id, least), min(axles)
     elif len(axles) > 1 and not _LEAST_SHARE <= (share := axles[0] / sum(axles)) <= _MOST_SHARE:
         carries = f"a front axle of {record.id} that carries 20 to 80 % of the mass"
-        return [Problem(record.source, carries, f"{100 * share:.0f} %", "check which axle is which")]
+        return [Problem(record.source, carries, f"{100 * share:.0f} %", WHICH_AXLE)]
     found, advice = Sentence("{}", weight(wrong, form=".4g")), "check the weights and their unit"
     return [Problem(record.source, expected, found, advice)] if expected else []
 

@@ -66,6 +66,7 @@ class RatingChoices:
             one_of("measure", name, FURTHER_METRICS)
 
 
+_Row = dict[str, object]
 _Curve = tuple[Pulse, str]  # and its filter class, in words
 _Read = Callable[[Path, tuple[str, ...], _Class, str | None], _Curve]
 
@@ -77,7 +78,7 @@ def rate_files(
     *,
     choices: RatingChoices = RatingChoices(),
 ) -> pd.DataFrame:
-    """Rate one file against another by ISO/TS 18571.
+    """Rate one file against another by ISO/TS 18571: columns :data:`COLUMNS`, one row for each window.
 
     Parameters
     ----------
@@ -86,17 +87,8 @@ def rate_files(
     windows_ms : sequence of float
         Rated are 0 to each of these, in ms.
 
-    Returns
-    -------
-    DataFrame
-        Columns :data:`COLUMNS`, one row for each window.
-
-    Raises
-    ------
-    DataError
-        If a file cannot be read as one pulse, or a window reaches beyond a record.
-    UsageError
-        If a channel or unit does not exist.
+    A DataError refuses a file that cannot be read as one pulse, or ends within a window; a UsageError a channel or unit
+    that does not exist.
     """
     return _pair_table(Path(reference), Path(comparison), windows_ms, choices, _curve)
 
@@ -170,20 +162,18 @@ def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Re
     )
 
 
-def _rated_rows(
-    reference: _Curve, comparison: _Curve, windows_ms: Sequence[float], also: Sequence[str] = ()
-) -> Iterator[dict[str, object]]:
-    (one, filtering), (other, others) = reference, comparison
+def _rated_rows(one: _Curve, other: _Curve, windows_ms: Sequence[float], also: Sequence[str]) -> Iterator[_Row]:
+    (reference, filtering), (comparison, others) = one, other
     filtering = filtering if others == filtering else f"reference {filtering}, comparison {others}"
-    for window, rating in rate_windows(one, other, windows_ms).items():
+    for window, rating in rate_windows(reference, comparison, windows_ms).items():
         row = {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
         if also:
-            curves = rated_curves(one, other, window)
+            curves = rated_curves(reference, comparison, window)
             row |= {column: value for name in also for column, value in FURTHER_METRICS[name](*curves).items()}
         yield row
 
 
-def _ratings_table(rows: Sequence[dict[str, object]]) -> pd.DataFrame:
+def _ratings_table(rows: Sequence[_Row]) -> pd.DataFrame:
     columns = dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)])
     table = pd.DataFrame(rows).reindex(columns=list(columns))
     text = ["reference", "comparison", "channel", "grade", "basis", "note"]
@@ -258,7 +248,7 @@ def rate_channels(
     if not set(sides[0]) & set(sides[1]):
         found = "codes that occur in one of them only"
         raise DataError(Problem(comparison.name, f"channels of {reference.name}", found, "rate their pulses instead"))
-    rows: list[dict[str, object]] = []
+    rows: list[_Row] = []
     for code, n in sorted(sides[0], key=lambda key: key not in sides[1]):
         name = code if n == 1 else f"{code} ({n})"
         if (code, n) not in sides[1]:
@@ -273,9 +263,7 @@ def rate_channels(
     return _ratings_table(rows).assign(reference=str(reference), comparison=str(comparison))
 
 
-def _rows(
-    one: Channel, other: Channel, windows_ms: Sequence[float], also: Sequence[str]
-) -> Iterator[dict[str, object]]:
+def _rows(one: Channel, other: Channel, windows_ms: Sequence[float], also: Sequence[str]) -> Iterator[_Row]:
     if one.unit != other.unit:
         raise DataError(Problem(one.code, f"the unit {one.unit or 'none'}", other.unit or "none", "convert"))
     sides = (("reference", one.status), ("comparison", other.status))

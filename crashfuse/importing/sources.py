@@ -113,8 +113,7 @@ def read_records(reading: Reading) -> tuple[Record, ...]:
 
 def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]]:
     """Read every readable record of a source; return the records and the problems of the others."""
-    problems: list[Problem] = []
-    records: list[Record] = []
+    problems, records = list[Problem](), list[Record]()
     # the user, seeing the records, decides whether they are of one crash
     with collecting(problems), suppress(OneCrashOrSeveral):
         records += iter_records(reading, problems)

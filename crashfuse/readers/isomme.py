@@ -109,9 +109,8 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
     near = [member for member in members if member.path.parent in homes]
     lists = [member for member in near if member.path.suffix.lower() == ".chn"]
     listed = [pair for member in lists for pair in _descriptors(_lines_in(member, budget), member.where)]
-    problems: list[Problem] = []
+    problems, clocks = list[Problem](), dict[str, Channel]()
     channels: list[tuple[Channel, str | None]] = []
-    clocks: dict[str, Channel] = {}
     numbered = [member for member in near if is_numbered(member.path)]
     for member in sorted(numbered, key=lambda member: int(member.path.suffix[1:])):
         with collecting(problems):
@@ -243,8 +242,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
     values = (value for _, value in test.descriptors)
     origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(values)
-    recorded: dict[str, RecordedChannel] = {}
-    untimed: dict[str, Problem] = {}
+    recorded, untimed = dict[str, RecordedChannel](), dict[str, Problem]()
     for name, (code, channel) in named.items():
         if (time_s := channel.time_s) is None:
             expected, advice = "an even time, as long as the channel", "export its sampling interval"

@@ -63,6 +63,7 @@ class _RunFiles:
     binout: defaultdict[str, dict[tuple[int, int], Member]] = field(default_factory=lambda: defaultdict(dict))
     text: dict[str, Member] = field(default_factory=dict)
     decks: Mapping[PurePosixPath, Member] = field(default_factory=dict)  # by path, of all runs
+    zipped: bool = False
 
     def families(self) -> list[list[Member]]:
         families = []
@@ -99,7 +100,7 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     zipped = path.suffix.lower() == ".zip"
     chosen = _named(path) if path.is_file() and not zipped else None
     decks = {member.path: member for member in members if _named(member.path) is None}
-    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(lambda: _RunFiles(decks=decks))
+    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(lambda: _RunFiles(decks=decks, zipped=zipped))
     for member in members:
         folder, name = member.path.parts[:-1], _named(member.path)
         if name is None:
@@ -145,16 +146,13 @@ def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYN
         most = min(_MOST_NODES, max(_MOST_IN_ALL // len(runs), _FEWEST_NODES))
 
         def record(run_id: str) -> Record:
-            source = path.name if len(runs) == 1 else run_id
-            return _record(run_id, source, runs[run_id], budget, most, travel, zipped=path.suffix.lower() == ".zip")
+            return _record(run_id, path.name if len(runs) == 1 else run_id, runs[run_id], budget, most, travel)
 
         return read_all(runs, record, path.name)
 
 
-def _record(
-    run_id: str, source: str, files: _RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool
-) -> Record:
-    run, glstat, matsum = _histories(files, budget, most, travel, zipped=zipped)
+def _record(run_id: str, source: str, files: _RunFiles, budget: Budget, most: int, travel: Travel | None) -> Record:
+    run, glstat, matsum = _histories(files, budget, most, travel)
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
     proposed, why = solver_run.proposed_nodes(nodes)
     units = solver_run.units_of(proposed, source)
@@ -187,14 +185,12 @@ def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -
     return {name: text for name, text in about.items() if name != "title"}
 
 
-def _histories(
-    files: _RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool
-) -> tuple[Histories, States, States]:
+def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | None) -> tuple[Histories, States, States]:
     run, glstat, matsum = Histories("", (), 0), States(), States()
     with ExitStack() as opened:
 
         def stream(file: Member) -> IO[bytes]:
-            return _unzipped(file, budget) if zipped else opened.enter_context(file.opened())
+            return _unzipped(file, budget) if files.zipped else opened.enter_context(file.opened())
 
         if families := [[(stream(file), file.where) for file in family] for family in files.families()]:
             run, glstat, matsum = read_binout(families, most, travel)

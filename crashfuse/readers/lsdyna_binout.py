@@ -242,10 +242,9 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
             pieces.setdefault((part.database, piece.name), []).append(piece)
     frequent = {name for database, name in pieces if database == "nodouthf"}
     merged = [_joined(of) for (database, name), of in pieces.items() if database != "nodout" or name not in frequent]
-    kept = lsdyna_histories.nodes_to_keep(
-        [node.name for node in merged], {node.name: node.title for node in merged}, most
-    )
-    nodes = tuple(node for node in merged if node.name in kept)
+    titles = {node.name: node.title for node in merged}
+    names = lsdyna_histories.nodes_to_keep([*titles], titles, most)
+    nodes = tuple(node for node in merged if node.name in names)
     total = max(len(merged), *(part.of.ids.size for part in parts))
     count = sum(map(len, families))
     notes = (f"Nodes from {len({part.where for part in parts})} of {count} files of binout, joined.",) * (count > 1)

@@ -58,7 +58,7 @@ class Histories:
 
 
 def nodes_to_keep(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
-    """Those with a title first, then in file order."""
+    """Those with a title first."""
     return set(sorted(names, key=lambda name: not titles.get(name))[:most])
 
 

@@ -130,8 +130,7 @@ def nhtsa_record(
     ``stem`` is v and the number of the test. The DataError of a function in ``sensors``, which reads a channel, is
     passed on only for a channel that would be proposed, or if no other is left.
     """
-    channels: dict[Sensor, RecordedChannel] = {}
-    damaged: dict[Sensor, Problem] = {}
+    channels, damaged = dict[Sensor, RecordedChannel](), dict[Sensor, Problem]()
     for sensor, read in sensors.items():
         try:
             channels[sensor] = replace(read(), status=sensor.quality, sensor=sensor.maker)
@@ -190,7 +189,7 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
-    kind = "an NHTSA folder or zip with a .EV5 file"
+    kind = "an NHTSA folder or zip (.EV5)"
 
     def wanted(file: PurePath) -> bool:
         return FORMATS["nhtsa"].has(file) or is_numbered(file)

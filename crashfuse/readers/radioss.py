@@ -123,9 +123,7 @@ class _BinaryFile:
         return found
 
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
-        found: dict[str, dict[str, FloatArray]] = {}
-        titles: dict[str, str] = {}
-        curves = 0
+        found, titles, curves = dict[str, dict[str, FloatArray]](), dict[str, str](), 0
         for at, group in self._written:
             names = _VARIABLES.get(group.kind, {})
             columns = {name: group.codes.index(code) for code, name in names.items() if code in group.codes}

@@ -121,9 +121,8 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
             kept = one.time < start
             curves = {key: np.concatenate([of[kept], later.curves[key]]) for key, of in one.curves.items()}
             watched.append(replace(one, time=np.concatenate([one.time[kept], later.time]), curves=curves))
-        model = {
-            key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in part.model
-        }
+        both = whole.model.keys() & part.model.keys()
+        model = {key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in both}
         time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
         # impulses of walls may be counted anew
         whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={})
@@ -329,7 +328,7 @@ def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, 
     mass_kg = solver_run.vehicle_mass_kg(mass)
     if mass_kg is None:
         expected, found = "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g"
-        raise DataError(Problem(source, expected, found, "choose the run of a whole vehicle"))
+        raise DataError(Problem(source, expected, found, "choose another run"))
     return mass_kg, what
 
 

@@ -169,6 +169,9 @@ class RecordedChannel:
         return ", ".join(printable(text, 60) for text in (status, origin) if text)
 
 
+Channels = tuple[RecordedChannel, ...]
+
+
 def proposal(
     channels: Mapping[str, RecordedChannel], propose: Callable[[Sequence[str]], tuple[tuple[str, ...], str]]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -206,7 +209,7 @@ class Record:
     id: str  # proposed for the campaign
     source: str  # name of the file or folder, without its path
     condition: PartialCondition
-    channels: tuple[RecordedChannel, ...]
+    channels: Channels
     proposed: tuple[str, ...]  # names of the channels that the reader would average into the pulse
     steps: tuple[str, ...] = ()  # sentences: what was found, why these channels, what was joined or left out
     own_time_zero: str = ""  # why 0 in the file's time is first contact; empty if the file does not say so
@@ -232,7 +235,7 @@ class Record:
         rest = f" and {len(shown) - _LISTED} more" if len(shown) > _LISTED else ""
         return f"{', '.join(shown[:_LISTED])}{rest}"
 
-    def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
+    def chosen(self, names: Sequence[str] = ()) -> Channels:
         """The channels with these names, as in the file or as messages print them; by default those proposed."""
         if damaged := [self.unread[name] for name in names if name in self.unread]:
             raise DataError(damaged)

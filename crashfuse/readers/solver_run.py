@@ -14,6 +14,7 @@ import numpy as np
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
+from crashfuse.readers import vocabulary
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, Travel, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
@@ -30,16 +31,16 @@ _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|sp
 _PLACES = (
     (r"(?=.*\b(rear|rr|hinten)\b)(?=.*(cross|x ?mem|x ?mbr|floor|sill|seat|tunnel))", "at the rear, behind the crush"),
     (r"\b(c\.?o?\.?g|cent(er|re) of gravity|schwerpunkt)\b", "at the centre of gravity"),
-    (r"tunnel", "on the tunnel"),
-    (r"\b(sill|rocker)", "on the sills"),
-    (r"\bb ?pillar", "on the B-pillars"),
+    (r"tunnel", vocabulary.TUNNEL),
+    (r"\b(sill|rocker)", vocabulary.SILLS),
+    (r"\bb ?pillar", vocabulary.PILLARS),
 )
 _SLOWEST_MPS = 1.0
 _LEAST_OF_FASTEST = 0.2  # a vehicle is at its fastest when it sets out; what is accelerated first is none
 _OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
 
+# the title and the line below it in every text file of LS-DYNA
 STAMP = re.compile(r"([^\n]*)\n *ls-dyna +\(?(?:version +)?(\S.*?)\)? +date +(\d\d/\d\d/\d{4})")
-"""The title and the line below it in every text file of LS-DYNA."""
 _STATED = {
     "title": STAMP,
     "date": re.compile(r"\bdate *:? *(\d\d/\d\d/\d{4})", re.IGNORECASE),
@@ -205,7 +206,7 @@ def departure(
     is_aslant = bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
     if travel is None and (not moves or is_aslant):
         expected = "a vehicle that travels along one axis" if moves else "nodes that are fastest when they set out"
-        advice = "choose a run in the vehicle's axes, or give both (--travel, --speed-kph)"
+        advice = "choose a run in the vehicle's axes, or give axis and speed (--travel, --speed-kph)"
         raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
     if travel is not None:
         if not largest * (per_mps or 1.0) > (_SLOWEST_MPS if per_mps else 0.0):
@@ -258,7 +259,7 @@ def run_record(
     (speed_mps, no_speed), (mass_kg, mass_of) = speed_or_why, mass_and_source
     told = list(steps)
     if any(map(_is_aliased, proposed)):
-        told.append("Accelerations that do not add up are taken from velocities.")
+        told.append("Accelerations that do not add up are taken from the velocities.")
     if speed_mps is not None:
         told.append(Sentence("Speed {}, at which it sets out.", speed(speed_mps, form=".4g")))
     if mass_kg is not None:

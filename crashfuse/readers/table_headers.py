@@ -249,15 +249,13 @@ def exchange_axes(header: str, axis: str) -> str:
     return _CODE.sub(code, header) if _CODE.search(header) else _LETTER.sub(letter, header)
 
 
-def axis_by_motion(
-    accelerations: Mapping[str, tuple[str, ...]], values: Callable[[str], FloatArray]
-) -> tuple[str, str]:
+def axis_by_motion(columns: Mapping[str, tuple[str, ...]], values: Callable[[str], FloatArray]) -> tuple[str, str]:
     """The axis of travel, of columns by the axis that their headers name, and a sentence if it is not plainly x."""
-    if set(accelerations) <= {"x"}:
+    if set(columns) <= {"x"}:
         return "x", ""
-    gains = {axis: float(np.median([_gain(values(name)) for name in names])) for axis, names in accelerations.items()}
-    best = max(accelerations, key=gains.__getitem__)
-    if best == "x" or ("x" in accelerations and not gains[best] > _MANY_TIMES * gains["x"]):
+    gains = {axis: float(np.median([_gain(values(name)) for name in names])) for axis, names in columns.items()}
+    best = max(columns, key=gains.__getitem__)
+    if best == "x" or ("x" in columns and not gains[best] > _MANY_TIMES * gains["x"]):
         return "x", ""
     return best, f"Careful: travel along {best}, by the change of velocity; else give --travel."
 

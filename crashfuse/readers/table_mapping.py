@@ -37,8 +37,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import read_out
 
 QUANTITIES = {name: name for name in ("time", "acceleration", "speed", "mass")}
-QUANTITIES |= {"front_weight": "mass", "rear_weight": "mass", "front_share": "share"}
-"""Quantities by the role of a column."""
+QUANTITIES |= {"front_weight": "mass", "rear_weight": "mass", "front_share": "share"}  # by role
 _OF_CONDITIONS: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
 _FEWEST_ROWS = 20  # rows needed to take a time beside conditions for that of pulses
 
@@ -297,8 +296,7 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     if times != 1:
         found = f"{printable(name, 40)!r} {times} times" if times else "none"
         raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
-    columns: list[FloatArray | None] = []
-    problems: list[Problem] = []
+    columns, problems = list[FloatArray | None](), list[Problem]()
     for role in (*_OF_CONDITIONS, "front_share"):
         with collecting(problems):
             columns.append(_quantity(sheet, mapping, role))

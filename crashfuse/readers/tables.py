@@ -300,7 +300,7 @@ def _decoded(content: bytes, name: str) -> str:
 
 def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
     best, best_score, best_width = "", 0.0, 0
-    for delimiter, decimal in _DIALECTS:
+    for delimiter, decimal in map(tuple, _DIALECTS):
         rows = [_split(line, delimiter) for line in lines]
         width = max(widths := Counter(len(row) for row in rows if len(row) > 1), key=widths.__getitem__, default=0)
         numbers = [sum(table_sheet.is_number(cell, decimal) for cell in row) for row in rows if len(row) == width]

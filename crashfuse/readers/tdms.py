@@ -182,9 +182,7 @@ def _clock_of(
     return times[key]
 
 
-def _proposed(
-    channels: Mapping[str, RecordedChannel], found: int, what: str
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _proposed(channels: Mapping[str, RecordedChannel], n: int, what: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
@@ -192,7 +190,7 @@ def _proposed(
         chosen, why = vocabulary.propose_by_code(codes)
         if chosen:
             return chosen, why
-        if len(names) == 1 and len(channels) == found and what == "acceleration":
+        if len(names) == 1 and len(channels) == n and what == "acceleration":
             return tuple(names), f"The only {what}{unit}: {printable(names[0])}."
         return (), f"Choose one of {len(channels)} {what}s{unit}."
 
@@ -215,7 +213,7 @@ def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, lis
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
     """Read TDMS files (one, a folder or a zip of them), one record each."""
-    kind = "a .tdms file, or a folder or zip of them"
+    kind = ".tdms files, a folder or zip of them"
     of_the_format = FORMATS["tdms"].has
     with opened_members(path, of_the_format, kind, limits) as (members, budget):
         if of_the_format(path):

@@ -101,9 +101,7 @@ class _Scales:
         raise _UnusableScale(f"scale {index} of the kind {kind}")
 
 
-class _Layout(NamedTuple):
-    """Of one object in each chunk of raw data."""
-
+class _Layout(NamedTuple):  # of one object in each chunk of raw data
     kind: int
     values: int
     width: int

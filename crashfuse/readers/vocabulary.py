@@ -67,12 +67,13 @@ _DUMMY = frozenset(
     ["HEAD", "NECK", "CHST", "THSP", "SPIN", "PELV", "FEMR", "TIBI", "FOOT", "ABDO", "SHLD", "KNEE", "RIBS", "ACTB"]
 )
 _REAR = ("SEAT", "FLOR", "FORA", "FLPA")  # NHTSA's: seat cross-member, floor, floor pan
+TUNNEL, SILLS, PILLARS = "on the tunnel", "on the sills", "on the B-pillars"
 _PLACES = (
     ((), "on the rear seat cross-member or floor, behind the crush"),
     (("VEHC", "CVEH"), "of the vehicle as a whole"),
-    (("TUNN",), "on the tunnel"),
-    (("SIME", "SILL"), "on the sills"),
-    (("BPIL",), "on the B-pillars"),
+    (("TUNN",), TUNNEL),
+    (("SIME", "SILL"), SILLS),
+    (("BPIL",), PILLARS),
 )
 _CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 600, 180, 60 (SAE J211-1)
 _RAW_FIRST = "0PXSABCD"

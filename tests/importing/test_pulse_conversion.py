@@ -196,15 +196,11 @@ def test_channels_without_a_majority_are_refused_until_the_user_chooses(scales: 
 
 
 def test_a_pulse_that_will_be_refused_asks_for_no_weights_first() -> None:
-    """What is wrong with the pulse is said along with what is missing, not in a second round."""
+    """What is wrong is said along with what is missing; of a unit that the speed may tell, the speed alone is asked."""
     unweighed = record(channel(scale=0.3), condition=PartialCondition(SPEED_MPS))
     weights, change = problems_of(lambda: settle(unweighed))
     assert weights.expected == "the weights on both axles of T1"
     assert change.expected.startswith("a change of velocity near the impact speed")
-
-
-def test_a_unit_that_the_speed_may_tell_is_asked_for_along_with_the_speed_alone() -> None:
-    """Without both, the speed is what is missing; with a speed that tells none, the unit is."""
     unknown = record(channel(unit=None), condition=PartialCondition(None, None, 950.0, 750.0))
     assert not [problem for problem in problems_of(lambda: settle(unknown)) if isinstance(problem, UnknownUnit)]
     untold = record(channel(scale=0.02, unit=None), condition=PartialCondition(SPEED_MPS))
