@@ -160,8 +160,8 @@ def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
 
 def _likely_cause(ratio: float, low: float, high: float) -> str:
     causes = {"flip the sign of the acceleration (deceleration is negative)": -1.0}
-    units = (("acceleration", "m/s²", "g", G), ("acceleration", "g", "mps2", 1 / G))
-    units += (("speed", "km/h", "mph", KPH / MPH), ("speed", "mph", "kph", MPH / KPH))
+    units = [("acceleration", "m/s²", "g", G), ("acceleration", "g", "mps2", 1 / G)]
+    units += [("speed", "km/h", "mph", KPH / MPH), ("speed", "mph", "kph", MPH / KPH)]
     causes |= {f"check the unit of the {of} ({unit} in a column …_{end}?)": factor for of, unit, end, factor in units}
     likely = [advice for advice, factor in causes.items() if low <= ratio / factor <= high]
     return likely[0] if likely else "check its speed, units and time zero"

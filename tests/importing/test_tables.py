@@ -272,7 +272,7 @@ def test_records_below_each_other_are_not_to_be_sorted(tmp_path: Path) -> None:
     assert "found -20.00 after 150.00; map the column of ids (--column COLUMN=id)" in said
     ids = (ColumnChoice("Fahrzeug", "id"),)
     assert list(by_id(read_records(Reading(path, columns=ids)))) == ["A", "B"]
-    slow = replace(GIVEN, condition=replace(GIVEN.condition, speed_mps=1.0))
+    slow = replace(GIVEN, condition=replace(GIVEN.condition, speed_mps=5.0))
     problems = problems_of(lambda: import_source(path, tmp_path / "out", slow, columns=ids))
     assert [problem.where for problem in problems] == ["long.csv, A", "long.csv, B"]
 
