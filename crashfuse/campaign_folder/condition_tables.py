@@ -19,13 +19,14 @@ from crashfuse.crash_test import TUNED
 from crashfuse.errors import CORRECT_CELL, KEEP_ONE, NO_FILE, DataError, Problem, printable, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import MOST_ROWS, read_rows
+from crashfuse.files.parquet import EMPTY
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MASS, SPEED
 from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem
 
-Role = Literal["tests", "cae"]
-"""Either of the two condition tables of a campaign, with its pulses."""
+Role = Literal["tests", "cae"]  # either of the two condition tables of a campaign, with its pulses
 TABLES = ("tests.csv", "cae.csv")
+NAMELESS = "an id in each row", "an empty cell", "name the row"
 _MOST_PROBLEMS = 20  # of cells of one column of pulses; the rest are only counted
 RowNumbers = npt.NDArray[np.integer[Any]]
 
@@ -74,7 +75,7 @@ class ConditionTable:
 def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
     """Read a condition table, in units by the endings of its columns; a DataError has every problem of it.
 
-    A CAE run may start at rest, a test may not. A list made ``by_hand`` may have a spreadsheet's decimal commas.
+    A list made ``by_hand`` may have a spreadsheet's decimal commas.
     """
     problems: list[Problem] = []
     table = read_lenient(path, role, problems, by_hand=by_hand)
@@ -186,9 +187,9 @@ def listed(names: Iterable[str]) -> str:
 
 
 def id_trouble(run_id: str) -> tuple[str, str, str] | None:
-    """Expected, found and advice for an id that is no file name on every platform, or is a formula to a spreadsheet."""
+    """Expected, found and advice for an id that is no file name on every platform, or a formula."""
     if not run_id:
-        return "an id in each row", "an empty cell", "name the row"
+        return NAMELESS
     found = repr(printable(run_id, 60))
     unsafe, trouble = _UNSAFE.search(run_id), name_trouble(run_id)
     if wrong := f"with {unsafe[0]}" if unsafe else trouble and trouble[1]:
@@ -199,7 +200,7 @@ def id_trouble(run_id: str) -> tuple[str, str, str] | None:
 
 
 def folded(name: str) -> str:
-    """A name as seen by a file system that ignores case and Unicode normalisation."""
+    """A name as a file system sees it that ignores case and Unicode normalisation."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
@@ -210,9 +211,8 @@ def safe_id(name: str) -> str:
     plain = plain.strip(" ").rstrip(". ")
     if plain.startswith(_FORMULA):
         plain = f"_{plain[1:]}"
-    if plain and id_trouble(plain) is not None:  # the name of a device
-        plain = f"_{plain}"
-    return plain or "record"
+    plain = plain or "record"
+    return plain if id_trouble(plain) is None else f"_{plain}"  # the name of a device
 
 
 def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
@@ -225,7 +225,7 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
         problems.extend(error.problems)
         return None
     if not rows:
-        problems.append(Problem(path.name, "a header and at least one row", "an empty table", "add the rows"))
+        problems.append(Problem(path.name, "a header and at least one row", *EMPTY))
         return None
     if twice := [name for name, count in Counter(names).items() if name and count > 1]:
         problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", KEEP_ONE))
@@ -236,7 +236,6 @@ def _read_text(path: Path, role: Role, problems: list[Problem], *, by_hand: bool
 
 
 def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]:
-    """The places of the rows with a valid id that no row before has."""
     seen: dict[str, str] = {}
     sound: list[int] = []
     for place, (row, run_id) in enumerate(ids.items()):
@@ -263,7 +262,7 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
 
 def _read_quality(frame: pd.DataFrame, where: str, problems: list[Problem]) -> tuple[RunQuality, ...]:
     columns = [name for name in QUALITIES if name in frame]
-    if not columns or not (frame[columns] != "").to_numpy().any():
+    if not (frame[columns] != "").to_numpy().any():
         return ()
     values: dict[str, list[float | None]] = {}
     for name in columns:

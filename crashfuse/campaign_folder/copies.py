@@ -18,8 +18,7 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 
 Pairs = list[tuple[int, int]]
-ONE_RECORD = 0.005
-"""Tests that differ by less are one record."""
+ONE_RECORD = 0.005  # tests that differ by less are one record
 _ALIKE_TESTS = 0.015  # tests that differ by less may be one record, or good repeats
 _TESTS_SHIFT_S, _AVERAGED_S = 20e-3, 4e-3
 _RUNS_DIFFER, _IDENTICAL = 5e-4, 1e-7  # distances of pulses of norm 1; sampled at 10 kHz: 5e-5
@@ -35,7 +34,7 @@ def check_tests_differ(
 ) -> None:
     """Reject tests that are copies of each other, and warn of those that might be.
 
-    Pulses are on the study grid, shape (n_tests, 1250); ``ends_s`` is where shorter records end, by id.
+    Pulses are on the study grid; ``ends_s`` is where shorter records end, by id.
     """
     ends = [ends_s.get(test_id, np.inf) for test_id in table.ids]
     records = [row[: np.searchsorted(GRID_S, end, "right")] for row, end in zip(accel, ends, strict=True)]
@@ -48,10 +47,8 @@ def check_tests_differ(
         else:
             doubtful.append(f"{table.ids[one]} and {table.ids[other]} ({100 * share:.1f} %)")
     if doubtful:
-        warnings.append(
-            f"tests.csv: shifted and scaled, the pulses of some tests hardly differ: {_pairs(doubtful)}. They may be "
-            "good repeats; check that none is a copy."
-        )
+        finding = f"tests.csv: shifted and scaled, some tests hardly differ: {_pairs(doubtful)}"
+        warnings.append(f"{finding}. They may be good repeats; check that none is a copy.")
 
 
 def check_runs_differ(table: ConditionTable, accel: npt.NDArray[np.float32], warnings: list[str]) -> None:

@@ -12,6 +12,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain, islice, zip_longest
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, R
 from crashfuse.campaign_folder.copies import check_tests_differ
 from crashfuse.campaign_folder.history import changing, is_vacant, settle, taking_turns
 from crashfuse.campaign_folder.load import FILES, WALLS
-from crashfuse.campaign_folder.pulse_files import PulseFiles
+from crashfuse.campaign_folder.pulse_files import PulseFiles, RecordedPulse
 from crashfuse.campaign_folder.settings import read_settings, reason, sound_settings
 from crashfuse.condition import ABOUT, About, Condition
 from crashfuse.crash_test import TUNED
@@ -35,8 +36,7 @@ from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.wall import Wall
 from crashfuse.wording import counted
 
-WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
-"""Singular and plural of each role."""
+WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}  # one, several
 _NAMED = 5  # ids
 _SAME = 1e-5  # relative: a table may keep float32
 _SETTINGS = "campaign.toml"
@@ -84,7 +84,7 @@ def add_to_campaign(folder: Path, additions: Mapping[Role, Sequence[Addition]]) 
     ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, all the same, stays as it is.
 
     A DataError leaves the campaign unchanged: an id is invalid, given twice, or there with another condition or pulse;
-    all are there already; a test is a copy of another; the campaign is the sample or invalid.
+    all are there already; a test is a copy of another; the campaign is invalid.
     """
     for role, of_role in additions.items():
         ids = [addition.id for addition in of_role]
@@ -162,7 +162,6 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
 
 
 def _set_cells(folder: Path, ids: Sequence[str], values: Mapping[str, str], what: str) -> str:
-    """Set cells of tests by column, which is added if the table lacks it; returns ``what`` that was."""
     with taking_turns(folder):
         _require(ids, _tests(folder)[0], "there")
         path = folder / "tests.csv"
@@ -212,21 +211,17 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
     for role, of_role in additions.items():
         table = _table(folder, role)
         there = _already_there(folder, role, table, of_role)
-        new[role] = [addition for addition in of_role if addition.id not in there]
-        added.append(Added(role, tuple(addition.id for addition in new[role]), there))
+        new[role] = [one for one in of_role if one.id not in there]
+        added.append(Added(role, tuple(one.id for one in new[role]), there))
         text, header = _table_to_extend(folder / f"{role}.csv", table, new[role])
-        rows = [writer.table_row(header, addition.id, addition.condition, addition.further) for addition in new[role]]
+        rows = [writer.table_row(header, one.id, one.condition, one.further) for one in new[role]]
         tables[f"{role}.csv"] = text + csv_text(rows)
-        for addition in new[role]:
-            values = {"id": addition.id, "as": role, **addition.provenance}
+        for one in new[role]:
+            values = {"id": one.id, "as": role, **one.provenance}
             lines = ["[[imported]]", *(f"{key} = {toml_text(value)}" for key, value in values.items())]
             settings += ("\n" if settings else "") + "\n".join(lines) + "\n"
     _check_readable({**tables, _SETTINGS: settings})
-
-    def check() -> None:
-        if "tests" in new:
-            _check_differ(folder)
-
+    check: Callable[[], None] = partial(_check_differ, folder) if "tests" in new else lambda: None
     with changing(folder, ". ".join(map(str, added)), check) as new_file:
         for role, of_role in new.items():
             _write_pulses(folder, role, of_role, new_file)
@@ -240,11 +235,10 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
 
 def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], new_file: Callable[[Path], Path]) -> None:
     for table in _pulse_tables(folder, role)[:1]:
-        writer.append_to_table(table, new_file(table), [(addition.id, addition.pulse) for addition in additions])
+        writer.append_to_table(table, new_file(table), [(one.id, one.pulse) for one in additions])
         return
-    for addition in additions:
-        path = folder / role / f"{addition.id}.csv"
-        pulse = writer.pulse_csv(addition.pulse).encode()
+    for one in additions:
+        path, pulse = folder / role / f"{one.id}.csv", writer.pulse_csv(one.pulse).encode()
         if path.exists() and path.read_bytes() != pulse:
             raise DataError(Problem(f"{role}/{path.name}", "no such file yet", "one without a row", "remove the file"))
         new_file(path).write_bytes(pulse)
@@ -258,7 +252,7 @@ def _table(folder: Path, role: Role) -> ConditionTable | None:
 def _already_there(
     folder: Path, role: Role, table: ConditionTable | None, additions: Sequence[Addition]
 ) -> tuple[str, ...]:
-    """The ids of additions that the campaign has already; a DataError if one has another condition or pulse there."""
+    """The ids that the campaign has already; a DataError if one has another condition or pulse there."""
     conditions = {} if table is None else dict(zip(table.ids, table.conditions, strict=True))
     names = set(map(condition_tables.folded, conditions))
     again = {addition.id: addition for addition in additions if condition_tables.folded(addition.id) in names}
@@ -268,9 +262,8 @@ def _already_there(
     same = set()
     for run_id, _, record in PulseFiles(folder, role, None).records(wanted):
         if record is not None and run_id in wanted:
-            there, pulse = Pulse(record.time_s, record.accel_mps2), again[run_id].pulse
             close = np.allclose(conditions[run_id].vector, again[run_id].condition.vector, rtol=_SAME)
-            same |= {run_id} if close and _is_same(there, pulse) else set()
+            same |= {run_id} if close and _is_same(record, again[run_id].pulse) else set()
     if other := [run_id for run_id in again if run_id not in same]:
         file, new = f"{role}.csv", "an id that is not there yet"
         raise DataError([Problem(file, new, repr(i), "rename it, or remove the other", "id") for i in other[:20]])
@@ -280,14 +273,14 @@ def _already_there(
     return tuple(again)
 
 
-def _is_same(one: Pulse, other: Pulse) -> bool:
+def _is_same(one: RecordedPulse, other: Pulse) -> bool:
     if one.time_s.shape != other.time_s.shape or not np.allclose(one.time_s, other.time_s, rtol=_SAME, atol=1e-9):
         return False
     return np.allclose(one.accel_mps2, other.accel_mps2, atol=_SAME * float(np.abs(other.accel_mps2).max()))
 
 
 def _table_to_extend(path: Path, table: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
-    """The condition table with the further columns (rows are then short: their cells are empty), and all columns."""
+    """The condition table with further columns, in which rows may be too short, and all columns."""
     further = writer.further_columns([addition.further for addition in additions])
     if table is None:
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
@@ -306,7 +299,6 @@ def _with_columns(text: str, further: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def _check_readable(files: Mapping[str, str]) -> None:
-    """Raise a DataError if a file could not be read back: the whole campaign could no longer be opened."""
     problems: list[Problem] = []
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -320,7 +312,6 @@ def _check_readable(files: Mapping[str, str]) -> None:
 
 
 def _check_differ(folder: Path) -> None:
-    """Raise a DataError if a test in use has become a copy of another: the campaign could no longer be opened."""
     settings, tests = read_settings(folder, [], []), _table(folder, "tests")
     if tests is not None:
         tests = tests.without([place for place, test_id in enumerate(tests.ids) if test_id in settings.unused])
@@ -340,8 +331,7 @@ def _tests(folder: Path) -> tuple[tuple[str, ...], Mapping[str, str]]:
     """The ids of all tests in the folder, whatever is wrong with their data, and why some are left out of use."""
     problems: list[Problem] = []
     settings = sound_settings(folder)
-    table = condition_tables.read_lenient(folder / "tests.csv", "tests", problems)
-    if table is None:
+    if (table := condition_tables.read_lenient(folder / "tests.csv", "tests", problems)) is None:
         raise DataError(shortened(problems))
     return table.ids, settings.unused
 

@@ -77,10 +77,7 @@ def changed_by(author: str) -> Iterator[None]:
 
 @contextmanager
 def taking_turns(folder: Path) -> Iterator[None]:
-    """Let nobody else change a campaign folder meanwhile, and find it without half a change.
-
-    Raises a DataError if another process changes it for too long, half a change stays, or it is the sample.
-    """
+    """Let nobody else change a campaign folder meanwhile, and find it without half a change; else a DataError."""
     if is_sample(folder):
         raise DataError(Problem(str(folder), "a folder of yours", "the sample", "copy it (crashfuse sample DIR)"))
     with sole_writer(folder, _PATIENCE_S):
@@ -101,12 +98,12 @@ def settle(folder: Path) -> None:
             with taking_turns(folder):
                 pass
         except OSError as error:
-            trouble = "finished changes", "an interrupted one", "open it where its folder can be written"
+            trouble = "finished changes", "an interrupted one", "open it where it can be written"
             raise DataError(Problem(str(folder), *trouble)) from error
 
 
 def is_vacant(folder: Path) -> bool:
-    """True if there is nothing in a folder but what is kept of changes, or no such folder."""
+    """Whether there is nothing in a folder but what is kept of changes, or no such folder."""
     settle(folder)
     return not folder.is_dir() or all(path.name in (_HOME, NAME) for path in folder.iterdir())
 
@@ -152,8 +149,8 @@ def changing(folder: Path, what: str, check: Callable[[], None] = lambda: None) 
 def undo(folder: Path, last: Change | None = None) -> Change:
     """Undo the last change of a campaign folder, which is returned: every file is again what it was, byte for byte.
 
-    ``last`` is the change that is meant. A DataError leaves the folder as it is: there is none, another one was made
-    since, or one of its files was changed since.
+    ``last`` is the change that is meant. A DataError leaves the folder as it is: there is none, or it or one of its
+    files was changed since.
     """
     with taking_turns(folder):
         change = next(iter(changes(folder)), None)
@@ -184,7 +181,7 @@ def sample_folder() -> Path:
 
 
 def is_sample(folder: Path) -> bool:
-    """True if a folder is the sample's own or lies inside it: it is never changed."""
+    """Whether a folder is the sample's or lies inside it: it is never changed."""
     folder, samples = folder.resolve(), (SHIPPED, default_folder() / "sample")
     return bool({folder, *folder.parents} & {sample.resolve() for sample in samples})
 
@@ -258,7 +255,7 @@ def _waiting(folder: Path, home: Path, change: Change) -> list[str]:
 
 def _by_hand(home: Path) -> str:
     kept = f"{_HOME}/{home.name}"
-    return f"compare the campaign with {kept}/{_BEFORE}, put it right by hand, then remove {kept}"
+    return f"compare the campaign with {kept}/{_BEFORE}, put it right, then remove {kept}"
 
 
 def _entries(folder: Path, names: str = "[0-9]" * 6) -> list[Path]:
@@ -272,7 +269,7 @@ def _read(path: Path) -> Change | None:
         if path.parent.is_symlink() or path.is_symlink() or path.stat().st_size > _LARGEST:
             return None
         values = json.loads(path.read_text(encoding="utf-8"))
-        files = tuple(ChangedFile(row["name"], row["before"], row["after"]) for row in values["files"])
+        files = tuple(ChangedFile(**row) for row in values["files"])
         if not all(map(_is_sound, files)) or len({file.name for file in files}) != len(files):
             return None
         what, when = printable(str(values["what"])), printable(str(values["when"]), 40)

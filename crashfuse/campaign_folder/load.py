@@ -29,21 +29,16 @@ from crashfuse.files import archive
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
-from crashfuse.signals.sensor_faults import SensorFault
 from crashfuse.signals.wall import Wall
 from crashfuse.units import KN, MS
 from crashfuse.vehicle_archive import load_archive
 
 _FEWEST_RUNS = 10
-PULSES = (".csv", ".parquet")
-"""Endings of tables of pulses."""
-WALLS: Mapping[str, str] = {"tests": "tests_wall.parquet", "cae": "cae_wall.parquet"}
-"""Forces of the barrier by role, tidy."""
+PULSES = (".csv", ".parquet")  # endings of tables of pulses
+WALLS: Mapping[str, str] = {"tests": "tests_wall.parquet", "cae": "cae_wall.parquet"}  # forces of the barrier
 WALL_COLUMNS = ("id", "time_ms", "force_kn")
-FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", *WALLS.values())
-"""The files of a campaign folder beside its pulses."""
-AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}
-"""The files of a campaign folder that do not lie in a folder in it."""
+FILES = (*TABLES, "campaign.toml", "criteria.toml", "matrix.csv", "notes.csv", *WALLS.values())  # beside pulses
+AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in ("tests", "cae") for ending in PULSES)}  # in no folder
 _ABOUT = re.compile(r"(?i)(readme|licen[cs]e)(\..*)?|.*\.md")
 _ROLES: tuple[Role, ...] = ("tests", "cae")
 _NOTES = (".md", ".txt")
@@ -74,16 +69,13 @@ def read_folder(folder: str | Path) -> Campaign:
         found = "a file" if folder.exists() else "no such folder"
         raise DataError(Problem(str(folder), "a campaign folder, or a zip of one", found, CHECK_PATH))
     settle(folder)
-    problems: list[Problem] = []
-    warnings: list[str] = []
+    problems, warnings = list[Problem](), list[str]()
     settings = read_settings(folder, problems, warnings)
-    tables: dict[str, ConditionTable] = {}
-    pulses: dict[str, FloatArray] = {}
-    ends_s: dict[str, float] = {}
-    faults: Mapping[str, tuple[SensorFault, ...]] = {}
+    tables, pulses, ends_s = dict[str, ConditionTable](), dict[str, FloatArray](), dict[str, float]()
+    faults: plausibility.Faults = {}
     unused: tuple[tuple[str, Condition], ...] = ()
     gap: plausibility.Gap | None = None
-    for role in ("tests", "cae"):
+    for role in _ROLES:
         table = read_lenient(folder / f"{role}.csv", role, problems)
         speeds = {} if table is None else dict(zip(table.ids, table.speeds_mps, strict=True))
         gap_m = settings.cae_gap_m if role == "cae" else 0.0
@@ -112,20 +104,18 @@ def read_folder(folder: str | Path) -> Campaign:
         raise DataError(shortened(problems))
     is_comparable = gap is None or not gap.hides_tests
     faults = plausibility.confirmed_faults(tables, pulses, faults, is_comparable=is_comparable)
-    advices = {test: plausibility.fault_advice(test, of_test) for test, of_test in faults.items()}
-    warnings += _shortened([f"tests.csv, {test}: {advice}." for test, advice in advices.items()])
+    warnings += _shortened([f"tests.csv, {i}: {plausibility.fault_advice(i, of_i)}." for i, of_i in faults.items()])
     checks = [plausibility.check_units, plausibility.unlike_weights, plausibility.unlike_others]
     # of tests against CAE runs that have a gap nothing can be seen
     for findings in checks if is_comparable else [plausibility.unlike_weights]:
         explained = {warning.partition(":")[0] for warning in warnings}  # by a failed sensor, a wrong speed or unit
         warnings += _shortened([line for line in findings(tables, pulses) if line.partition(":")[0] not in explained])
     _check_factors(tables["tests"], warnings)
-    runs = tables["cae"]
+    runs, table = tables["cae"], tables["tests"]
     runs_accel = pulses["cae"].astype(np.float32, copy=False)
     cae = CaeLibrary(runs.ids, runs.conditions, runs_accel, runs.quality, failed, runs.about)
     check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
-    table = tables["tests"]
     rows_of_tests = zip(table.ids, table.conditions, pulses["tests"], table.tuned, table.about, strict=True)
     crash_tests = tuple(
         CrashTest(i, at, Pulse(GRID_S, a), ends_s.get(i, math.inf), faults.get(i, ()), tuned, about, walls.get(i))
@@ -156,8 +146,8 @@ def _read_walls(path: Path, problems: list[Problem]) -> dict[str, Wall]:
                 raise DataError(Problem(path.name, expected, listed(table.names), "import the tests again"))
             rows = pd.concat([frame for frame, _ in table.blocks(WALL_COLUMNS)])
             for test_id, of_test in rows.groupby("id", observed=True, sort=False):
-                texts = (of_test[name].astype(object) for name in WALL_COLUMNS[1:])  # or numbers
-                time_ms, force_kn = (pd.to_numeric(each, errors="coerce").to_numpy(np.float64) for each in texts)
+                cells = (of_test[name].astype(object) for name in WALL_COLUMNS[1:])  # texts or numbers
+                time_ms, force_kn = (pd.to_numeric(of, errors="coerce").to_numpy(np.float64) for of in cells)
                 walls[str(test_id)] = Wall(time_ms * MS, force_kn * KN)
                 walls[str(test_id)].require_force(f"{path.name}, {printable(str(test_id), 60)}")
     return walls
@@ -169,23 +159,22 @@ def unread_files(folder: Path) -> str:
         return ""
     unread = []
     for path in sorted(folder.iterdir()):
-        if path.name in ("tests", "cae") and path.is_dir():
+        if path.name in _ROLES and path.is_dir():
             unread += [f"{path.name}/{one.name}" for one in sorted(path.iterdir()) if one.suffix not in PULSES]
         elif path.name not in AT_THE_TOP:
             unread.append(path.name + "/" * path.is_dir())
     unread = [name for name in unread if not (archive.left_by_the_system(name.rstrip("/")) or _ABOUT.fullmatch(name))]
-    return f"Not read, as no file of a campaign has such a name: {listed(unread)}." if unread else ""
+    return f"Not read, as no file of a campaign is called so: {listed(unread)}." if unread else ""
 
 
 def _without_unused(
     table: ConditionTable, ids: Collection[str], problems: list[Problem]
 ) -> tuple[ConditionTable, tuple[tuple[str, Condition], ...]]:
-    where, expected, advice = "campaign.toml", "ids of tests.csv, not all of them", "correct the list"
-    strangers = [repr(printable(test_id, 60)) for test_id in ids if test_id not in table.ids]
-    problems += [Problem(where, expected, stranger, advice, "unused") for stranger in strangers]
     places = [place for place, test_id in enumerate(table.ids) if test_id in ids]
-    if len(places) == len(table.ids):
-        problems.append(Problem(where, expected, "all of them", advice, "unused"))
+    wrong = [repr(printable(test_id, 60)) for test_id in ids if test_id not in table.ids]
+    wrong += ["all of them"] if len(places) == len(table.ids) else []
+    expected = "campaign.toml", "ids of tests.csv, not all of them"
+    problems += [Problem(*expected, found, "correct the list", "unused") for found in wrong]
     return table.without(places), tuple((table.ids[place], table.conditions[place]) for place in places)
 
 
@@ -208,13 +197,11 @@ def _check_pulses(
     return gap
 
 
-def _check_counts(
-    tables: dict[str, ConditionTable], left_out: int, problems: list[Problem], warnings: list[str]
-) -> None:
+def _check_counts(tables: dict[str, ConditionTable], failed: int, problems: list[Problem], warnings: list[str]) -> None:
     if "tests" in tables and len(tables["tests"].ids) == 1:
         warnings.append("Only one test: nothing can be left out, so nothing is checked; the scatter is assumed.")
     if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
-        found = f"{len(tables['cae'].ids)}" + f", and {left_out} left out for their quality" * (left_out > 0)
+        found = f"{len(tables['cae'].ids)}" + f", and {failed} left out for their quality" * bool(failed)
         problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
 
 
@@ -233,7 +220,7 @@ def _shortened(warnings: list[str], most: int = 5) -> list[str]:
 
 
 def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
-    """Lay uploads out as a campaign folder in another one, which the caller must delete; its numbers are not checked.
+    """Lay uploads out as a campaign folder in another one; its numbers are not checked.
 
     Uploads are one zip of a campaign folder, or its files. A pulse file beside the tables belongs to the table that has
     its id. Notes (``.md``, ``.txt``) are ignored. A DataError leaves nothing in ``into``.
@@ -251,12 +238,12 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
         _place(folder, [target for target in targets.values() if len(target.parts) == 1], problems)
         _check_rows(folder, limits)
         if problems:
-            found: list[Problem] = []
-            with collecting(found):
+            every: list[Problem] = []
+            with collecting(every):
                 archive.refuse(problems, name)
-            with collecting(found):
+            with collecting(every):
                 read_folder(folder)
-            raise DataError(found)
+            raise DataError(every)
     except BaseException:
         shutil.rmtree(folder)
         raise
@@ -346,10 +333,8 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Pro
     for path in strays:
         homes = [role for role, table in tables.items() if table and path.stem in table.ids] or unread[:1]
         if len(homes) != 1:
-            found = "an id of both" if homes else "another name"
-            problems.append(
-                Problem(path.name, "a pulse named after an id of one table", found, "zip it in tests/ or cae/")
-            )
+            expected, found = "a pulse named after an id of one table", "an id of both" if homes else "another name"
+            problems.append(Problem(path.name, expected, found, "zip it in tests/ or cae/"))
         elif (home := folder / homes[0] / path.name).exists():
             problems.append(Problem(path.name, "each pulse once", f"one in {homes[0]}/ too", "keep one"))
         else:

@@ -25,23 +25,11 @@ _ADVICE = f"correct it, or take {FILE} out of the folder"
 class Note:
     """A note on a test; with a start, a mark on its figures over time at that moment, or from there to an end.
 
-    Parameters
-    ----------
-    test : str
-        Id of the test.
-    text : str
-        At most 500 characters; runs of white space become single spaces.
-    start_ms, end_ms : float, optional
-        From 0 to 100 ms.
-
-    Raises
-    ------
-    UsageError
-        If there is no text, it is too long, or the times are not in order within 0 to 100 ms.
+    A UsageError refuses no text, one that is too long, and times that are not in order within 0 to 100 ms.
     """
 
-    test: str
-    text: str
+    test: str  # its id
+    text: str  # at most 500 characters; runs of white space become single spaces
     start_ms: float | None = None
     end_ms: float | None = None
 
@@ -54,9 +42,9 @@ class Note:
         if len(self.text) > LONGEST_TEXT:
             raise UsageError(f"A note has at most {LONGEST_TEXT} characters, not {len(self.text)}.")
         start, end = self.start_ms, self.end_ms
-        for name, time_ms in (("start_ms", start), ("end_ms", end)):
-            if time_ms is not None:
-                require_number(name, time_ms)
+        for name in ("start_ms", "end_ms"):
+            if getattr(self, name) is not None:
+                require_number(name, getattr(self, name))
         if start is None and end is not None:
             raise UsageError("A mark that has an end needs a start.")
         if start is not None and not 0 <= start <= (LATEST_MS if end is None else end) <= LATEST_MS:
@@ -82,10 +70,10 @@ def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
 
 
 def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequence[Note]]) -> None:
-    """Change the notes in a campaign folder, which is there, while nobody else does.
+    """Change the notes in a campaign folder, while nobody else does.
 
-    ``change`` takes the notes that are there and returns those that shall be. Nothing is changed on a DataError: the
-    old or new file cannot be read, or the old one has other columns, which would be lost.
+    ``change`` takes the notes that are there and returns those that shall be. A DataError changes nothing: the old or
+    new file cannot be read, or the old one has other columns, which would be lost.
     """
     path = Path(folder, FILE)
     with taking_turns(path.parent):
@@ -105,11 +93,11 @@ def change_notes(folder: str | Path, change: Callable[[tuple[Note, ...]], Sequen
 def _read(path: Path, *, alone: bool = False) -> tuple[Note, ...]:
     """``alone``: a file with other columns is refused."""
     names, rows, numbers = read_rows(path, FILE)
+    expected = f"the columns {', '.join(COLUMNS)}"
     if missing := [name for name in COLUMNS if name not in names]:
-        raise DataError(Problem(FILE, f"the columns {', '.join(COLUMNS)}", f"none named {missing[0]}", _ADVICE))
+        raise DataError(Problem(FILE, expected, f"none named {missing[0]}", _ADVICE))
     if alone and (others := [name for name in names if name not in COLUMNS]):
-        found = f"{listed(others)}, which would be lost"
-        raise DataError(Problem(FILE, f"the columns {', '.join(COLUMNS)} alone", found, "take them out"))
+        raise DataError(Problem(FILE, f"{expected} alone", f"{listed(others)}, which would be lost", "take them out"))
     if len(rows) > MOST:
         raise DataError(Problem(FILE, f"at most {MOST} notes", f"{len(rows)}", "take some out"))
     notes, problems = [], []

@@ -20,28 +20,25 @@ from crashfuse.signals.sensor_faults import SensorFault, confirmed
 from crashfuse.units import KPH, LB, MPH, MS, G
 from crashfuse.wording import number, signed, time_text
 
-Faults = Mapping[str, tuple[SensorFault, ...]]
-"""What looks like a fault of a test's sensor, by the test's id."""
+Pulses = npt.NDArray[np.float32]  # on the study grid
+Faults = Mapping[str, tuple[SensorFault, ...]]  # what looks like a fault of a test's sensor, by the test's id
 
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
-"""Limits of ΔV/v0. Tests: from "not yet stopped at 100 ms" to more rebound than any car has; one CAE run may be odd."""
+"""Limits of ΔV/v0. Tests: not yet stopped at 100 ms, to more rebound than any car has; one CAE run may be odd."""
 LONG_ENOUGH = "a record that lasts until the vehicle has stopped, or 100 ms"
-MOVING = 0.05
-"""Residual share of the impact speed at the end of a record: 0.25 % of the energy is left."""
-CREEP_MPS = 1.0
-"""Below this speed ΔV/v0 is dominated by noise."""
+WHICH_AXLE = "check which axle is which"
+MOVING = 0.05  # residual share of the impact speed at the end of a record: 0.25 % of the energy is left
+CREEP_MPS = 1.0  # below this speed ΔV/v0 is dominated by noise
 _LIBRARY_STOPS = (0.8, 1.6)  # for the median run: single runs may be odd, not half of them
 _BAND_HZ, _HIGH_SHARE = 250, 0.01
 _MOST_SPECTRA, _MOST_NOISY = 500, 50  # pulses examined
-NEAR = 5
-"""CAE runs at about a test's speed that it is compared with."""
+NEAR = 5  # CAE runs at about a test's speed that it is compared with
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
 _BESIDE = 0.05  # of a weight: so far beyond the CAE runs' it is still like theirs
 _MOST_FAULTS = 2  # in a sentence
 _AT_ONCE = 2000  # pulses per batch
 # of a gap
-LEAST_M = 0.015
-"""Shorter gaps are no finding."""
+LEAST_M = 0.015  # shorter gaps are no finding
 _LEAST_S = 1e-3
 _SMEARED_S = 5e-3  # by so much an onset may come before contact
 _LATE_ONSET_S = 3e-3  # later than the tests, over no one distance
@@ -61,7 +58,7 @@ _FEWEST_OTHERS = 2  # fewer do not tell which of the tests is odd: the CAE runs 
 def check_physics(
     role: str, table: ConditionTable, accel: FloatArray, faults: Faults, problems: list[Problem], advice: str = ""
 ) -> None:
-    """Compare changes of velocity with impact speeds, where known; ``advice`` is for a cause that explains them all."""
+    """Compare changes of velocity with impact speeds; ``advice`` is for a cause that explains them all."""
     low, high = STOPS[role]
     speed, biggest = table.speeds_mps, _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
@@ -93,11 +90,9 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
         near = float(np.median(ratios[np.argsort(np.abs(speeds - speed), kind="stable")[:NEAR]]))
         share = -change / max(speed * near, 1e-9)
         if speed > CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
-            unit, ending = ("km/h", "_mph") if share < 1 else ("mph", "_kph")
-            warnings.append(
-                f"tests.csv, {test_id}: its change of velocity is {share:.2f} times that of CAE runs near "
-                f"{_speed_text(speed)}; check its speed ({unit} in a column …{ending}?), its scale and zero."
-            )
+            cause = "km/h in a column …_mph?" if share < 1 else "mph in a column …_kph?"
+            finding = f"its change of velocity is {share:.2f} times that of CAE runs near {_speed_text(speed)}"
+            warnings.append(f"tests.csv, {test_id}: {finding}; check its speed ({cause}), its scale and zero.")
     return warnings
 
 
@@ -115,7 +110,7 @@ def unlike_weights(tables: Mapping[str, ConditionTable], _: Mapping[str, FloatAr
             "": stated_kg,
             "check their unit (kilograms in a column …_lb?)": stated_kg / LB,
             "check their unit (pounds in a column …_kg?)": stated_kg * LB,
-            "check which axle is which": stated_kg[::-1],
+            WHICH_AXLE: stated_kg[::-1],
         }
         fitting = [advice for advice, kg in might_be.items() if ((low <= kg) & (kg <= high)).all()]
         if fitting and fitting[0]:
@@ -164,15 +159,12 @@ def fault_advice(test_id: str, faults: Sequence[SensorFault]) -> str:
 
 
 def _likely_cause(ratio: float, low: float, high: float) -> str:
-    causes = {
-        "flip the sign of the acceleration (deceleration is negative)": -1.0,
-        "check the unit of the acceleration (m/s² in a column …_g?)": G,
-        "check the unit of the acceleration (g in a column …_mps2?)": 1 / G,
-        "check the unit of the speed (km/h in a column …_mph?)": KPH / MPH,
-        "check the unit of the speed (mph in a column …_kph?)": MPH / KPH,
-    }
+    causes = {"flip the sign of the acceleration (deceleration is negative)": -1.0}
+    units = [("acceleration", "m/s²", "g", G), ("acceleration", "g", "mps2", 1 / G)]
+    units += [("speed", "km/h", "mph", KPH / MPH), ("speed", "mph", "kph", MPH / KPH)]
+    causes |= {f"check the unit of the {of} ({unit} in a column …_{end}?)": factor for of, unit, end, factor in units}
     likely = [advice for advice, factor in causes.items() if low <= ratio / factor <= high]
-    return likely[0] if likely else "check the speed, the units and time zero of this pulse"
+    return likely[0] if likely else "check its speed, units and time zero"
 
 
 def _weights(table: ConditionTable) -> FloatArray:
@@ -190,12 +182,12 @@ def _changes(accel: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """How far and how long CAE runs move freely, what share of them, and how much of a gap is taken out already."""
+    """What CAE runs move freely before they meet the barrier."""
 
     distance_m: float | None  # None if it is not one: a late trigger, or models with different gaps
     lasts_s: tuple[float, float]
-    share: float
-    taken_m: float = 0.0
+    share: float  # of the runs
+    taken_m: float = 0.0  # out already
 
     @property
     def hides_tests(self) -> bool:
@@ -213,21 +205,17 @@ class Gap:
     @property
     def warning(self) -> str:
         """The finding, and what to do."""
-        who = "the CAE runs move" if self.share == 1 else f"{100 * self.share:.0f} % of the CAE runs move"
+        who = f"{100 * self.share:.0f} % of the" if self.share < 1 else "the"
         first, last = (f"{lasts / MS:.1f}" for lasts in self.lasts_s)
-        far = f"freely for {first} to {last} ms before they decelerate, over no one distance"
+        far, why = f"freely for {first} to {last} ms", "over no one distance"
         if self.distance_m is not None:
-            far = f"{self.distance_m / MS:.0f} mm before they decelerate, whatever their speed"
+            far, why = f"{self.distance_m / MS:.0f} mm", "whatever their speed"
         until = " Until then tests are not compared with CAE runs." if self.hides_tests else ""
-        return f"cae.csv: {who} {far}; {self.advice}.{until}"
+        return f"cae.csv: {who} CAE runs move {far} before they decelerate, {why}; {self.advice}.{until}"
 
 
 def find_gap(
-    speeds_mps: FloatArray,
-    accel: npt.NDArray[np.float32],
-    test_speeds_mps: FloatArray,
-    tests: npt.NDArray[np.float32],
-    taken_m: float = 0.0,
+    speeds_mps: FloatArray, accel: Pulses, test_speeds_mps: FloatArray, tests: Pulses, taken_m: float = 0.0
 ) -> Gap | None:
     """The gap of CAE runs that have one, or begin late, where the tests do not."""
     speed, free_s, sudden = _free_travel(speeds_mps, accel)
@@ -271,9 +259,7 @@ def _is_through(free_s: FloatArray, lasts_s: FloatArray) -> npt.NDArray[np.bool_
     return np.asarray(free_s > np.maximum(lasts_s / 3, lasts_s - _SMEARED_S))
 
 
-def _free_travel(
-    speeds_mps: FloatArray, accel: npt.NDArray[np.float32]
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+def _free_travel(speeds_mps: FloatArray, accel: Pulses) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
     """Speed, time of free travel, and whether that ends suddenly, of at most 500 pulses that are fast enough."""
     fastest = float(np.nanmax(speeds_mps, initial=0.0))
     rows = np.flatnonzero((speeds_mps > max(CREEP_MPS, _FAST * fastest)) & ~np.isnan(accel[:, 0]))  # NaN: unread
@@ -324,8 +310,9 @@ def confirmed_faults(
         row = tables["tests"].ids.index(test_id)
         measured = pulses["tests"][row]
         expected = _expected(tables, pulses, row) if is_comparable else measured
-        confirmed_of[test_id] = confirmed(likely, GRID_S, measured, expected)
-    return {test_id: sure for test_id, sure in confirmed_of.items() if sure}
+        if sure := confirmed(likely, GRID_S, measured, expected):
+            confirmed_of[test_id] = sure
+    return confirmed_of
 
 
 def _expected(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], row: int) -> FloatArray:

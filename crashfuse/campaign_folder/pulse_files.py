@@ -12,23 +12,20 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.campaign_folder.condition_tables import RowNumbers, find_column, listed, numbers_in
+from crashfuse.campaign_folder.condition_tables import NAMELESS, RowNumbers, find_column, listed, numbers_in
 from crashfuse.campaign_folder.plausibility import gap_s
 from crashfuse.errors import CHECK_PATH, KEEP_ONE, NO_FILE, DataError, Problem, collecting, printable, shortened
-from crashfuse.files.csv_text import CsvTable, unreadable
-from crashfuse.files.parquet import ParquetTable
+from crashfuse.files.csv_text import unreadable
+from crashfuse.files.parquet import opened_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.sensor_faults import SensorFault, sensor_faults
 from crashfuse.units import ACCELERATION, MS, TIME
 from crashfuse.wording import number, time_text
 
-UNEVEN = 0.02
-"""Allowed unevenness as a share of a time step: what rounding the times to a few digits can cause."""
-SLOWEST_S = 1e-3 * (1 + UNEVEN)
-"""Longest time step of a record."""
-SHORTEST_S = 60e-3
-"""Shortest record from contact: the longest rated window by default."""
+UNEVEN = 0.02  # allowed unevenness as a share of a time step: what rounding the times to a few digits can cause
+SLOWEST_S = 1e-3 * (1 + UNEVEN)  # longest time step of a record
+SHORTEST_S = 60e-3  # shortest record from contact: the longest rated window by default
 _NO_CRASH_S, _AN_INSTANT_S = 10.0, 1e-3  # 60 ms and more taken for seconds; a second and less taken for ms
 _MOST_SAMPLES = 2_000_000  # a record of 10 s at 200 kHz
 _LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: beyond any sensor or vehicle
@@ -51,16 +48,12 @@ class RecordedPulse:
 
 @dataclass(slots=True)
 class PulseFiles:
-    """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid.
-
-    With a channel filter class, whole records are filtered before they are cropped to the grid. With a gap before the
-    barrier, a record begins where its run is through it, by its speed.
-    """
+    """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid."""
 
     folder: Path
     role: str
-    channel_filter_class: float | None
-    gap_m: float = 0.0
+    channel_filter_class: float | None  # of whole records, before they are cropped to the grid
+    gap_m: float = 0.0  # before the barrier: a record begins where its run is through, by its speed
     speeds_mps: Mapping[str, float] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
@@ -98,15 +91,15 @@ class PulseFiles:
                         self.faults[run_id] = faults
                     if _ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
-        self.unread = sorted(unread)
+        self.unread, file = sorted(unread), f"{self.role}.csv"
         if not self._unreadable:
-            file, found = f"{self.role}.csv", f"none in {self.role}/ or {self.role}_pulses"
+            found = f"none in {self.role}/ or {self.role}_pulses"
             found += f", but {listed(strangers)} without a row" if strangers else ""
             expected = [f"a pulse for {printable(run_id, 60)}" for run_id in missing]
             self.problems += [Problem(file, text, found, "add it or remove its row", "id") for text in expected]
         if strangers:
-            where = f"{self.role}: pulses without a row in {self.role}.csv"
-            self.warnings.append(f"{where} are left out, namely {listed(strangers)}.")
+            left_out = f"{self.role}: pulses without a row in {file} are left out"
+            self.warnings.append(f"{left_out}, namely {listed(strangers)}.")
         return accel
 
     def check(self) -> None:
@@ -117,8 +110,7 @@ class PulseFiles:
 
     def _forms(self) -> list[Path]:
         tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.role}_pulses{ending}").exists()]
-        singles = self.folder / self.role
-        return [*tables, *([singles] if singles.is_dir() else [])]
+        return [*tables, *filter(Path.is_dir, [self.folder / self.role])]
 
     def records(self, ids: Sequence[str] | None) -> Iterator[tuple[str, str, RecordedPulse | None]]:
         """Yield id, place and samples (None if unreadable) of each record, at least of these ids; None for all."""
@@ -162,9 +154,7 @@ class PulseFiles:
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, RecordedPulse | None]]:
         """Records that were split at a batch boundary are joined."""
-        finished: set[str] = set()
-        pending_id = ""
-        pending: list[RecordedPulse] = []
+        finished, pending_id, pending = set[str](), "", list[RecordedPulse]()
         so_far = len(self.problems)
         try:
             for codes, rows_of in _sample_batches(path, path.name, self.problems, with_id=True):
@@ -240,9 +230,8 @@ def _time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} after {time_text(time[at], 6)}"
-        return Problem(
-            where, "time that increases", found, "sort by time, delete duplicates", column, int(rows[at + 1])
-        )
+        advice = "sort by time, delete duplicates"
+        return Problem(where, "time that increases", found, advice, column, int(rows[at + 1]))
     step = float(np.median(steps))
     off = np.abs(steps - step)
     if off.max() > UNEVEN * step:
@@ -285,12 +274,9 @@ def _cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
 def _sample_batches(
     path: Path, where: str, problems: list[Problem], *, with_id: bool = False
 ) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
-    """Samples of a CSV or Parquet file in SI units, batch by batch, with the record id of each if they have one.
-
-    Cells that are not numbers become problems and NaN; what makes a file unreadable is a DataError.
-    """
+    """In SI units, with the record id of each sample, if asked for; a cell that is no number is a problem and NaN."""
     empty = True
-    with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where) as table:
+    with opened_table(path, where) as table:
         (time, to_s), (accel, to_mps2) = _columns(table.names, where, with_id=with_id)
         for frame, rows in table.blocks([*(["id"] if with_id else []), time, accel]):
             if any((blank := _blank(frame)).tolist()):
@@ -302,7 +288,7 @@ def _sample_batches(
             nameless = (ids.codes < 0) | np.isin(ids.codes, np.flatnonzero(ids.categories == ""))
             if nameless.any():
                 at = int(rows[nameless.argmax()])
-                raise DataError(Problem(where, "an id in each row", "an empty cell", "name the row's run", "id", at))
+                raise DataError(Problem(where, *NAMELESS, "id", at))
             time_s = to_s * numbers_in(frame[time], time, where, rows, problems, _LARGEST_S / to_s)
             accel_mps2 = to_mps2 * numbers_in(frame[accel], accel, where, rows, problems, _LARGEST_MPS2 / to_mps2)
             yield ids, RecordedPulse(time_s, accel_mps2, rows, time)
@@ -350,7 +336,6 @@ def _columns(names: Sequence[str], where: str, *, with_id: bool) -> tuple[tuple[
 
 
 def _blank(frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
-    """Mask of the lines that are empty in all columns, such as spreadsheets leave at the end."""
     if not all(isinstance(kind, pd.StringDtype) for kind in frame.dtypes):
         return np.zeros(len(frame), dtype=bool)
     return np.asarray((frame == "").all(axis=1))

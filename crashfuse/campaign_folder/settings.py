@@ -17,8 +17,7 @@ _MOST_MIB = 4  # some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
 _LARGEST_GAP_MM = 10_000
 _CORRECT = "correct or remove it"
-LONGEST_REASON = 200
-"""Characters of why a test is left out of use."""
+LONGEST_REASON = 200  # characters of why a test is left out of use
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +193,6 @@ def _pop(
     expected: str,
     problems: list[Problem],
 ) -> Any:  # noqa: ANN401
-    """A setting, or its default if it is not sound, which is a problem."""
     value = values.pop(key, default)
     if is_sound(value):
         return value

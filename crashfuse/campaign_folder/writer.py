@@ -24,13 +24,13 @@ from crashfuse.condition import About, Condition
 from crashfuse.errors import DataError, Problem, require_a
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_text import csv_bytes, csv_text, original, write_rows
-from crashfuse.files.parquet import check_size
+from crashfuse.files.parquet import UNSOUND, check_size
 from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.wall import Wall
 from crashfuse.units import ACCELERATION, KN, MASS, MS, SPEED, TIME, G
 
-_RUNS_A_BATCH = 2000
+_RUNS_A_BATCH, _REPAIR = 2000, "repair it first"
 # what a folder's sentences call its files, as patterns, and what the arguments of a call are called
 _IN_MEMORY = {
     r"^(tests|cae): pulses without a row in \1\.csv": r"\1_pulses: pulses without a row in \1",
@@ -48,12 +48,8 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
 
     Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
     ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered, which ``campaign.toml`` says.
-    Runs that were left out for their quality, and tests that are left out of use, are not written.
-
-    Raises
-    ------
-    DataError, OSError
-        If the folder is not empty, an id is no file name, or writing fails; nothing is left behind.
+    Runs and tests that are left out are not written. Nothing is left behind by a DataError (the folder is not empty, an
+    id is no file name) or an OSError.
     """
     require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     folder = Path(folder)
@@ -61,20 +57,20 @@ def write_campaign(campaign: Campaign, folder: str | Path) -> None:
     with new_folder(folder) as home:
         for role in ("tests", "cae"):
             header, lines = condition_rows(campaign, role, "mps", "kg")
-            (home / f"{role}.csv").write_text(csv_text([header, *lines]), encoding="utf-8", newline="")
+            (home / f"{role}.csv").write_bytes(csv_text([header, *lines]).encode())
         (home / "tests").mkdir()
         for test in campaign.tests:
-            (home / "tests" / f"{test.id}.csv").write_text(pulse_csv(test.pulse), encoding="utf-8", newline="")
+            (home / "tests" / f"{test.id}.csv").write_bytes(pulse_csv(test.pulse).encode())
         _write_runs(campaign, home / "cae_pulses.parquet")
         if walls := {test.id: test.wall for test in campaign.tests if test.wall is not None}:
             write_walls(home / WALLS["tests"], home / WALLS["tests"], walls)
+        cfc = campaign.channel_filter_class
         settings = [f"name = {toml_text(campaign.name)}"]
         settings += [f"notice = {toml_text(campaign.notice)}"] if campaign.notice else []
-        cfc = campaign.channel_filter_class
         settings += [f"filtered_with = {cfc:g}"] if cfc is not None else []
         settings += occupant_lines(campaign.occupant)
         settings += QualitySettings(campaign.quality_limits, bool(campaign.cae.left_out)).lines()
-        (home / "campaign.toml").write_text("\n".join(settings) + "\n", encoding="utf-8", newline="")
+        (home / "campaign.toml").write_bytes("\n".join([*settings, ""]).encode())
 
 
 def condition_rows(campaign: Campaign, role: str, speed: str, weight: str) -> tuple[list[str], list[list[object]]]:
@@ -143,7 +139,7 @@ def write_walls(path: Path, to: Path, walls: Mapping[str, Wall | None]) -> None:
     try:
         there = pd.read_parquet(path, columns=[*WALL_COLUMNS]) if path.is_file() else None
     except pa.ArrowException as error:
-        raise DataError(Problem(path.name, "a sound Parquet file", "another one", "repair or remove it")) from error
+        raise DataError(Problem(path.name, *UNSOUND, _REPAIR)) from error
     frames = [] if there is None else [there[~there["id"].isin([*walls])]]
     for test_id, wall in walls.items():
         if wall is not None:
@@ -160,7 +156,7 @@ def append_to_table(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], w
         (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, to, pulses, left_out)
     except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
         found = " ".join(str(error).split())[:200]
-        raise DataError(Problem(path.name, "a table that can be added to", found, "repair it first")) from None
+        raise DataError(Problem(path.name, "a table that can be added to", found, _REPAIR)) from None
 
 
 def _append_parquet(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], left_out: Set[str]) -> None:
@@ -177,8 +173,7 @@ def _append_parquet(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], l
                 arrays = {"id": pa.array([run_id] * size, pa.string()).dictionary_encode()}
                 arrays |= {name: pa.array(values) for name, values in columns.items()}
                 table = [
-                    arrays[field.name].cast(field.type) if field.name in arrays else pa.nulls(size, field.type)
-                    for field in schema
+                    arrays[of.name].cast(of.type) if of.name in arrays else pa.nulls(size, of.type) for of in schema
                 ]
                 writer.write_table(pa.table(table, schema=schema))
 
@@ -188,7 +183,7 @@ def _append_csv(path: Path, to: Path, pulses: Sequence[tuple[str, Pulse]], left_
         rows = csv.reader(old, skipinitialspace=True)
         header = [original(cell.strip()) for cell in next(rows, [])]
         if "id" not in header:
-            raise DataError(Problem(path.name, "a column id", "none", "repair it first"))
+            raise DataError(Problem(path.name, "a column id", "none", _REPAIR))
         at = header.index("id")
         kept = ([*map(original, row)] for row in rows if len(row) <= at or row[at].strip() not in left_out)
         write_rows(stream, chain([header], kept))
@@ -205,7 +200,7 @@ def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, Flo
     columns = {name: np.asarray(wanted[name]) for name in names if name in wanted}
     if len(columns) != 2:
         expected = "one column time_… and one acceleration_…"
-        raise DataError(Problem(where, expected, ", ".join(names[:12]), "repair it first"))
+        raise DataError(Problem(where, expected, ", ".join(names[:12]), _REPAIR))
     return columns
 
 

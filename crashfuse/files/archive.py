@@ -27,13 +27,14 @@ _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
 _DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456789¹²³"}
 _SYSTEM_FILES = {"thumbs.db", "desktop.ini", "__macosx"}  # and any name that starts with a dot
 _ENCRYPTED = 0x1 | 0x40 | 0x2000  # flag bits of an entry: classic, strong, directory too
+_NO_FILE = "files", "a link or a device", "pack the files themselves"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # other methods may demand any amount of memory
 # what damaged ones raise
 _BROKEN = (
     zipfile.BadZipFile, tarfile.TarError, zlib.error, struct.error,
     EOFError, RuntimeError, ValueError, OverflowError, OSError,
 )  # fmt: skip
-_TAR = "a sound tar archive", "pack the folder anew"
+_TAR, _NEGATIVE = ("a sound tar archive", "pack the folder anew"), "a header of negative size"
 _LONGEST_HEADER, _LONGEST_READ = 1 << 16, 1 << 21  # bytes of a tar at once
 ENDINGS = (".tar.gz", ".tgz", ".tar")  # endings of the names of tar archives
 
@@ -144,9 +145,7 @@ def name_trouble(name: str) -> tuple[str, str, str] | None:
         "a drive letter or a colon": ":" in name,
         "a path that leaves its folder": any(part in ("", ".", "..") for part in parts),
         "a name that ends in a dot or a space": any(part != part.strip(" ").rstrip(".") for part in parts),
-        "a name that Windows keeps for a device": any(
-            part.split(".")[0].rstrip().upper() in _DEVICES for part in parts
-        ),
+        "a name that Windows keeps for a device": any(one.split(".")[0].rstrip().upper() in _DEVICES for one in parts),
         "a name that is too long": max(map(_length, parts)) > _LONGEST_NAME or _length(name) > _LONGEST_PATH,
     }
     found = next((trouble for trouble, is_there in troubles.items() if is_there), None)
@@ -173,7 +172,7 @@ def refuse(problems: list[Problem], name: str) -> None:
 
 def too_many(where: str, found: int, limits: Limits) -> DataError:
     """The error for more files than allowed."""
-    return DataError(Problem(where, f"at most {limits.members} files", f"{found}", "put all pulses into one table"))
+    return DataError(Problem(where, f"at most {limits.members} files", f"{found}", "put pulses into one table"))
 
 
 def too_much(where: str, limits: Limits) -> DataError:
@@ -184,7 +183,7 @@ def too_much(where: str, limits: Limits) -> DataError:
 def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
     kind = stat.S_IFMT(entry.external_attr >> 16)
     if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-        return "files", "a link or a device", "zip the files themselves"
+        return _NO_FILE
     if entry.flag_bits & _ENCRYPTED:
         return "files without a password", "an encrypted one", "zip them without a password"
     if entry.compress_type not in _METHODS:
@@ -218,8 +217,7 @@ def tar_members(stream: IO[bytes], name: str, limits: Limits) -> list[Member]:
     stream.seek(0)
     plain = cast(IO[bytes], gzip.GzipFile(fileobj=stream)) if gzipped else stream
     walk = _Walk(plain, name, min(limits.total_bytes, max(int(limits.ratio * packed), _HARMLESS)))
-    problems: list[Problem] = []
-    members: list[Member] = []
+    problems, members = list[Problem](), list[Member]()
     with _readable(name, *_TAR):
         archive = tarfile.open(fileobj=cast(IO[bytes], walk), mode="r:")  # noqa: SIM115 - members read from it later
         for count, entry in enumerate(archive, start=1):
@@ -228,11 +226,11 @@ def tar_members(stream: IO[bytes], name: str, limits: Limits) -> list[Member]:
             path = entry.name.removeprefix("./").rstrip("/")
             where = f"{name}: {printable(entry.name)}"
             if entry.size < 0:
-                raise tarfile.ReadError("a header of negative size")
+                raise tarfile.ReadError(_NEGATIVE)
             if entry.isdir() or (left_by_the_system(path) and not name_trouble(path)):
                 continue
             if entry.type not in (tarfile.REGTYPE, tarfile.AREGTYPE):
-                problems.append(Problem(where, "files", "a link or a device", "pack the files themselves"))
+                problems.append(Problem(where, *_NO_FILE))
             elif trouble := name_trouble(path):
                 problems.append(Problem(where, *trouble))
             else:
@@ -261,7 +259,7 @@ class _Walk:
 
     def seek(self, to: int) -> int:
         if self.listing and to < self.tell() - 1:
-            raise tarfile.ReadError("a header of negative size")
+            raise tarfile.ReadError(_NEGATIVE)
         self._check(to)
         return self._stream.seek(to)
 

@@ -86,7 +86,7 @@ _MOST_PADDING = 5_000_000  # empty cells of a block whose lines are shorter than
 MOST_ROWS = 200_000  # of a condition table: twice the largest library
 _MOST_WIDE = 20  # lines with more cells than the header that are told
 _COMMA, _POINT = re.compile(r"\s*[+-]?\d+,\d+\s*"), re.compile(r"\s*[+-]?\d+\.\d+\s*")
-_LESS = "leave out what is not needed"
+_LESS = "leave some out"
 _AGAIN = "export it again as comma-separated text in UTF-8"
 
 
@@ -163,10 +163,7 @@ def read_rows(
     path: Path, where: str, *, by_hand: bool = False, most_rows: int = MOST_ROWS
 ) -> tuple[list[str], list[list[str]], list[int]]:
     """Header, padded rows and row numbers of a small table; ``by_hand``: with semicolons and decimal commas, too."""
-    rows: list[list[str]] = []
-    numbers: list[int] = []
-    wide: list[Problem] = []
-    number = 1
+    rows, numbers, wide, number = list[list[str]](), list[int](), list[Problem](), 1
     with text_from(path, where) as stream:
         lines = _lines(stream, where)
         first = next(lines, "")
@@ -261,7 +258,7 @@ def _too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem
 
 def _refuse_nul(text: str, where: str) -> None:
     if "\0" in text:
-        raise DataError(Problem(where, "text in UTF-8", "NUL characters (UTF-16, or no text at all)", _AGAIN))
+        raise DataError(Problem(where, "text in UTF-8", "NUL characters (UTF-16, or no text)", _AGAIN))
 
 
 def _cells(line: str) -> list[str]:

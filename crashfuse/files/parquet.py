@@ -1,7 +1,7 @@
 """Untrusted Parquet tables: the requested columns, batch by batch, once it is known what their pages unpack to."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import IO, Self
 
@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.errors import KEEP_ONE, DataError, Problem, printable
-from crashfuse.files.csv_text import require_file
+from crashfuse.files.csv_text import CsvTable, require_file
 
 _BATCH_ROWS = 1_000_000
 _HARMLESS = 64 << 20  # bytes of a column that may always be decoded
@@ -25,7 +25,8 @@ _ENCODING = {_DATA: 2, _DATA_V2: 4}  # a field of these structs
 _DELTA_LENGTH_BYTE_ARRAY = 6
 _DELTA_BYTE_ARRAY = 7  # a text as what differs from the one before it: any length from a byte
 _STRUCT = 12
-_AGAIN = "export it again"
+_AGAIN, EMPTY = "export it again", ("an empty table", "add the rows")
+UNSOUND = "a sound Parquet file", "a damaged or another one"
 
 
 class ParquetTable:
@@ -45,17 +46,17 @@ class ParquetTable:
         try:
             yield cls(path, where)
         except MemoryError:
-            trouble = "one that does not, or is damaged", "close other programs, or export fewer runs"
+            trouble = "one that does not", "close other programs, or export fewer runs"
             raise DataError(Problem(where, "a table that fits into memory", *trouble)) from None
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-            found = f"a damaged or another one ({printable(' '.join(str(error).split()), 80)})"
-            raise DataError(Problem(where, "a sound Parquet file", found, _AGAIN)) from None
+            found = f"{UNSOUND[1]} ({printable(' '.join(str(error).split()), 80)})"
+            raise DataError(Problem(where, UNSOUND[0], found, _AGAIN)) from None
 
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
         """Yield these columns and the row numbers, as if a header were 1: float64, and categories for text."""
         texts = [name for name in columns if self._is_text(name)]
         if not self._rows:
-            raise DataError(Problem(self._where, "at least one row", "an empty table", "add the rows"))
+            raise DataError(Problem(self._where, "at least one row", *EMPTY))
         written_out = check_size(self._path, self._where, columns)
         row = 2
         dictionaries = {field.name for field in self._schema if pa.types.is_dictionary(field.type)}
@@ -87,6 +88,11 @@ class ParquetTable:
             return False
         expected = "text" if name == "id" else "numbers"
         raise DataError(Problem(self._where, expected, f"values of type {kind}", _AGAIN, name))
+
+
+def opened_table(path: Path, where: str) -> AbstractContextManager[ParquetTable | CsvTable]:
+    """Open a table in either form."""
+    return (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where)
 
 
 def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
@@ -134,7 +140,7 @@ def _pages(stream: IO[bytes], start: int, length: int, where: str) -> Iterator[t
             if packed < 0 or size < 0:
                 raise ValueError("a negative size")
         except (IndexError, KeyError, ValueError) as error:
-            raise DataError(Problem(where, "a sound Parquet file", "a damaged one (page header)", _AGAIN)) from error
+            raise DataError(Problem(where, *UNSOUND, _AGAIN)) from error
         data = next((field for field in _ENCODING if field in header.inner), None)
         yield size, None if data is None else header.inner[data].get(_ENCODING[data])
         start += header.at + packed

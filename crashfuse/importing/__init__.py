@@ -1,9 +1,4 @@
-"""Import of foreign files into a campaign: read, settle, add.
-
->>> from crashfuse.importing import Choices, import_source
->>> import_source(Path("v10146"), Path("camry"))                                  # doctest: +SKIP
->>> import_source(Path("v10146"), Path("camry"), Choices(channels=("93", "94")))  # doctest: +SKIP
-"""
+"""Import of foreign files into a campaign: read, settle, add."""
 
 from crashfuse.importing.campaign_import import add_settled, import_source, settle_each
 from crashfuse.importing.detection import Choices

@@ -35,7 +35,7 @@ _COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what th
 
 
 class Label(NamedTuple):
-    """A record's source, its id, and what it says of itself."""
+    """What a record is called, and says of itself."""
 
     source: str
     id: str
@@ -48,7 +48,7 @@ class Label(NamedTuple):
 
     @property
     def file(self) -> str:
-        """The file, by the source, which may be a sheet of the file."""
+        """The file of the source, which may be a sheet of it."""
         return self.source.partition(": ")[0]
 
     def looks_like_cae(self, *, many: bool) -> bool:
@@ -83,20 +83,18 @@ def parts_of(records: Iterable[Label]) -> dict[str, bool]:
     return parts
 
 
-def _which_are_tests(source: str, records: Sequence[Label], usual: Role) -> list[Problem]:
-    if records and all(label.is_simulated for label in records):
-        return []
+def _require_tests(source: str, records: Sequence[Label], usual: Role) -> None:
     parts = parts_of(records) if usual == "tests" else dict.fromkeys((label.file for label in records), True)
-    found = [name for name, is_cae in parts.items() if is_cae]
-    if not found:
-        return []
-    others = listed([name for name in parts if name not in found])
-    option = f"name those that are (--cae {shlex.join(found)})" if others else "say that they are (--as cae)"
-    # what says of itself that it is simulated is no test
-    is_open = not others or not any(label.is_simulated for label in records)
-    advice = f"{option}, or give --as tests" if is_open else option
-    beside = f" beside {others}" if others else ""
-    return [Problem(source, "tests", f"what looks like CAE runs ({listed(found)}){beside}", advice)]
+    runs = [name for name, is_cae in parts.items() if is_cae]
+    simulated = [label.is_simulated for label in records]
+    if not runs or all(simulated):
+        return
+    others = listed([name for name in parts if name not in runs])
+    advice = f"name those that are (--cae {shlex.join(runs)})" if others else "say that they are (--as cae)"
+    if not others or not any(simulated):  # what says of itself that it is simulated is no test
+        advice += ", or give --as tests"
+    found = f"what looks like CAE runs ({listed(runs)}){f' beside {others}' if others else ''}"
+    raise DataError(Problem(source, "tests", found, advice))
 
 
 def import_source(
@@ -124,15 +122,15 @@ def import_source(
         See :class:`crashfuse.importing.sources.Reading`; with a ``record_id`` columns are channels of one record.
     out : path
         The campaign folder. If its ``campaign.toml`` sets ``channel_filter_class``, records are added raw and uncut, to
-        be filtered with the others when the campaign is read; otherwise they are filtered here.
+        be filtered when the campaign is read.
     choices : Choices
-        Settings that replace detection; they apply to every record of the source.
+        Settings for every record that replace detection.
     role : {"tests", "cae"}, optional
         What the records are. By default tests, which is asked if some files look like CAE runs, or all do.
     cae : sequence of str
-        Files in the source whose records are CAE runs, whatever the others are; or such records, by their ids.
+        Files in the source, or ids, whose records are CAE runs, whatever the others are.
     cae_tuned : bool, optional
-        Whether the CAE model was tuned to the tests; by default what a column ``cae_tuned`` says, if there is one.
+        Whether the CAE model was tuned to the tests; by default what a column ``cae_tuned`` says.
     """
     source, out, conditions = Path(source), Path(out), None if conditions is None else Path(conditions)
     require_a(Choices, choices, "crashfuse.Choices()")
@@ -141,10 +139,9 @@ def import_source(
         raise UsageError(f"The campaign filters every record with CFC {cfc:g}; remove --channel-filter-class.")
     one_of("kind of record", role or "tests", dict.fromkeys(get_args(Role)))
     together = record_id is not None or bool(choices.channels)
+    reading = Reading(source, fmt, tuple(columns), together, conditions, record_id, travel)
     problems: list[Problem] = []
     labels: list[Label] = []
-
-    reading = Reading(source, fmt, tuple(columns), together, conditions, record_id, travel)
 
     def labelled() -> Iterator[Record]:
         for record in iter_records(reading, problems):
@@ -166,9 +163,8 @@ def import_source(
         parts = dict.fromkeys([*(label.file for label in labels), *parts_of(labels)])
         raise UsageError(f"There is no file {listed(absent)} with records; there are {listed(parts)}.")
     if role is None and not cae and labels:
-        usual = FORMATS[fmt or format_of(source)].role
         # what each lacks as a test may be no question then
-        refuse(_which_are_tests(source.name, labels, usual), source.name)
+        _require_tests(source.name, labels, FORMATS[fmt or format_of(source)].role)
     alone = source.is_file() and not is_archive(source.name) and conditions is None
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
@@ -191,10 +187,8 @@ def settle_each(
     tolerant: bool = False,
 ) -> tuple[Settled, ...]:
     """Settle all records that can be, append problems of others; ``tolerant``: of invalid choices, too."""
-    settled: dict[int, Settled] = {}
-    refused: list[Problem] = []
-    ids: list[str] = []
-    unclear: dict[int, Record] = {}
+    settled, unclear = dict[int, Settled](), dict[int, Record]()
+    refused, ids = list[Problem](), list[str]()
 
     def attempt(place: int, record: Record) -> None:
         try:
@@ -225,8 +219,8 @@ def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
     units = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
     if len(set(units)) != 1:
         return record
-    told = f"{len(units)} records beside it"
-    channels = (one if one.unit else replace(one, unit=units[0], unit_from=told) for one in record.channels)
+    by = f"{len(units)} records beside it"
+    channels = (one if one.unit else replace(one, unit=units[0], unit_from=by) for one in record.channels)
     return replace(record, channels=tuple(channels))
 
 

@@ -11,7 +11,7 @@ from crashfuse.campaign_folder.plausibility import CREEP_MPS
 from crashfuse.campaign_folder.pulse_files import UNEVEN
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.importing.detection import Case, Choices, around_peak, delta_v, stated_zero
-from crashfuse.readers.record import Record, RecordedChannel
+from crashfuse.readers.record import Channels, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, Doubt, speed
 from crashfuse.signals.filters import smoothed
 from crashfuse.signals.pulse import FloatArray
@@ -51,7 +51,7 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time_text(time[at + 1], 6)} in sample {at + 2}, after {time_text(time[at], 6)}"
-        advice = "sort it by time, without duplicates, or export more digits"
+        advice = "sort it by time, or export more digits"
         raise DataError(Problem(place, "time that increases from sample to sample", found, advice))
     step = float(np.median(steps))
     if steps.max() > _GAP * step:
@@ -65,12 +65,12 @@ def resample_evenly(channel: RecordedChannel, where: str) -> tuple[FloatArray, F
     if lost.any() and np.abs(steps - (lost + 1) * step).max() <= UNEVEN * step:
         first_s = time[int(np.argmax(lost > 0))]
         lacking = f"{channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {time_text(first_s, 6)}"
-        note = f"Careful: {lacking}; they are interpolated."
+        note = f"Careful: {lacking}; interpolated."
     return clock, np.interp(clock, time, values), note
 
 
 def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
-    """The time that the channels have in common, and their values then, shape (n_channels, n)."""
+    """The time in common, and the values then, shape (n_channels, n)."""
     evens = [resample_evenly(channel, where) for channel in channels]
     steps.extend(note for *_, note in evens if note)
     times = [time for time, *_ in evens]
@@ -82,13 +82,16 @@ def _on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[s
         if abs(time[1] - time[0] - step) > tolerance or clock.size < _FEWEST:
             shown = ((channels[0].name, first), (channel.name, time))
             found = ", ".join(f"{name} at {1 / (t[1] - t[0]):.6g} Hz from {time_text(t[0], 6)}" for name, t in shown)
-            advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
-            raise DataError(Problem(where, "channels sampled alike to average", found, advice))
+            raise DataError(Problem(where, "channels sampled alike to average", found, _choose(channels[0])))
     if any(abs(time[0] - first[0]) > tolerance for time in times):
         starts = ", ".join(f"{one.name} from {time_text(t[0], 6)}" for one, t in zip(channels, times, strict=True))
         steps.append(f"Recorded over different times, {starts}; averaged where all were recorded.")
     steps.append(f"Recorded at {(clock.size - 1) / (clock[-1] - clock[0]):.6g} Hz from {time_text(clock[0], 6)}.")
     return clock, np.array([np.interp(clock, time, values) for time, values, _ in evens])
+
+
+def _choose(channel: "RecordedChannel | _Signal", what: str = "one") -> str:
+    return f"choose {what} (--channel {shlex.quote(channel.name)})"
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:
@@ -98,7 +101,7 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     if not chosen:
         is_bad = all(channel.doubt == Doubt.FAILED or channel.is_simulated for channel in record.channels)
         expected = "a sound channel of {}" if is_bad else "the channel of {} that is the vehicle's pulse"
-        advice = f"choose one, or several to be averaged (--channel {shlex.quote(record.channels[0].name)})"
+        advice = _choose(record.channels[0], "one, or several to be averaged")
         missing.append(Problem(record.source, expected.format(record.id), record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
@@ -113,12 +116,12 @@ def measurement_problems(record: Record, choices: Choices) -> list[Problem]:
     if not simulated:
         return []
     found = ", ".join(f"{channel.name} ({channel.remark})" for channel in simulated)
-    advice = "import it as a CAE run (--as cae, or --cae FILE), or correct the file"
+    advice = "import it as a CAE run (--as cae, --cae FILE), or correct it"
     return [Problem(record.source, f"measured channels of {record.id}", f"by its own account {found}", advice)]
 
 
-def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
-    """Those chosen, else the largest group that agree in change of velocity, in a test also in time and shape."""
+def agreeing_channels(case: Case) -> Channels:
+    """Those chosen, else most of them: alike in change of velocity, in a test also in time and shape."""
     record, choices, steps = case.record, case.choices, case.steps
     chosen = record.chosen(choices.channels)
     if choices.channels:
@@ -153,8 +156,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
         return chosen
     if not majority:
         expected = f"channels of {record.id} that agree in time, shape and change of velocity"
-        advice = f"choose one (--channel {shlex.quote(reference.name)})"
-        raise DataError(Problem(record.source, expected, joined(texts, "; "), advice))
+        raise DataError(Problem(record.source, expected, joined(texts, "; "), _choose(reference)))
     if not near.all():
         odd = joined([text for text, agrees in zip(texts, near, strict=True) if not agrees], "; ")
         steps.append(Sentence("Careful: left out, unlike the others: {}.", odd))
@@ -164,7 +166,7 @@ def agreeing_channels(case: Case) -> tuple[RecordedChannel, ...]:
     return tuple(channel for channel, agrees in zip(chosen, near, strict=True) if agrees)
 
 
-def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[str]) -> tuple[RecordedChannel, ...]:
+def _usable(record: Record, proposed: Channels, steps: list[str]) -> Channels:
     problems: dict[str, Problem] = {}
     for channel in proposed:
         try:
@@ -178,7 +180,7 @@ def _usable(record: Record, proposed: tuple[RecordedChannel, ...], steps: list[s
     return tuple(channel for channel in proposed if channel.name not in problems)
 
 
-def _in_one_unit(channels: tuple[RecordedChannel, ...], choices: Choices) -> tuple[RecordedChannel, ...]:
+def _in_one_unit(channels: Channels, choices: Choices) -> Channels:
     factors = [ACCELERATION_UNITS[channel.unit] for channel in channels if channel.unit]
     if choices.unit is not None or len(factors) < len(channels):
         return channels
@@ -237,7 +239,7 @@ class _Signal:
         return Sentence("{}: {}{}", self.name, change, "".join(f", {text}" for text in differ if text))
 
 
-def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedChannel, ...]:
+def _sound(case: Case, channels: Channels) -> Channels:
     """All of them if they were chosen or no sensor is sound, which is told."""
     signals = {channel.name: resample_evenly(channel, case.record.source)[:2] for channel in channels}
     failures: dict[str, Sentence] = {}
@@ -245,28 +247,24 @@ def _sound(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[RecordedC
         time_s, values = signals[channel.name]
         factor = ACCELERATION_UNITS.get(case.choices.unit or channel.unit or "", G)
         others = [np.interp(time_s, *signals[other.name]) for other in channels if other is not channel]
-        expected = np.mean(others, axis=0) if others else values
-        faults = confirmed(sensor_faults(time_s, values * factor), time_s, values * factor, expected * factor)
-        if faults:
+        accel, expected = values * factor, (np.mean(others, axis=0) if others else values) * factor
+        if faults := confirmed(sensor_faults(time_s, accel), time_s, accel, expected):
             clauses = joined([fault.text for fault in faults], "; ")
             failures[channel.name] = Sentence("{}: {}", printable(channel.name), clauses)
     sound = tuple(channel for channel in channels if channel.name not in failures)
     if failures and sound and not case.choices.channels:
         case.steps.append(Sentence("Left out, as a sensor failed: {}.", joined([*failures.values()], "; ")))
         return sound
-    case.steps.extend(
-        Sentence("Careful: {}; leave the test out, or mend its record.", fault) for fault in failures.values()
-    )
+    case.steps.extend(Sentence("Careful: {}; mend its record, or leave it out.", fault) for fault in failures.values())
     return channels
 
 
-def average(case: Case, channels: tuple[RecordedChannel, ...]) -> tuple[FloatArray, FloatArray]:
+def average(case: Case, channels: Channels) -> tuple[FloatArray, FloatArray]:
     """The time and the mean of the channels, in the unit of the first."""
     source = case.record.source
     if case.choices.unit is None and len({channel.unit for channel in channels}) > 1:
         found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
-        advice = f"choose one (--channel {shlex.quote(channels[0].name)})"
-        raise DataError(Problem(source, "channels of one unit to average", found, advice))
+        raise DataError(Problem(source, "channels of one unit to average", found, _choose(channels[0])))
     time_s, values = _on_one_clock(channels, source, case.steps)
     if len(channels) > 1:
         case.steps.append(f"{len(channels)} channels averaged.")

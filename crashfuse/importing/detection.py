@@ -8,13 +8,14 @@ import numpy as np
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, LEAST_M, STOPS, gap_s
 from crashfuse.errors import DataError, Problem, UsageError, one_of, printable, require_a, require_number, several
-from crashfuse.readers.record import AxleWeights, PartialCondition, Record, RecordedChannel
+from crashfuse.readers.record import AxleWeights, Channels, PartialCondition, Record
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, acceleration_unit, speed
 from crashfuse.signals.filters import CFC60_NOISE, free_travel_s, noise_share, onset
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import MS, G
 from crashfuse.wording import Sentence, number, signed, time_text
 
+_GIVEN = "given by the user"
 NEAR_SPEED = "a change of velocity near the impact speed of {}"
 
 _LONGEST_GAP_M = 10.0  # at 56 km/h more than half a second
@@ -35,15 +36,15 @@ class Choices:
     channels : tuple of str
         Names of the channels to average.
     unit : str, optional
-        Unit of the acceleration, as :func:`crashfuse.readers.vocabulary.acceleration_unit` takes it.
+        Unit of the acceleration, however it is spelt.
     deceleration_sign : {"negative", "positive"}, optional
-        Whether the file writes deceleration as negative or as positive numbers.
+        How the file writes deceleration.
     time_zero_s : float, optional
         Time of first contact in the file's own time.
     gap_m : float, optional
         Distance that CAE runs move before they meet the barrier; a run that decelerates before is left as it is.
     front_share : float, optional
-        Share of the mass on the front axle, for files that state only the total mass.
+        Share of the mass on the front axle.
     """
 
     channels: tuple[str, ...] = ()
@@ -84,13 +85,13 @@ class UnknownUnit(Problem):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Case:
-    """A record on its way to a pulse: its speed is NaN where it is unknown; steps are appended to those so far."""
+    """A record on its way to a pulse."""
 
     record: Record
     choices: Choices
     role: Role
-    speed_mps: float
-    steps: list[str]
+    speed_mps: float  # NaN if unknown
+    steps: list[str]  # so far
 
     @property
     def is_moving(self) -> bool:
@@ -103,12 +104,10 @@ class Case:
         return low <= abs(change_mps) / self.speed_mps <= high
 
 
-def unit_and_sign(
-    case: Case, channels: tuple[RecordedChannel, ...], time_s: FloatArray, values: FloatArray
-) -> tuple[str, str]:
+def unit_and_sign(case: Case, channels: Channels, time_s: FloatArray, values: FloatArray) -> tuple[str, str]:
     """The unit of the numbers and the sign of deceleration; a unit is refused where only another fits the speed."""
-    choices, steps, moving, gain = case.choices, case.steps, case.is_moving, delta_v(time_s, values)
-    fitting = [name for name, factor in ACCELERATION_UNITS.items() if moving and case.fits(gain * factor)]
+    choices, steps, gain = case.choices, case.steps, delta_v(time_s, values)
+    fitting = [name for name, factor in ACCELERATION_UNITS.items() if case.is_moving and case.fits(gain * factor)]
     label = choices.unit or channels[0].unit
     if label is None:
         if len(fitting) != 1:
@@ -118,13 +117,13 @@ def unit_and_sign(
         label = fitting[0]
         steps.append(f"Unit {label}, by the change of velocity; the file names none.")
     else:
-        steps.append(f"Unit {label}, {'given by the user' if choices.unit else f'from {channels[0].unit_from}'}.")
+        steps.append(f"Unit {label}, {_GIVEN if choices.unit else f'from {channels[0].unit_from}'}.")
     change = gain * ACCELERATION_UNITS[label]
     if fitting and label not in fitting:
         raise DataError(_unlike(case, time_s, change, label, f"check the unit: {fitting[0]} would fit (--unit)"))
     found = "negative" if gain <= 0 or case.speed_mps <= CREEP_MPS else "positive"
     sign = choices.deceleration_sign or found
-    if moving and sign != found:
+    if case.is_moving and sign != found:
         other, advice = Sentence("a change of {}", speed(change)), "remove --deceleration-sign"
         raise DataError(Problem(case.record.source, f"{sign} deceleration, as chosen", other, advice))
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
@@ -167,7 +166,7 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
     begin = 0.0 if stated else start
     gap = gap_s(time_s - begin, accel, speed_mps, choices.gap_m) if role == "cae" and choices.gap_m else 0.0
     if choices.time_zero_s is not None:
-        zero, why = float(choices.time_zero_s), "given by the user"
+        zero, why = float(choices.time_zero_s), _GIVEN
     elif gap and choices.gap_m:
         zero, why = begin + gap, f"after a gap of {number(choices.gap_m / MS, '.4g')} mm, given by the user"
     elif stated:
@@ -178,8 +177,8 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
         zero, why = begins.calm_s, "deceleration begins there"
     if not start - step_of(time_s) <= zero <= end:
         found = f"a record from {number(start / MS, '.4g')} to {time_text(end)}"
-        expected = f"time zero at {time_text(zero)} ({why})"
-        raise DataError(Problem(case.record.source, expected, found, "give the time of first contact (--time-zero-ms)"))
+        expected, advice = f"time zero at {time_text(zero)} ({why})", "give that of first contact (--time-zero-ms)"
+        raise DataError(Problem(case.record.source, expected, found, advice))
     steps.append(f"Time zero at {time_text(zero)} of the file: {why}; deceleration {began}.")
     if begins is not None and role == "tests" and abs(begins.calm_s - zero) > _SUSPICIOUS_S:
         steps.append("Careful: deceleration begins far from time zero; check it.")
@@ -187,30 +186,23 @@ def time_zero(case: Case, time_s: FloatArray, accel: FloatArray) -> float:
         after = time_s >= zero
         free_m = speed_mps * free_travel_s(time_s[after], accel[after])
         if free_m > LEAST_M:
-            steps.append(
-                f"Careful: the vehicle moves {free_m / MS:.0f} mm from time zero before it decelerates. "
-                f"Take out a gap (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})."
-            )
+            take = f"take out a gap (--gap-mm {(free_m + speed_mps * gap) / MS:.0f})"
+            steps.append(f"Careful: the vehicle moves {free_m / MS:.0f} mm from time zero before deceleration; {take}.")
     return zero
 
 
-def filter_class(
-    case: Case, channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray
-) -> float | None:
+def filter_class(case: Case, channels: Channels, time_s: FloatArray, accel: FloatArray) -> float | None:
     """The channel filter class to apply; None for no filter."""
     chosen = case.choices.channel_filter_class
-    if chosen == "none":
-        case.steps.append("Not filtered, as chosen.")
-        return None
-    if chosen is not None:
+    if chosen is not None and chosen != "none":
         return float(chosen)
-    if why := filtered_before(channels, time_s, accel):
+    why = filtered_before(channels, time_s, accel) if chosen is None else "chosen by the user"
+    if why:
         case.steps.append(f"Not filtered: {why}.")
-        return None
-    return _DEFAULT_CFC
+    return None if why else _DEFAULT_CFC
 
 
-def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray) -> str:
+def filtered_before(channels: Channels, time_s: FloatArray, accel: FloatArray) -> str:
     """The evidence that a record was filtered to CFC 60 or below; empty if there is none."""
     cutoffs = [channel.cutoff_hz for channel in channels]
     if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):
@@ -230,7 +222,7 @@ def report_offset(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: l
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
         return
     mean = float(accel[before].mean())
-    advice = "Careful: correct the zero if the vehicle did not brake" if abs(mean) > _OFFSET_MPS2 else "Zero kept"
+    advice = "Careful: correct the zero if nothing braked" if abs(mean) > _OFFSET_MPS2 else "Zero kept"
     steps.append(f"{advice}: before contact it reads {signed(mean / G, 2)} g on average.")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.condition_tables import Role, listed
-from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS
+from crashfuse.campaign_folder.plausibility import CREEP_MPS, LONG_ENOUGH, MOVING, STOPS, WHICH_AXLE
 from crashfuse.campaign_folder.pulse_files import SHORTEST_S, advice_if_short, rate_trouble
 from crashfuse.condition import About, Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting
@@ -29,12 +29,10 @@ from crashfuse.wording import Sentence, number, time_text
 _FASTEST_MPS = 100.0
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
-_SPEED, _WEIGHTS = "the impact speed", "the weights on both axles"
 _GIVE_EACH = "add a row for each to a table of conditions (--conditions TABLE)"
-_GIVE_SPEED = "give the speed (--speed-kph V, or --speed-mph V)"
+_GIVE_SPEED = "give the speed (--speed-kph V, --speed-mph V)"
 _GIVE_WEIGHTS = (
-    "give two of mass, front weight, rear weight and front share "
-    "(--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
+    "give two of mass, axle weights and front share (--mass-kg, --front-weight-kg, --rear-weight-kg, --front-share)"
 )
 _LONGER = {
     "tests": "export the whole record; or check time zero",
@@ -54,11 +52,11 @@ class Lacking(Problem):
 def complete_condition(
     record: Record, choices: Choices, steps: list[str], *, role: Role, also_missing: Sequence[Problem] = ()
 ) -> Condition:
-    """Complete a record's condition with the user's values; a DataError says what lacks, ``also_missing`` too."""
+    """The condition of a record with the user's values; a DataError says what lacks, ``also_missing`` too."""
     given, front_share = choices.condition, choices.front_share
     if front_share is not None and not _LEAST_SHARE <= front_share <= _MOST_SHARE:
         found = f"{front_share:.4g} ({100 * front_share:.4g} %)"
-        raise UsageError(f"The front axle carries a share of 0.2 to 0.8 of the mass, not {found}.")
+        raise UsageError(f"The front axle carries a share of 0.2 to 0.8, not {found}.")
     if given != PartialCondition():
         steps.append("Of the condition, what the user gave overrules the file.")
     if contradiction := choices.weights.contradiction():
@@ -69,18 +67,13 @@ def complete_condition(
         raise DataError(Problem(record.source, expected, contradiction, f"correct the file, or {_GIVE_WEIGHTS}"))
     overruled = record.condition.overruled(given)
     front, rear = weights.axles()
-    speed_mps, share = overruled.speed_mps, weights.front_share
-    problems = [
-        *missing_values(record.source, record.id, speed_mps, weights, record.no_speed),
-        *also_missing,
-        *_speed_problems(record, speed_mps, role),
-        *_weights_problems(record, weights),
-    ]
+    speed_mps, share, mass_kg = overruled.speed_mps, weights.front_share, weights.mass_kg
+    problems = [*missing_values(record.source, record.id, speed_mps, weights, record.no_speed), *also_missing]
+    problems += [*_speed_problems(record, speed_mps, role), *_weights_problems(record, weights)]
     if problems or speed_mps is None or front is None or rear is None:
         raise DataError(problems)
-    if share is not None and weights.mass_kg is not None:
-        template = f"Front weight {{}}: {100 * share:.4g} % of {{}}."
-        steps.append(Sentence(template, weight(front), weight(weights.mass_kg)))
+    if share is not None and mass_kg is not None:
+        steps.append(Sentence(f"Front weight {{}}: {100 * share:.4g} % of {{}}.", weight(front), weight(mass_kg)))
     return Condition.of_vector([float(speed_mps), float(front), float(rear)], overruled.factors)
 
 
@@ -88,15 +81,13 @@ def missing_values(
     source: str, record_id: str, speed_mps: float | None, weights: AxleWeights, no_speed: str = ""
 ) -> list[Lacking]:
     """What a condition lacks: the speed, and the weights on both axles."""
-    missing = []
-    if speed_mps is None:
-        missing.append((_SPEED, no_speed or "none", _GIVE_SPEED))
-    if None in weights.axles():
-        missing.append((_WEIGHTS, weights.stated, _GIVE_WEIGHTS))
-    return [
-        Lacking(source, f"{quantity} of {record_id}", found, advice, quantity=quantity, record_id=record_id)
-        for quantity, found, advice in missing
-    ]
+
+    def lacking(quantity: str, found: str, advice: str) -> Lacking:
+        return Lacking(source, f"{quantity} of {record_id}", found, advice, quantity=quantity, record_id=record_id)
+
+    speed = [lacking("the impact speed", no_speed or "none", _GIVE_SPEED)] if speed_mps is None else []
+    lacks_weights = None in weights.axles()
+    return [*speed, *([lacking("the weights on both axles", weights.stated, _GIVE_WEIGHTS)] if lacks_weights else [])]
 
 
 def joint_problems(problems: Sequence[Problem]) -> list[Problem]:
@@ -107,8 +98,7 @@ def joint_problems(problems: Sequence[Problem]) -> list[Problem]:
             alike.setdefault((problem.quantity, problem.found), []).append(problem)
     joint: list[Problem] = []
     for (quantity, found), several in alike.items():
-        first, last = several[0].where, several[-1].where
-        where = first if len({one.where for one in several}) == 1 else f"{first} to {last}"
+        where = " to ".join(dict.fromkeys((several[0].where, several[-1].where)))
         joint.append(Problem(where, f"{quantity} of {listed([one.record_id for one in several])}", found, _GIVE_EACH))
     return [*joint, *(problem for problem in problems if not isinstance(problem, Lacking))]
 
@@ -122,20 +112,20 @@ def _speed_problems(record: Record, speed_mps: float | None, role: Role) -> list
 
 
 def _weights_problems(record: Record, weights: AxleWeights) -> list[Problem]:
-    front, rear = weights.axles()
-    axles = [axle for axle in (front, rear) if axle is not None]
+    axles = [axle for axle in weights.axles() if axle is not None]
     mass = sum(axles) if len(axles) > 1 else weights.mass_kg
-    advice = "check the weights and their unit"
+    expected, wrong = "", 0.0
     if mass is not None and not _LIGHTEST_KG <= mass <= _HEAVIEST_KG:
-        expected = Sentence("a mass of {} of {}", record.id, weight(_LIGHTEST_KG, _HEAVIEST_KG, between=" to "))
-        return [Problem(record.source, expected, Sentence("{}", weight(mass, form=".4g")), advice)]
-    if axles and not min(axles) >= _LIGHTEST_AXLE_KG:
-        expected = Sentence("axles of {} that carry at least {}", record.id, weight(_LIGHTEST_AXLE_KG))
-        return [Problem(record.source, expected, Sentence("{}", weight(min(axles), form=".4g")), advice)]
-    if front is not None and rear is not None and not _LEAST_SHARE <= (share := front / (front + rear)) <= _MOST_SHARE:
+        whole = weight(_LIGHTEST_KG, _HEAVIEST_KG, between=" to ")
+        expected, wrong = Sentence("a mass of {} of {}", record.id, whole), mass
+    elif axles and not min(axles) >= _LIGHTEST_AXLE_KG:
+        least = weight(_LIGHTEST_AXLE_KG)
+        expected, wrong = Sentence("axles of {} that carry at least {}", record.id, least), min(axles)
+    elif len(axles) > 1 and not _LEAST_SHARE <= (share := axles[0] / sum(axles)) <= _MOST_SHARE:
         carries = f"a front axle of {record.id} that carries 20 to 80 % of the mass"
-        return [Problem(record.source, carries, f"{100 * share:.0f} %", "check which axle is which")]
-    return []
+        return [Problem(record.source, carries, f"{100 * share:.0f} %", WHICH_AXLE)]
+    found, advice = Sentence("{}", weight(wrong, form=".4g")), "check the weights and their unit"
+    return [Problem(record.source, expected, found, advice)] if expected else []
 
 
 def _refuse_short(case: Case, time_s: FloatArray) -> None:
@@ -162,11 +152,9 @@ def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
         if first > CREEP_MPS and last > MOVING * first:
             found = Sentence(f"{{}} left at its end, {end}", speed(last))
             raise DataError(Problem(case.record.source, LONG_ENOUGH, found, _LONGER[case.role]))
-        last_g = number(motion.accel_mps2[-1] / G, "+.2g")
-        sentences.append(
-            f"Careful: the record ends {end} after contact at {last_g} g; it goes on with no acceleration, which "
-            f"nobody measured. Better {_LONGER[case.role].partition(';')[0]}."
-        )
+        last_g, better = number(motion.accel_mps2[-1] / G, "+.2g"), _LONGER[case.role].partition(";")[0]
+        ends = f"Careful: the record ends {end} after contact at {last_g} g; it goes on with no acceleration, which"
+        sentences.append(f"{ends} nobody measured. Better {better}.")
     if motion.t0_s <= GRID_S[-1]:
         crush = f"{motion.displacement_m.max() / MS:.0f} mm"
         return [*sentences, f"Zero velocity (TTZV) at {motion.t0_s / MS:.1f} ms, after {crush}."]
@@ -180,16 +168,12 @@ def _end_steps(case: Case, end_s: float, motion: Kinematics) -> list[str]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Settled:
-    """A record ready to be added to a campaign.
-
-    The pulse has time 0 at first contact and negative deceleration in m/s²; it is filtered and cut, or whole and raw if
-    the campaign's own ``channel_filter_class`` is to filter it.
-    """
+    """A record ready to be added to a campaign."""
 
     id: str
     source: str
     condition: Condition
-    pulse: Pulse
+    pulse: Pulse  # from contact on, filtered and cut; or whole and raw, for the campaign to filter
     channels: tuple[str, ...]
     unit: str  # of the numbers in the file, as are the next two
     deceleration_sign: str
@@ -206,10 +190,10 @@ class Settled:
 
 
 def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
-    """Turn a record into a pulse of the campaign.
+    """Turn a record into a pulse of the campaign; ``raw`` leaves filtering and cutting to its own filter class.
 
-    A CAE run starts at contact unless its time says otherwise. ``raw`` leaves filtering and cutting to the campaign's
-    own ``channel_filter_class``. A DataError says what is lacking, or that the pulse contradicts the speed.
+    A CAE run starts at contact unless its time says otherwise. A DataError says what is lacking, or that the pulse
+    contradicts the speed.
     """
     steps = list(record.steps)
     if record.other_setup and role == "tests":
@@ -256,7 +240,7 @@ def settled_at(
     if raw:
         before = detection.filtered_before(channels, time_s, accel)
         again = f"Careful: {before}; the campaign filters it again."
-        steps.append(again if before else "Raw: the campaign filters it with its own channel_filter_class.")
+        steps.append(again if before else "Raw: the campaign filters it by its channel_filter_class.")
     cfc = None if raw else detection.filter_class(case, channels, time_s, accel)
     if cfc is not None:
         try:
@@ -268,7 +252,6 @@ def settled_at(
     _check(case, pulse, unlike)
     names = tuple(channel.name for channel in channels)
     quality = record.quality if role == "cae" else RunQuality()
-    found = unit, sign, zero_s, cfc, tuple(steps)
     about = record.about_with(channels if role == "tests" else ())
     wall: Wall | None = None
     if record.wall is not None:
@@ -276,7 +259,8 @@ def settled_at(
             wall = record.wall.from_contact(zero_s)
         except DataError as error:
             steps.append(f"Careful: the force of the barrier is left out: {error.problems[0].found}.")
-    return Settled(record.id, record.source, condition, pulse, names, *found, quality, role, about, wall)
+    done = unit, sign, zero_s, cfc, tuple(steps)
+    return Settled(record.id, record.source, condition, pulse, names, *done, quality, role, about, wall)
 
 
 def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) -> Pulse:

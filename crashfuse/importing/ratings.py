@@ -12,14 +12,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 import pandas as pd
 
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError, one_of, printable, require_a, several
-from crashfuse.files.csv_text import CsvTable, read_rows
-from crashfuse.files.parquet import ParquetTable
+from crashfuse.files.csv_text import read_rows
+from crashfuse.files.parquet import opened_table
 from crashfuse.importing.channels import missing_choices, resample_evenly
 from crashfuse.importing.detection import Choices, delta_v
 from crashfuse.importing.pulse_conversion import settled_at
@@ -51,14 +50,11 @@ _Class = float | Literal["none"] | None
 
 @dataclass(frozen=True, slots=True)
 class RatingChoices:
-    """How the files of a rating are read, beyond what the import detects; a UsageError if there is no such choice.
-
-    Without ``channel_filter_class`` both are filtered as the import does, and tables in our own form not at all.
-    """
+    """How the files of a rating are read, beyond what the import detects; a UsageError if there is no such choice."""
 
     channels: tuple[str, ...] = ()  # of the reference, to be averaged
     comparison_channels: tuple[str, ...] = ()  # of the comparison, if they are others
-    channel_filter_class: _Class = None
+    channel_filter_class: _Class = None  # as the import finds; tables in our own form are not filtered
     unit: str | None = None  # of the acceleration in files of other formats
     also: tuple[str, ...] = ()  # measures beside the rating: sprague-geers, anova
 
@@ -70,6 +66,7 @@ class RatingChoices:
             one_of("measure", name, FURTHER_METRICS)
 
 
+_Row = dict[str, object]
 _Curve = tuple[Pulse, str]  # and its filter class, in words
 _Read = Callable[[Path, tuple[str, ...], _Class, str | None], _Curve]
 
@@ -81,7 +78,7 @@ def rate_files(
     *,
     choices: RatingChoices = RatingChoices(),
 ) -> pd.DataFrame:
-    """Rate one file against another by ISO/TS 18571.
+    """Rate one file against another by ISO/TS 18571: columns :data:`COLUMNS`, one row for each window.
 
     Parameters
     ----------
@@ -90,17 +87,8 @@ def rate_files(
     windows_ms : sequence of float
         Rated are 0 to each of these, in ms.
 
-    Returns
-    -------
-    DataFrame
-        Columns :data:`COLUMNS`, one row for each window.
-
-    Raises
-    ------
-    DataError
-        If a file cannot be read as one pulse, or a window reaches beyond a record.
-    UsageError
-        If a channel or unit does not exist.
+    A DataError refuses a file that cannot be read as one pulse, or ends within a window; a UsageError a channel or unit
+    that does not exist.
     """
     return _pair_table(Path(reference), Path(comparison), windows_ms, choices, _curve)
 
@@ -133,7 +121,7 @@ def rate_pairs(
     unknown = [name for name in names if name not in _PAIR_COLUMNS]
     if unknown or not {"reference", "comparison"} <= set(names) or len(set(names)) < len(names):
         expected = f"the columns reference and comparison, and at most {', '.join(_PAIR_COLUMNS[2:])}"
-        raise DataError(Problem(path.name, expected, ", ".join(names), "name the columns like that"))
+        raise DataError(Problem(path.name, expected, ", ".join(names), "name the columns so"))
     if not rows or len(rows) > _MOST_PAIRS:
         raise DataError(Problem(path.name, f"1 to {_MOST_PAIRS} pairs", f"{len(rows)}", "one pair a row"))
     read = lru_cache(_KEPT)(_curve)
@@ -161,9 +149,8 @@ def _split(cell: str) -> tuple[str, ...]:
 def _pair_table(
     reference: Path, comparison: Path, windows_ms: Sequence[float], choices: RatingChoices, read: _Read
 ) -> pd.DataFrame:
-    names = {"reference": str(reference), "comparison": str(comparison)}
-    rows = _rated_rows(*_curves(reference, comparison, choices, read), windows_ms, choices.also)
-    return _ratings_table([{**names, **row} for row in rows])
+    rows = [*_rated_rows(*_curves(reference, comparison, choices, read), windows_ms, choices.also)]
+    return _ratings_table(rows).assign(reference=str(reference), comparison=str(comparison))
 
 
 def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Read) -> tuple[_Curve, _Curve]:
@@ -175,20 +162,18 @@ def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Re
     )
 
 
-def _rated_rows(
-    reference: _Curve, comparison: _Curve, windows_ms: Sequence[float], also: Sequence[str] = ()
-) -> Iterator[dict[str, object]]:
-    (one, filtering), (other, others) = reference, comparison
+def _rated_rows(one: _Curve, other: _Curve, windows_ms: Sequence[float], also: Sequence[str]) -> Iterator[_Row]:
+    (reference, filtering), (comparison, others) = one, other
     filtering = filtering if others == filtering else f"reference {filtering}, comparison {others}"
-    for window, rating in rate_windows(one, other, windows_ms).items():
+    for window, rating in rate_windows(reference, comparison, windows_ms).items():
         row = {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
         if also:
-            curves = rated_curves(one, other, window)
+            curves = rated_curves(reference, comparison, window)
             row |= {column: value for name in also for column, value in FURTHER_METRICS[name](*curves).items()}
         yield row
 
 
-def _ratings_table(rows: Sequence[dict[str, object]]) -> pd.DataFrame:
+def _ratings_table(rows: Sequence[_Row]) -> pd.DataFrame:
     columns = dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)])
     table = pd.DataFrame(rows).reindex(columns=list(columns))
     text = ["reference", "comparison", "channel", "grade", "basis", "note"]
@@ -223,7 +208,7 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: _Class, unit: str | None)
 def _is_own(path: Path) -> bool:
     with suppress(DataError):
         if path.suffix in (".csv", ".parquet"):
-            with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, path.name) as table:
+            with opened_table(path, path.name) as table:
                 has_time = any(f"time_{unit}" in table.names for unit in TIME)
                 has_acceleration = any(f"acceleration_{unit}" in table.names for unit in ACCELERATION)
                 return has_time and has_acceleration and "id" not in table.names
@@ -257,13 +242,13 @@ def rate_channels(
     refuses others.
     """
     if choices != RatingChoices(also=choices.also):
-        raise UsageError("Channels are rated as they are: choose no channel, unit or filter.")
+        raise UsageError("Channels are rated as they are: choose nothing.")
     reference, comparison = Path(reference), Path(comparison)
     sides = [_channels(path) for path in (reference, comparison)]
     if not set(sides[0]) & set(sides[1]):
         found = "codes that occur in one of them only"
         raise DataError(Problem(comparison.name, f"channels of {reference.name}", found, "rate their pulses instead"))
-    rows: list[dict[str, object]] = []
+    rows: list[_Row] = []
     for code, n in sorted(sides[0], key=lambda key: key not in sides[1]):
         name = code if n == 1 else f"{code} ({n})"
         if (code, n) not in sides[1]:
@@ -278,9 +263,7 @@ def rate_channels(
     return _ratings_table(rows).assign(reference=str(reference), comparison=str(comparison))
 
 
-def _rows(
-    one: Channel, other: Channel, windows_ms: Sequence[float], also: Sequence[str]
-) -> Iterator[dict[str, object]]:
+def _rows(one: Channel, other: Channel, windows_ms: Sequence[float], also: Sequence[str]) -> Iterator[_Row]:
     if one.unit != other.unit:
         raise DataError(Problem(one.code, f"the unit {one.unit or 'none'}", other.unit or "none", "convert"))
     sides = (("reference", one.status), ("comparison", other.status))
@@ -294,16 +277,15 @@ def _rows(
 
 def _channels(path: Path) -> dict[tuple[str, int], Channel]:
     count: Counter[str] = Counter()
-    found: dict[tuple[str, int], Channel] = {}
+    numbered: dict[tuple[str, int], Channel] = {}
     for channel in read_isomme(path).channels:
         if code := channel.code.upper():
             count[code] += 1
-            found[code, count[code]] = channel
-    return found
+            numbered[code, count[code]] = channel
+    return numbered
 
 
 def _signal(channel: Channel) -> _Curve:
-    if channel.interval_s is None or channel.values.size < 2:
+    if channel.time_s is None:
         raise DataError(Problem(channel.code, "an evenly sampled signal", "no sampling interval", "export it again"))
-    time_s = (channel.start_s or 0.0) + np.arange(channel.values.size) * channel.interval_s
-    return Pulse(time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown")
+    return Pulse(channel.time_s, channel.values), _CLASSES.get(channel.code[-1:].upper(), "filter class unknown")

@@ -88,7 +88,7 @@ class Reading:
 
 
 def format_of(source: Path) -> str:
-    """The format of a file, folder or zip, by the file names in it; a DataError for none, or several besides tables."""
+    """The format of a source, by the names of its files; a DataError for none, or several besides tables."""
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", CHECK_PATH))
     found = formats_of(_names(source)) or formats_of(name for inner in _archives(source) for name in _names(inner))
@@ -113,8 +113,7 @@ def read_records(reading: Reading) -> tuple[Record, ...]:
 
 def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]]:
     """Read every readable record of a source; return the records and the problems of the others."""
-    problems: list[Problem] = []
-    records: list[Record] = []
+    problems, records = list[Problem](), list[Record]()
     # the user, seeing the records, decides whether they are of one crash
     with collecting(problems), suppress(OneCrashOrSeveral):
         records += iter_records(reading, problems)
@@ -131,7 +130,7 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     if fmt != TABLES and reading.columns and reading.conditions is None:
         raise UsageError("Only tables have columns to map.")
     if reading.travel is not None and not FORMATS[fmt].axes:
-        raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
+        raise UsageError(f"{FORMATS[fmt].label} says which channels are along X; remove --travel.")
     if archives := [source] if _has_to_be_unpacked(source, fmt) else _archives(source):
         if sum(packed.stat().st_size for packed in archives) > DEFAULT_LIMITS.total_bytes:
             raise archive.too_much(source.name, DEFAULT_LIMITS)
@@ -159,14 +158,11 @@ def iter_records(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         if unread := [path.name for path in others]:
             notes.append(f"Careful: tables in the source are left out, {listed(unread)}; import them by themselves.")
     for record in tables.records if fmt == TABLES else _of_homes(source, fmt, reading.travel, problems):
-        if reading.record_id is not None:
-            if ids:
-                raise UsageError(f"One id is not enough: {source.name} holds several records.")
-            record = replace(record, id=reading.record_id)
-        record = replace(record, steps=(*record.steps, *([] if ids else notes)))
-        ids.append(record.id)
-        record = tables.given_to(record)
-        name = safe_id(record.id)
+        if reading.record_id is not None and ids:
+            raise UsageError(f"One id is not enough: {source.name} holds several records.")
+        ids.append(reading.record_id or record.id)
+        record = replace(record, id=ids[-1], steps=(*record.steps, *(notes if len(ids) == 1 else [])))
+        record, name = tables.given_to(record), safe_id(record.id)
         if reading.record_id is None and name != record.id:
             note = f"Its id is {name}, because {printable(record.id, 60)!r} cannot name a file on every system."
             record = replace(record, id=name, steps=(*record.steps, note))
@@ -185,8 +181,8 @@ def _names(source: Path) -> Iterable[PurePath]:
         return islice(files_below(source), _MOST_FILES)
     if is_archive(source.name):
         with source.open("rb") as stream:
-            listed = archive.tar_members if archive.is_tar(source.name) else archive.zip_members
-            return [member.path for member in listed(stream, source.name, DEFAULT_LIMITS)]
+            members = archive.tar_members if archive.is_tar(source.name) else archive.zip_members
+            return [member.path for member in members(stream, source.name, DEFAULT_LIMITS)]
     return [source]
 
 

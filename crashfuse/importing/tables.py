@@ -92,8 +92,8 @@ class _TableSet:
             if idle := [run_id for key, (run_id, *_) in self.conditions.items() if key not in there]:
                 return replace(record, no_speed=f"conditions without a record, of {listed(idle)}")
             return record
-        _, condition, condition_steps = self.conditions[record.id.casefold()]
-        steps = (*record.steps, "Condition from the table of conditions.", *condition_steps)
+        _, condition, how = self.conditions[record.id.casefold()]
+        steps = (*record.steps, "Condition from the table of conditions.", *how)
         return replace(record, condition=record.condition.overruled(condition), steps=steps)
 
     def check_ids(self, ids: Sequence[str]) -> None:
@@ -120,7 +120,7 @@ def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, p
     best_first = sorted(records, key=lambda record: likelihood(record.channels[0].name))
     one = f"average them (--id ID) or choose (--channel {shlex.quote(best_first[0].channels[0].name)})"
     one = "leave out the others (--column COLUMN=ignored)" if parted else one
-    advice = f"if they are sensors of one crash, {one}; if crashes, give their conditions (--conditions TABLE)"
+    advice = f"if they are sensors of one crash, {one}; if crashes, give conditions (--conditions TABLE)"
     found = f"{listed(record.id for record in best_first)}{', each with a time of its own' if parted else ''}"
     return Problem(table, "one acceleration of the vehicle, or conditions for each", found, advice)
 
@@ -133,7 +133,7 @@ def read_tables(
     together: bool,
     travel: Travel | None = None,
 ) -> _TableSet:
-    """Read tables, each according to its columns; a table of conditions must be readable, its columns there."""
+    """Read tables by their columns; a table of conditions must be readable, chosen columns there."""
     tables = _TableSet()
     there: set[str] = set()
     faults: list[Problem] = []
@@ -165,14 +165,14 @@ class TableForm:
         return tuple(use.column for use in self.proposed.uses)
 
     def unit_of(self, columns: Sequence[str]) -> str | None:
-        """The common unit of these columns according to their headers; None if they differ."""
+        """The unit in the headers of these columns; None if they differ."""
         units = {use.unit for use in self.proposed.uses if use.column in columns}
         return units.pop() if len(units) == 1 else None
 
     def choices(
         self, picked: abc.Mapping[ColumnRole, Sequence[str]], units: abc.Mapping[ColumnRole, str | None]
     ) -> tuple[ColumnChoice, ...]:
-        """The user's assignments where they differ from the proposal: columns picked for each role; others ignored."""
+        """Where columns picked for roles differ from the proposal; others are ignored."""
         role_of = {column: role for role in picked for column in picked[role]}
         choices = []
         for use in self.proposed.uses:

@@ -14,8 +14,7 @@ from crashfuse.readers.format import Format
 
 _HERE = "crashfuse.readers"
 
-TABLES = "csv"
-"""The format whose files may accompany those of any other format."""
+TABLES = "csv"  # the format whose files may accompany those of any other format
 
 FORMATS = {
     "nhtsa": Format("NHTSA", ".EV5", r".*\.ev5", f"{_HERE}.nhtsa:read_nhtsa", one_a_file=True),
@@ -38,8 +37,7 @@ FORMATS = {
     ),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
     TABLES: Format("tables", ".csv, .txt, .lvm, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|lvm|xls[xm]?)", axes=True),
-}
-"""The formats by their command-line names; those that other packages add (``crashfuse.readers``) come last."""
+}  # the formats by their command-line names; those that other packages add (``crashfuse.readers``) come last
 
 
 def _checked(name: str, found: object) -> Format:
@@ -51,8 +49,7 @@ def _checked(name: str, found: object) -> Format:
     return found
 
 
-BROKEN_FORMATS: dict[str, str] = {}
-"""Formats of other packages that cannot be used: whose fault that is, and why."""
+BROKEN_FORMATS: dict[str, str] = {}  # formats of other packages that cannot be used: whose fault that is, and why
 
 for _loaded in load("crashfuse.readers", "reader", _checked):
     if isinstance(_loaded, Broken):

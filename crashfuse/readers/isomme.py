@@ -7,8 +7,7 @@
     T1/Channel/T1.001     a channel: its descriptors in the same form, then one sample per line
 
 Time is implicit (``Time of first sample`` and ``Sampling interval``, s), or a channel that others name as their
-reference. ``NOVALUE`` means unknown. Sources are those of :mod:`crashfuse.readers.vocabulary`; laboratories write
-UTF-8, Windows-1252 and Latin-1.
+reference. Sources are those of :mod:`crashfuse.readers.vocabulary`.
 """
 
 from collections import Counter
@@ -22,7 +21,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers import vocabulary
-from crashfuse.readers.members import as_text, is_numbered, opened_members
+from crashfuse.readers.members import ONE_TEST, as_text, is_numbered, opened_members
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import UNITS, UNPLACED, ChannelCode, Doubt
 from crashfuse.signals.pulse import FloatArray
@@ -36,8 +35,8 @@ _MOST_LINES = 2_000_000  # per file: 100 s at 20 kHz
 _MOST_DESCRIPTORS = 10_000
 _UNEVEN = 0.02  # of a step, in a time channel
 
-# size limits of a test; 300 channels of 60,000 samples are within them
-ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
+ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)  # beyond 300 channels of 60,000 samples
+_AGAIN, _CORRECT, _STEP = "export it again", "correct the header", "Sampling interval"
 
 _ABOUT_THE_TEST = ("Type of the test", "Subtype of the test", "Title")
 _ABOUT = {
@@ -65,6 +64,13 @@ class Channel:
     status: str = ""  # ok, channel failed, questionable data …
     sensor: str = ""
     prefilter: str = ""
+
+    @property
+    def time_s(self) -> FloatArray | None:
+        """The time of each sample; None without an even time, or samples."""
+        if self.interval_s is None or self.values.size < 2:
+            return None
+        return (self.start_s or 0.0) + self.interval_s * np.arange(self.values.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,20 +102,15 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
     headers = [member for member in members if member.path.suffix.lower() == ".mme"]
     if len(headers) != 1:
         found = f"{len(headers)} of them" if headers else "none"
-        raise DataError(Problem(name, "one .mme file", found, "choose the folder of one test"))
+        raise DataError(Problem(name, "one .mme file", found, ONE_TEST))
     home = headers[0].path.parent
-    near = [
-        member
-        for member in members
-        if (folder := member.path.parent) == home or (folder.parent == home and folder.name.lower() == "channel")
-    ]
-    listed: list[tuple[str, str]] = []
-    for member in near:
-        if member.path.suffix.lower() == ".chn":
-            listed += _descriptors(_lines_in(member, budget), member.where)
-    problems: list[Problem] = []
+    folders = {folder for member in members if (folder := member.path.parent).name.lower() == "channel"}
+    homes = {home, *(folder for folder in folders if folder.parent == home)}
+    near = [member for member in members if member.path.parent in homes]
+    lists = [member for member in near if member.path.suffix.lower() == ".chn"]
+    listed = [pair for member in lists for pair in _descriptors(_lines_in(member, budget), member.where)]
+    problems, clocks = list[Problem](), dict[str, Channel]()
     channels: list[tuple[Channel, str | None]] = []
-    clocks: dict[str, Channel] = {}
     numbered = [member for member in near if is_numbered(member.path)]
     for member in sorted(numbered, key=lambda member: int(member.path.suffix[1:])):
         with collecting(problems):
@@ -118,7 +119,7 @@ def _read(members: Sequence[Member], name: str, budget: Budget) -> IsommeTest:
             clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
     refuse(problems, name)
     if not channels:
-        raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export the channels too"))
+        raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export them too"))
     timed = tuple(_timed(channel, clocks.get(reference or "")) for channel, reference in channels)
     descriptors = _descriptors(_lines_in(headers[0], budget), headers[0].where)
     return IsommeTest(headers[0].path.stem, tuple(descriptors), timed)
@@ -133,12 +134,11 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     with suppress(DataError) if vocabulary.doubt_of(status) == Doubt.FAILED else nullcontext():
         samples, count = _numbers(lines[end:], where), _number_in(header, "Number of samples", where)
         if count not in (None, samples.size):
-            expected = f"{count:g} samples, as its header says"
-            raise DataError(Problem(where, expected, f"{samples.size}", "export the channel again"))
+            raise DataError(Problem(where, f"{count:g} samples, as its header says", f"{samples.size}", _AGAIN))
         values = samples
-    interval = _seconds_in(header, "Sampling interval", where)
+    interval = _seconds_in(header, _STEP, where)
     if interval is not None and interval <= 0:
-        raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))
+        raise DataError(Problem(where, "a number above 0", f"{interval:g}", _CORRECT, _STEP))
     code, _, name = (_first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
     channel = Channel(
         code=_first_of(header, "Channel code") or code.strip(),
@@ -177,10 +177,10 @@ def _lines_in(member: Member, budget: Budget) -> list[str]:
 
 def _descriptors(lines: list[str], where: str) -> list[tuple[str, str]]:
     if len(lines) > _MOST_DESCRIPTORS:
-        raise DataError(Problem(where, f"at most {_MOST_DESCRIPTORS} descriptors", "more", "export the test again"))
+        raise DataError(Problem(where, f"at most {_MOST_DESCRIPTORS} descriptors", "more", _AGAIN))
     parts = [line.partition(":") for line in lines if ":" in line]
     if not parts:
-        raise DataError(Problem(where, "lines of the form Name :value", "none", "export the test again"))
+        raise DataError(Problem(where, "lines of the form Name :value", "none", _AGAIN))
     pairs = [(name.strip(), value.strip()) for name, _, value in parts]
     return [(name, value) for name, value in pairs if value.upper() not in ("", NO_VALUE)]
 
@@ -193,7 +193,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
     except ValueError as error:
         found = printable(str(error).rpartition(":")[2].strip())
     if found:
-        raise DataError(Problem(where, "one number a line after the header", found, "export the channel again"))
+        raise DataError(Problem(where, "one number a line after the header", found, _AGAIN))
     return values
 
 
@@ -205,7 +205,7 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise DataError(Problem(where, "a number", printable(text), "correct the header", name))
+        raise DataError(Problem(where, "a number", printable(text), _CORRECT, name))
     return value
 
 
@@ -215,7 +215,7 @@ def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
     if value is None or not unit:
         return value
     if (named := vocabulary.unit_named(unit[0], "time")) is None:
-        raise DataError(Problem(where, "a time in s or ms", printable(unit[0]), "correct the header", name))
+        raise DataError(Problem(where, "a time in s or ms", printable(unit[0]), _CORRECT, name))
     return value * UNITS["time"][named]
 
 
@@ -240,53 +240,48 @@ def record_of(test: IsommeTest, source: str) -> Record:
     vehicle = min({code.text[0] for code, _ in on_vehicles if code.rank < UNPLACED} or objects)
     named = _named([(code, channel) for code, channel in on_vehicles if code.text[0] == vehicle])
     texts = [test.descriptor(name) or "" for name in _ABOUT_THE_TEST]
-    origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(
-        value for _, value in test.descriptors
-    )
-    recorded: dict[str, RecordedChannel] = {}
-    untimed: dict[str, Problem] = {}
+    values = (value for _, value in test.descriptors)
+    origin = next(filter(vocabulary.is_simulated, texts), "") or vocabulary.statement_of_simulation(values)
+    recorded, untimed = dict[str, RecordedChannel](), dict[str, Problem]()
     for name, (code, channel) in named.items():
-        if channel.interval_s is None or channel.values.size < 2:
+        if (time_s := channel.time_s) is None:
             expected, advice = "an even time, as long as the channel", "export its sampling interval"
             untimed[name] = Problem(f"{source}, {name}", expected, "none such", advice)
             continue
-        time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
         label, unit = printable(channel.name or name), vocabulary.unit_named(channel.unit, "acceleration")
         words = "the file", channel.source or origin, channel.status, channel.sensor, channel.prefilter
         recorded[name] = RecordedChannel(name, label, time_s, channel.values, unit, code.cutoff_hz, *words)
     if not recorded:
         raise DataError(list(untimed.values()))
     chosen, why = proposal(recorded, lambda names: vocabulary.propose_by_code({name: named[name][0] for name in names}))
-    condition, notes = _condition(test, vehicle)
+    condition, steps = _condition(test, vehicle)
     if objects != {"1"}:
         others = " and ".join(sorted(objects - {vehicle}))
         left_out = f"; those of test object {others} are left out" if others else ""
-        notes = (*notes, f"Channels, speed and weights of test object {vehicle}{left_out}.")
+        steps.append(f"Channels, speed and weights of test object {vehicle}{left_out}.")
     if untimed:
-        notes = (*notes, f"Left out for lack of an even time: {', '.join(untimed)}.")
+        steps.append(f"Left out for lack of an even time: {', '.join(untimed)}.")
     zero = "0 is time zero, by the format's definition"
     if any(named[name][1].start_s is None for name in chosen or recorded):
-        notes = (*notes, "No time of the first sample; time zero has to be found.")
+        steps.append("No time of the first sample; find time zero.")
         zero = ""
     side = test.descriptor(f"Impact side test object {vehicle}") or ""
     other = vocabulary.other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
-    steps, channels = (*notes, *why), tuple(recorded.values())
     about = {name: test.descriptor(descriptor) or "" for name, descriptor in _ABOUT.items()}
     barrier = ((f"0{one.code[1:]}", one) for one in test.channels if one.code[:1].upper() == "B")  # its test object
-    codes = [(vocabulary.ChannelCode.parsed(text), one) for text, one in barrier]
+    codes = [(ChannelCode.parsed(text), one) for text, one in barrier]
     cells = [(code, one) for code, one in codes if code and code.text[12:14] == "FO" and code.is_along_x]
     rawest = {code.sensor: one for code, one in sorted(cells, key=lambda pair: pair[0].order, reverse=True)}
-    wall = summed_wall([_force(one) for one in rawest.values()], told := list(steps))
-    found = test.name, source, condition, channels, chosen, tuple(told), zero
+    steps += why
+    wall = summed_wall([_force(one) for one in rawest.values()], steps)
+    found = test.name, source, condition, tuple(recorded.values()), chosen, tuple(steps), zero
     return Record(*found, unread=untimed, other_setup=other, about=about, wall=wall)
 
 
 def _force(cell: Channel) -> tuple[FloatArray, FloatArray] | None:
-    factor = {"n": 1.0, "kn": 1e3}.get(cell.unit.strip().lower())
-    is_sound = factor and cell.interval_s and vocabulary.doubt_of(cell.status) < Doubt.FAILED
-    if not is_sound or cell.values.size < 2 or not np.isfinite(cell.values).all():
-        return None
-    return (cell.start_s or 0.0) + (cell.interval_s or 0.0) * np.arange(cell.values.size), (factor or 1.0) * cell.values
+    factor, time_s = {"n": 1.0, "kn": 1e3}.get(cell.unit.strip().lower()), cell.time_s
+    is_sound = vocabulary.doubt_of(cell.status) < Doubt.FAILED and np.isfinite(cell.values).all()
+    return (time_s, factor * cell.values) if factor and time_s is not None and is_sound else None
 
 
 def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[ChannelCode, Channel]]:
@@ -299,22 +294,22 @@ def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[C
     return named
 
 
-def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[str, ...]]:
+def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, list[str]]:
     its = f"test object {vehicle}"
     names = ("Mass", ".Front weight", ".Rear weight")
     speed_mps = _quantity(test, (f"Velocity {its}", f"Velocity {its} lon."), "speed", "m/s")
     mass, front, rear = (_quantity(test, (f"{name} {its}",), "mass", "kg") for name in names)
     notes = [f"ISO-MME test, {printable(test.descriptor('Title') or test.name)}."]
-    if kind := test.descriptor("Type of the test"):
-        notes.append(f"Type of the test: {printable(kind)}.")
+    if kind := test.descriptor(_ABOUT_THE_TEST[0]):
+        notes.append(f"{_ABOUT_THE_TEST[0]}: {printable(kind)}.")
     told = Sentence("Speed {} from the .mme file.", vocabulary.speed(speed_mps or 0.0, form=".4g"))
-    notes.append(told if speed_mps else f"The .mme file has no speed of {its}.")
+    notes.append(told if speed_mps else f"No speed of {its} in the .mme file.")
     if front and rear:
         weights = vocabulary.weight(front), vocabulary.weight(rear)
         notes.append(Sentence("Front weight {} and rear weight {} from the .mme file.", *weights))
     elif mass:
         notes.append(Sentence("Mass {} from the .mme file, without axle weights.", vocabulary.weight(mass)))
-    return PartialCondition(speed_mps, mass, front, rear), tuple(notes)
+    return PartialCondition(speed_mps, mass, front, rear), notes
 
 
 def _quantity(test: IsommeTest, names: Sequence[str], quantity: str, default: str) -> float | None:

@@ -21,7 +21,7 @@ from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import solver_run
 from crashfuse.readers.lsdyna_binout import read_binout
 from crashfuse.readers.lsdyna_histories import Histories, States, energies_text, quality_of, read_nodout
-from crashfuse.readers.members import opened_members, read_all
+from crashfuse.readers.members import COPY_ALL, opened_members, read_all
 from crashfuse.readers.record import Record
 from crashfuse.readers.vocabulary import AXES, Travel
 
@@ -35,9 +35,7 @@ _NODES = ("binout", "nodout", "nodouthf")
 _LISTINGS = ("d3hsp", "messag", "mes")
 _KIND = "binout or nodout of LS-DYNA"
 
-# size limits of a library; only the needed part of a binout is read, however long it is
-LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
-
+LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)  # only what is needed is read
 _MOST_UNZIPPED = 256 << 20  # bytes of a zipped binout, which must be read in memory
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept for a single run, per run of many, for all runs
 
@@ -65,6 +63,7 @@ class _RunFiles:
     binout: defaultdict[str, dict[tuple[int, int], Member]] = field(default_factory=lambda: defaultdict(dict))
     text: dict[str, Member] = field(default_factory=dict)
     decks: Mapping[PurePosixPath, Member] = field(default_factory=dict)  # by path, of all runs
+    zipped: bool = False
 
     def families(self) -> list[list[Member]]:
         families = []
@@ -74,7 +73,7 @@ class _RunFiles:
                 if (restarts, part) not in followers:
                     base, (before, lacking) = re.sub(r"_*(%\d+)?$", "", member.path.name), followers[0]
                     expected = f"{base}{'_' * before}{f'%{lacking:03d}' if lacking else ''} before it"
-                    raise DataError(Problem(member.where, expected, "none", "copy it from the run too"))
+                    raise DataError(Problem(member.where, expected, "none", COPY_ALL))
                 followers = [(restarts, part + 1), (restarts + 1, 0)]
             families.append([member for _, member in sorted(files.items())])
         return families
@@ -101,7 +100,7 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     zipped = path.suffix.lower() == ".zip"
     chosen = _named(path) if path.is_file() and not zipped else None
     decks = {member.path: member for member in members if _named(member.path) is None}
-    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(lambda: _RunFiles(decks=decks))
+    runs: defaultdict[tuple[str, ...], _RunFiles] = defaultdict(lambda: _RunFiles(decks=decks, zipped=zipped))
     for member in members:
         folder, name = member.path.parts[:-1], _named(member.path)
         if name is None:
@@ -120,7 +119,7 @@ def _runs_of(members: Sequence[Member], path: Path) -> dict[str, _RunFiles]:
     places = sorted(runs)
     ids = _ids([place if place[-1] else place[:-1] for place in places], home)
     if len(set(ids)) < len(ids):
-        raise DataError(Problem(path.name, "a folder of its own name for each run", "the same twice", "rename one"))
+        raise DataError(Problem(path.name, "a name for each run", "one twice", "rename one"))
     return {run_id: runs[place] for run_id, place in zip(ids, places, strict=True)}
 
 
@@ -147,16 +146,13 @@ def read_lsdyna(path: Path, travel: Travel | None = None, limits: Limits = LSDYN
         most = min(_MOST_NODES, max(_MOST_IN_ALL // len(runs), _FEWEST_NODES))
 
         def record(run_id: str) -> Record:
-            source = path.name if len(runs) == 1 else run_id
-            return _record(run_id, source, runs[run_id], budget, most, travel, zipped=path.suffix.lower() == ".zip")
+            return _record(run_id, path.name if len(runs) == 1 else run_id, runs[run_id], budget, most, travel)
 
         return read_all(runs, record, path.name)
 
 
-def _record(
-    run_id: str, source: str, files: _RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool
-) -> Record:
-    run, glstat, matsum = _histories(files, budget, most, travel, zipped=zipped)
+def _record(run_id: str, source: str, files: _RunFiles, budget: Budget, most: int, travel: Travel | None) -> Record:
+    run, glstat, matsum = _histories(files, budget, most, travel)
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
     proposed, why = solver_run.proposed_nodes(nodes)
     units = solver_run.units_of(proposed, source)
@@ -170,8 +166,8 @@ def _record(
     speed_or_why, mass_and_source = (speed_mps, no_speed), (mass, "from the kinetic energy at that speed (glstat)")
     quality, about = quality_of(glstat, matsum), _about(files, run, budget, steps)
     force = f"{AXES[solver_run.axis_of_travel(run.start, travel)]}_force"
-    forces = [(time, state[force]) for time, state in sorted(run.walls.items()) if force in state]
-    wall = (np.array([time for time, _ in forces]), np.array([value for _, value in forces]))
+    forces = {time: state[force] for time, state in sorted(run.walls.items()) if force in state}
+    wall = np.array([*forces]), np.array([*forces.values()])
     known = speed_or_why, mass_and_source, quality, steps, about, wall
     return solver_run.run_record(run_id, source, run.nodes, proposed, units, *known)
 
@@ -181,7 +177,7 @@ def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -
     for member in [files.text[kind] for kind in _LISTINGS if kind in files.text][:1]:
         listing = solver_run.read_listing(member.chunks(budget))
         if any(about.get(name) and listing.get(name, about[name]) != about[name] for name in ("title", "date")):
-            steps.append(f"Careful: {member.where} is the listing of another run; it is left out.")
+            steps.append(f"Careful: {member.where} is the listing of another run; left out.")
             break
         about |= listing
         if (deck := files.decks.get(member.path.with_name(about.get("deck", " ")))) is not None:
@@ -189,14 +185,12 @@ def _about(files: _RunFiles, run: Histories, budget: Budget, steps: list[str]) -
     return {name: text for name, text in about.items() if name != "title"}
 
 
-def _histories(
-    files: _RunFiles, budget: Budget, most: int, travel: Travel | None, *, zipped: bool
-) -> tuple[Histories, States, States]:
+def _histories(files: _RunFiles, budget: Budget, most: int, travel: Travel | None) -> tuple[Histories, States, States]:
     run, glstat, matsum = Histories("", (), 0), States(), States()
     with ExitStack() as opened:
 
         def stream(file: Member) -> IO[bytes]:
-            return _unzipped(file, budget) if zipped else opened.enter_context(file.opened())
+            return _unzipped(file, budget) if files.zipped else opened.enter_context(file.opened())
 
         if families := [[(stream(file), file.where) for file in family] for family in files.families()]:
             run, glstat, matsum = read_binout(families, most, travel)
@@ -218,7 +212,7 @@ def _histories(
         raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
     last, energies = max(float(node.time[-1]) for node in run.nodes), sorted(glstat)
     if len(energies) > 2 and energies[-1] - last > 2 * max(np.diff(energies)):
-        note = f"Careful: nodes end at {last:.4g}, energies at {energies[-1]:.4g}; copy all files of the run."
+        note = f"Careful: nodes end at {last:.4g}, energies at {energies[-1]:.4g}; {COPY_ALL}."
         run = replace(run, notes=(*run.notes, note))
     return run, glstat, matsum
 
@@ -228,6 +222,6 @@ def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
     for chunk in file.chunks(budget):
         if content.tell() + len(chunk) > _MOST_UNZIPPED:
             expected = f"a binout of at most {_MOST_UNZIPPED >> 20} MiB in a zip"
-            raise DataError(Problem(file.where, expected, "more", "import the unpacked folder"))
+            raise DataError(Problem(file.where, expected, "more", "unpack the zip"))
         content.write(chunk)
     return content

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers import lsdyna_histories
-from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, MOST_VALUES, Histories, States
-from crashfuse.readers.members import COPY_AGAIN, CUT_SHORT, OTHER_KIND
+from crashfuse.readers.lsdyna_histories import GLSTAT, MATSUM, MOST_NODES, Histories, States
+from crashfuse.readers.members import COPY_AGAIN, COPY_ALL, CUT_SHORT, OTHER_KIND
 from crashfuse.readers.solver_run import KEEP_APART, History, axis_of_travel
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
@@ -35,15 +35,13 @@ _Folder = tuple[str, ...]  # a folder's path: ("nodout", "d000001")
 
 _Shards = Sequence[tuple[IO[bytes], str]]  # seekable files, and their names in messages
 
-_DATABASES = {
-    "nodouthf": ("{}_acceleration", "{}_velocity"),
-    "nodout": ("{}_acceleration", "{}_velocity"),
-    "rbdout": ("global_a{}", "global_v{}"),
-}
+_DATABASES = dict.fromkeys(("nodouthf", "nodout"), ("{}_acceleration", "{}_velocity"))
+_DATABASES |= {"rbdout": ("global_a{}", "global_v{}")}  # names of variables by axis
 _VARIABLES = {
     name: frozenset({"time", *(form.format(axis) for form in forms for axis in AXES)})
     for name, forms in _DATABASES.items()
 }
+_VARIABLES |= {"glstat": GLSTAT, "matsum": MATSUM}
 _METADATA = frozenset({"ids", "legend", "legend_ids", "title", "version", "revision", "date"})
 _FORCES = frozenset({"time", *(f"{axis}_force" for axis in AXES)})
 _TITLE_BYTES = 80
@@ -52,7 +50,7 @@ _SAMPLED = 20  # states
 
 
 class _LsdaFile:
-    """An LSDA file with its symbol tables read and its data read on demand; a DataError if damaged or not LSDA.
+    """An LSDA file: symbol tables are read at once, data on demand.
 
     ``wanted`` maps a folder's path to the names in it that are kept: a long list of symbols costs time, not memory.
     """
@@ -86,7 +84,7 @@ class _LsdaFile:
             head = self._record.unpack_from(content)[1], self._kind.unpack_from(content, self._record.size)[0]
             if head == (_DATA, kind) and content[ahead - len(label) : ahead] == label:
                 return np.frombuffer(content, numbers, offset=ahead)
-        raise self._damaged(f"no data of {name} where they should be")
+        raise self._damaged(f"no data of {name} in their place")
 
     def _read_tables(self, at: int, wanted: Callable[[_Folder], frozenset[str] | None]) -> None:
         if self._record.unpack(self._exactly(self._record.size, at))[1] != _TABLE_OFFSET:
@@ -115,7 +113,7 @@ class _LsdaFile:
     def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
         length, command = self._record.unpack(self._exactly(self._record.size, offset))
         if command != _BEGIN_TABLE:
-            raise self._damaged("no symbol table where it should be")
+            raise self._damaged("no symbol table in its place")
         ahead, at = self._record.size, 0
         block = self._stream.read(min(length, _BLOCK))
         while command != _END_TABLE:
@@ -123,7 +121,7 @@ class _LsdaFile:
             length, command = self._record.unpack_from(block, at)
             length = ahead + self._offset.size if command == _END_TABLE else length
             if command not in (_CD, _VARIABLE, _END_TABLE) or not ahead <= length <= ahead + _LONGEST_RECORD:
-                raise self._damaged("a symbol table that makes no sense")
+                raise self._damaged("a senseless symbol table")
             block, at = self._with_more(block, at, length)
             yield command, block[at + ahead : at + length]
             at += length
@@ -174,7 +172,7 @@ def _changed(folder: _Folder, path: str) -> _Folder:
 
 @dataclass
 class _Metadata:
-    """What a database says of its nodes; a continuation file leaves it to the first of its family."""
+    """Of the nodes of a database; a continuation file leaves it to the first of its family."""
 
     title: str
     ids: npt.NDArray[np.integer[Any]]
@@ -221,24 +219,21 @@ class _Part:
 
 def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -> tuple[Histories, States, States]:
     """A run's nodes, ``glstat`` and ``matsum`` from the files of each processor, in order of writing."""
-    glstat: States = {}
-    matsum: States = {}
-    walls: States = {}
+    glstat, matsum, walls = States(), States(), States()
     parts: list[_Part] = []
     for shards in families:
         files = [_LsdaFile(stream, where, _wanted) for stream, where in shards]
         for file in files:
-            glstat |= _states_of(file, "glstat")
-            matsum |= _states_of(file, "matsum")
-            walls |= _states_of(file, "rwforc")
+            for states, database in ((glstat, "glstat"), (matsum, "matsum"), (walls, "rwforc")):
+                states |= _states_of(file, database)
         family = list(_parts(files, [where for _, where in shards]))
         _check_apart(parts, family)
         parts += family
     title = next((part.of.title for part in parts if part.of.title), "")
     if not parts:
         return Histories(title, (), 0), glstat, matsum
-    if sum(len(part.states) * min(part.of.ids.size, most) for part in parts) > MOST_VALUES:
-        raise lsdyna_histories.too_many_values(parts[0].where)
+    kept = sum(len(part.states) * min(part.of.ids.size, most) for part in parts)
+    lsdyna_histories.check_count(kept, parts[0].where)
     start, fastest = _motion(parts)
     axis = AXES[axis_of_travel(start, travel)]
     pieces: dict[tuple[str, str], list[History]] = {}
@@ -247,14 +242,12 @@ def read_binout(families: Sequence[_Shards], most: int, travel: Travel | None) -
             pieces.setdefault((part.database, piece.name), []).append(piece)
     frequent = {name for database, name in pieces if database == "nodouthf"}
     merged = [_joined(of) for (database, name), of in pieces.items() if database != "nodout" or name not in frequent]
-    kept = lsdyna_histories.nodes_to_keep(
-        [node.name for node in merged], {node.name: node.title for node in merged}, most
-    )
-    nodes = tuple(node for node in merged if node.name in kept)
+    titles = {node.name: node.title for node in merged}
+    names = lsdyna_histories.nodes_to_keep([*titles], titles, most)
+    nodes = tuple(node for node in merged if node.name in names)
     total = max(len(merged), *(part.of.ids.size for part in parts))
     count = sum(map(len, families))
-    holding = len({part.where for part in parts})
-    notes = (f"Nodes from {holding} of {count} files of binout, joined.",) if count > 1 else ()
+    notes = (f"Nodes from {len({part.where for part in parts})} of {count} files of binout, joined.",) * (count > 1)
     return Histories(title, nodes, total, start, fastest, notes, parts[0].of.about, walls), glstat, matsum
 
 
@@ -272,14 +265,10 @@ def _wanted(folder: _Folder) -> frozenset[str] | None:
     match folder:
         case (database, "metadata") if database in _DATABASES:
             return _METADATA
-        case (database, _) if database in _DATABASES:
-            return _VARIABLES[database]
-        case ("glstat", _):
-            return GLSTAT
+        case (database, _):
+            return _VARIABLES.get(database)
         case ("rwforc", "forces", _):
             return _FORCES
-        case ("matsum", _):
-            return MATSUM
     return None
 
 
@@ -301,7 +290,7 @@ def _parts(files: Sequence[_LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
                 continue
             if database not in metadata:
                 expected = f"the numbers of the nodes of {database} (metadata)"
-                raise DataError(Problem(where, expected, "none", "copy all files of the run"))
+                raise DataError(Problem(where, expected, "none", COPY_ALL))
             times = (file.read(state, "time") for state in states[database])
             time = np.array([np.nan if values is None or values.size != 1 else float(values[0]) for values in times])
             order = [place for place in np.argsort(time, kind="stable").tolist() if np.isfinite(time[place])]

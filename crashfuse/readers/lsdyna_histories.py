@@ -15,19 +15,18 @@ import numpy as np
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.members import COPY_AGAIN
-from crashfuse.readers.solver_run import CUT, STAMP, Energies, History, axis_of_travel
+from crashfuse.readers.solver_run import CUT, STAMP, History, axis_of_travel, quality_by_histories
 from crashfuse.readers.vocabulary import AXES, Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
-MOST_NODES = 200_000  # limit of the nodes listed in a file
-MOST_VALUES = 20_000_000  # limit of states times nodes kept per run
+MOST_NODES = 200_000  # listed in a file
+MOST_VALUES = 20_000_000  # states times nodes kept per run
 _MOST_STATES = 1_000_000
 _LONGEST_LINE = 1 << 16
 
-GLSTAT = frozenset({"kinetic_energy", "total_energy", "external_work", "internal_energy", "hourglass_energy"})
-GLSTAT |= {"percent_increase", "time"}
-# variables of a state in a binout, of the whole model and of each part
+# variables of a state in a binout, of each part and of the whole model
 MATSUM = frozenset({"time", "internal_energy", "hourglass_energy"})
+GLSTAT = MATSUM | {"kinetic_energy", "total_energy", "external_work", "percent_increase"}
 
 _ENERGY = re.compile(rb"([a-z/ ]*[a-z]) *(?:\.{2,}|=) *([-+.\dEeDd]+)")
 _AS_TEXT = {"percentage increase": "percent_increase", "inten": "internal_energy", "hgeng": "hourglass_energy"}
@@ -35,7 +34,7 @@ _AS_TEXT |= {name.replace("_", " "): name for name in GLSTAT if name.endswith(("
 
 States = dict[float, dict[str, float]]  # values by name, by the time of the state: a restart repeats some states
 
-_NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")
+_NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")  # as Fortran writes exponents of three digits: 1.2-103
 _LONGEST_ID = 19  # digits
 _STATE_TIME = re.compile(rb"at time\s*([-+.\dEeDd]+)")
 _ROW = re.compile(rb"\s*(\d+)(?=[\s+-]|$)(.*)", re.DOTALL)  # a negative number may directly follow the node number
@@ -45,7 +44,7 @@ _WANTED = [f"{axis}-{kind}".encode() for kind in ("accl", "vel") for axis in AXE
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Histories:
-    """The nodal histories of a run."""
+    """Nodal histories of a run."""
 
     title: str
     nodes: tuple[History, ...]
@@ -59,14 +58,15 @@ class Histories:
 
 
 def nodes_to_keep(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
-    """Those with a title first, then in file order."""
+    """Those with a title first."""
     return set(sorted(names, key=lambda name: not titles.get(name))[:most])
 
 
-def too_many_values(where: str) -> DataError:
-    """The error for more values than are kept per run."""
-    expected = f"at most {MOST_VALUES:,} states times nodes"
-    return DataError(Problem(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or states"))
+def check_count(values: int, where: str) -> None:
+    """Raise a DataError for more values than are kept per run."""
+    if values > MOST_VALUES:
+        expected = f"at most {MOST_VALUES:,} states times nodes"
+        raise DataError(Problem(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or states"))
 
 
 def _lines_of(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
@@ -81,13 +81,11 @@ def _lines_of(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
 
 
 def _number(cell: bytes, where: str) -> float:
-    """A number as written by Fortran: 1.2E-03, 1.2D-03, and 1.2-103 for three-digit exponents."""
-    text = cell.decode("latin-1")
-    plain = text.upper().replace("D", "E")
+    plain = cell.decode("latin-1").upper().replace("D", "E")
     try:
         return float(plain if "E" in plain else _NO_EXPONENT_LETTER.sub(r"E\1", plain))
     except ValueError:
-        raise DataError(Problem(where, "numbers", repr(printable(text, 40)), COPY_AGAIN)) from None
+        raise DataError(Problem(where, "numbers", repr(printable(cell.decode("latin-1"), 40)), COPY_AGAIN)) from None
 
 
 def energies_text(chunks: Iterable[bytes], where: str) -> States:
@@ -95,8 +93,8 @@ def energies_text(chunks: Iterable[bytes], where: str) -> States:
     states: States = {}
     now: dict[str, float] = defaultdict(float)
     for line in _lines_of(chunks, where):
-        for found, number in _ENERGY.findall(line):
-            name = found.decode().strip()
+        for label, number in _ENERGY.findall(line):
+            name = label.decode().strip()
             if name == "time" and len(states) < _MOST_STATES:
                 now = states[_number(number, where)] = defaultdict(float)
             elif name in _AS_TEXT:
@@ -106,11 +104,10 @@ def energies_text(chunks: Iterable[bytes], where: str) -> States:
 
 def quality_of(glstat: States, matsum: States) -> RunQuality:
     """The quality of a run; what ``glstat`` lacks is taken from ``matsum``."""
-    added = _column(glstat, "percent_increase")
     both = {time: state for time, state in glstat.items() if {"total_energy", "external_work"} <= state.keys()}
     total, work = _column(both, "total_energy"), _column(both, "external_work")  # a killed run's last state lacks some
-    whole = Energies(total, work, *_strain(glstat), None if added is None else added / 100).quality
-    parts = Energies(None, None, *_strain(matsum)).quality
+    whole = quality_by_histories(total, work, *_strain(glstat), _column(glstat, "percent_increase"))
+    parts = quality_by_histories(None, None, *_strain(matsum))
     return RunQuality(*(getattr(parts if getattr(whole, name) is None else whole, name) for name in QUALITIES))
 
 
@@ -198,8 +195,7 @@ class _Nodout:
             self._choose()
         self._times.append(self._now)
         self._places = [columns.index(column) for column in _WANTED]
-        if len(self._times) * max(len(self._series), 1) > MOST_VALUES:
-            raise too_many_values(self._where)
+        check_count(len(self._times) * max(len(self._series), 1), self._where)
 
     def _choose(self) -> None:
         if not self._first:
@@ -222,12 +218,12 @@ class _Nodout:
         cells = _NUMBER.findall(rest)
         if len(cells) != self._width or (first and name in self._first):
             return False
+        values = [_number(cells[place], self._where) for place in self._places]
         if first:
-            self._first[name] = [_number(cells[place], self._where) for place in self._places]
+            self._first[name] = values
             return True
-        for into, place in zip(self._series[name], self._places[self._axis :: 3], strict=True):
-            into.append(_number(cells[place], self._where))
+        for into, value in zip(self._series[name], values[self._axis :: 3], strict=True):
+            into.append(value)
         if self._at_rest:  # how fast they get says why they are no vehicle
-            speeds = [abs(_number(cells[place], self._where)) for place in self._places[3:]]
-            self._fastest = np.maximum(self._fastest, speeds)
+            self._fastest = np.maximum(self._fastest, np.abs(values[3:]))
         return True

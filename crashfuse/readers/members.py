@@ -55,7 +55,7 @@ def read_all(items: Iterable[Item], read: Callable[[Item], Result], source: str)
 
 
 def files_below(folder: Path) -> Iterator[Path]:
-    """Yield all files in a folder and its subfolders; a DataError for an unreadable one."""
+    """Yield all files in a folder and those in it; a DataError for an unreadable one."""
 
     def refuse(error: OSError) -> None:
         found, advice = error.strerror or str(error), "ask for the right to read it"
@@ -65,7 +65,9 @@ def files_below(folder: Path) -> Iterator[Path]:
         yield from (Path(home, name) for name in names)
 
 
-OTHER_KIND, CUT_SHORT, COPY_AGAIN = "another kind of file", "one that was cut short", "copy it again from the run"
+OTHER_KIND, CUT_SHORT = "another kind of file", "one that was cut short"
+COPY_AGAIN, COPY_ALL = "copy it again from the run", "copy all files of the run"
+ONE_TEST = "choose the file or folder of one test"
 
 
 def as_text(content: bytes) -> str:
@@ -76,12 +78,12 @@ def as_text(content: bytes) -> str:
     return content.decode("latin-1")
 
 
+def _on_disk(path: Path, folder: Path) -> Member:
+    inside = PurePosixPath(path.relative_to(folder).as_posix())
+    return Member(inside, str(inside), lambda: path.open("rb"))
+
+
 def is_numbered(path: PurePath) -> bool:
     """Whether a name ends in the number of a channel, as ``T1.001`` does."""
     number = path.suffix[1:]
     return len(number) >= 3 and number.isascii() and number.isdecimal()
-
-
-def _on_disk(path: Path, folder: Path) -> Member:
-    inside = PurePosixPath(path.relative_to(folder).as_posix())
-    return Member(inside, str(inside), lambda: path.open("rb"))

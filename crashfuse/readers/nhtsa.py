@@ -21,7 +21,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
-from crashfuse.readers.members import is_numbered, opened_members
+from crashfuse.readers.members import ONE_TEST, is_numbered, opened_members
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal, summed_wall
 from crashfuse.readers.vocabulary import Doubt, doubt_of, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
@@ -35,8 +35,9 @@ _SETUPS = {"VTV": "vehicle into vehicle (VTV)", "ITV": "impactor into vehicle (I
 _REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
 _REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
 
-# size limits of a test; 1000 channels of 10,000 samples are within them
-NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
+NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)  # beyond 1000 channels of 10,000 samples
+LACKING = "X accelerations of the vehicle", "download all channels of the test"  # expected, and advice
+_AGAIN = "download it again"
 
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
 _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
@@ -129,8 +130,7 @@ def nhtsa_record(
     ``stem`` is v and the number of the test. The DataError of a function in ``sensors``, which reads a channel, is
     passed on only for a channel that would be proposed, or if no other is left.
     """
-    channels: dict[Sensor, RecordedChannel] = {}
-    damaged: dict[Sensor, Problem] = {}
+    channels, damaged = dict[Sensor, RecordedChannel](), dict[Sensor, Problem]()
     for sensor, read in sensors.items():
         try:
             channels[sensor] = replace(read(), status=sensor.quality, sensor=sensor.maker)
@@ -173,7 +173,7 @@ def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ..
         times = {sensors[name]: channels[sensors[name]].time_s for name in names}
         chosen, what = _at_best_place([one for one, t in times.items() if t[-1] >= _LONGEST_S - 2 * (t[1] - t[0])])
         if not chosen:
-            return (), "No channel lies on the rear floor or at the centre of gravity; choose one."
+            return (), "No channel is on the rear floor or at the centre of gravity; choose one."
         why = f"Channels {what}, averaged: {', '.join(sensor.shown for sensor in chosen)}."
         return tuple(str(sensor.number) for sensor in chosen), why
 
@@ -189,7 +189,7 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA test: its folder, its ``.EV5`` file, or a zip."""
-    kind = "an NHTSA folder or zip with a .EV5 file"
+    kind = "an NHTSA folder or zip (.EV5)"
 
     def wanted(file: PurePath) -> bool:
         return FORMATS["nhtsa"].has(file) or is_numbered(file)
@@ -203,23 +203,20 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         candidates = of_first_vehicle(list({one.number: one for one in listed if one.number in files}.values()))
         if not candidates:
             have = f"{sum(entry.is_of_the_vehicle for entry in listed)} listed, none of them beside it"
-            expected, advice = "files of the vehicle's X accelerations", "download all channels of the test"
-            raise DataError(Problem(specification.where, expected, have, advice))
+            raise DataError(Problem(specification.where, LACKING[0], have, LACKING[1]))
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
         condition, steps = _condition(sections, candidates[0].vehicle, specification.where)
         test = sections["TEST"][0]
         other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
         about = {name: _field(test, index) for name, index in _ABOUT.items()}
-        cells = [(one, files.get(one.number)) for one in listed if one.is_of_the_barrier]
-        forces = [None if file is None else _force(one, file, budget) for one, file in cells]
-        wall = summed_wall(forces, told := list(steps))
-        record = nhtsa_record(specification.path.stem, path.name, sensors, condition, told, other, about)
+        wall = summed_wall([_force(one, files, budget) for one in listed if one.is_of_the_barrier], steps)
+        record = nhtsa_record(specification.path.stem, path.name, sensors, condition, steps, other, about)
         return (replace(record, wall=wall),)
 
 
-def _force(entry: Sensor, member: Member, budget: Budget) -> tuple[FloatArray, FloatArray] | None:
-    with suppress(DataError):
-        return None if doubt_of(entry.quality) == Doubt.FAILED else _samples(_text(member, budget), member.where)
+def _force(entry: Sensor, files: Mapping[int, Member], budget: Budget) -> tuple[FloatArray, FloatArray] | None:
+    with suppress(DataError, KeyError):
+        return None if doubt_of(entry.quality) == Doubt.FAILED else _samples(files[entry.number], budget)
     return None
 
 
@@ -228,15 +225,15 @@ def _specification(members: Sequence[Member], path: Path) -> Member:
     if path.suffix.upper() == ".EV5":
         found = [member for member in found if member.path.name == path.name]
     if len(found) != 1:
-        advice = "choose the folder of one test" if found else "download the test's specification (EV5) too"
+        advice = ONE_TEST if found else "download the specification (EV5) too"
         raise DataError(Problem(path.name, "one .EV5 file", f"{len(found) or 'none'}", advice))
     return found[0]
 
 
 def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
-    lines = _text(member, budget).split("\n")  # splitlines() would also split at control characters
+    lines = _lines(member, budget)
     if len(lines) > _MOST_LINES:
-        raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", "download it again"))
+        raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", _AGAIN))
     sections: dict[str, list[list[str]]] = {}
     current: list[list[str]] = []
     for line in lines:
@@ -246,14 +243,14 @@ def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
             current.append([field.strip() for field in line.split("|")])
     for name in ("TEST", "VEHICLE", "INSTRUMENTATION"):
         if not sections.get(name):
-            raise DataError(Problem(member.where, f"a section {name}", "none", "download the specification again"))
+            raise DataError(Problem(member.where, f"a section {name}", "none", _AGAIN))
     return sections
 
 
 def _listed(fields: list[str], where: str) -> Sensor:
     if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
         expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {printable('|'.join(fields))!r}"
-        raise DataError(Problem(where, expected, found, "download the specification again"))
+        raise DataError(Problem(where, expected, found, _AGAIN))
     return Sensor(
         vehicle=fields[0],
         number=int(fields[1]),
@@ -271,33 +268,29 @@ def _listed(fields: list[str], where: str) -> Sensor:
 
 
 def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
-    time_s, values = _samples(_text(member, budget), member.where)
+    time_s, values = _samples(member, budget)
     label = f"{printable(entry.comment)}{', redundant' if entry.redundant else ''}"
     return RecordedChannel(str(entry.number), label, time_s, values, _UNITS.get(entry.unit), entry.cutoff_hz)
 
 
-def _samples(text: str, where: str) -> tuple[FloatArray, FloatArray]:
-    lines = [line for line in text.split("\n") if line.strip()]
-    advice = "download the channel again"
+def _samples(member: Member, budget: Budget) -> tuple[FloatArray, FloatArray]:
+    lines = [line for line in _lines(member, budget) if line.strip()]
     if not 2 <= len(lines) <= _MOST_SAMPLES:
-        raise DataError(Problem(where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", advice))
+        raise DataError(Problem(member.where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", _AGAIN))
     try:
         table = np.array([line.split() for line in lines], dtype=np.float64)
     except ValueError:
         table = np.empty((0, 0))
     if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
-        raise DataError(Problem(where, "time and value on each line", "something else", advice))
+        raise DataError(Problem(member.where, "time and value on each line", "something else", _AGAIN))
     return table[:, 0].copy(), table[:, 1].copy()
 
 
-def _condition(
-    sections: dict[str, list[list[str]]], vehicle: str, where: str
-) -> tuple[PartialCondition, tuple[str, ...]]:
+def _condition(sections: dict[str, list[list[str]]], vehicle: str, where: str) -> tuple[PartialCondition, list[str]]:
     test = sections["TEST"][0]
     car = next((fields for fields in sections["VEHICLE"] if fields[0] == vehicle), sections["VEHICLE"][0])
-    speed, mass, wheelbase, behind = (
-        number_in(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
-    )
+    fields = _SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY
+    speed, mass, wheelbase, behind = (number_in(_field(car, index)) for index in fields)
     front = rear = None
     has_axles = mass and wheelbase and 0 < behind < wheelbase
     notes = [f"NHTSA test, {printable(_field(test, _TITLE))}."]
@@ -307,12 +300,12 @@ def _condition(
         front = mass - rear
         template = "Weight {} from {}: front {}, rear {}, by wheelbase and centre of gravity."
         notes.append(Sentence(template, weight(mass), where, weight(front), weight(rear)))
-    return PartialCondition(speed * KPH or None, mass or None, front, rear), tuple(notes)
+    return PartialCondition(speed * KPH or None, mass or None, front, rear), notes
 
 
 def _field(fields: list[str], index: int) -> str:
     return fields[index] if index < len(fields) else ""
 
 
-def _text(member: Member, budget: Budget) -> str:
-    return member.content(budget).decode("latin-1")
+def _lines(member: Member, budget: Budget) -> list[str]:
+    return member.content(budget).decode("latin-1").split("\n")  # splitlines() would also split at control characters

@@ -3,10 +3,10 @@
 A time history is a sequence of records, big-endian, framed by their length: a header that lists what is written, then
 for each state its time, the global histories, those of parts and subsets, and those of each group of ``/TH``. Layout
 and codes are those of the solver's own writer (``hist1.F``, ``hist2.F``, ``hm_read_thgrou.F``) and converter. Forces
-are written as impulses since the start of the run: those of rigid walls are read, others not.
+are written as impulses since the start of the run.
 
 The CSV misleads: its labels of global histories are those of one version of the solver, so labels are counted from the
-right. Variables of a node are called ``var 33``, unless the run wrote its titles. The last row may be cut.
+right. Variables of a node are called ``var 33``, unless the run wrote its titles.
 """
 
 import csv
@@ -34,15 +34,15 @@ from crashfuse.readers.solver_run import CUT, read_listing, sha256_of
 from crashfuse.readers.vocabulary import Travel, iso_date
 from crashfuse.signals.pulse import FloatArray
 
-_KIND = "a time history of Radioss (T01), or the CSV of it"
+_KIND = "a time history of Radioss (T01), or its CSV"
 _NODES, _WALLS, _ACCELEROMETERS = 0, 102, 108
 _VARIABLES: Mapping[int, Mapping[int, str]] = {
     _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
     _ACCELEROMETERS: {1: "AX", 2: "AY", 3: "AZ", 4: "WX", 5: "WY", 6: "WZ"},
 }  # names of the variables that are read, by the kind of a group and their codes
-_FORCES = {101: "interfaces", 102: "rigid walls", 103: "rigid bodies", 104: "sections", 105: "joints"}
+_UNREAD = {101: "interfaces", 103: "rigid bodies", 104: "sections", 105: "joints"}
 _MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
-_AGAIN = f"{COPY_AGAIN}, write it in Radioss's default form (/TFILE/4), or convert it to CSV (th_to_csv)"
+_AGAIN = f"{COPY_AGAIN}, write it in the default form (/TFILE/4), or convert it (th_to_csv)"
 _BEGINS = re.compile(rb'\s*"?time"?\s*,\s*"?INTERNAL ENERGY"?\s*,\s*"?KINETIC ENERGY', re.IGNORECASE)
 _UNNAMED = re.compile(r"(.*\S)\s+var\s+(\d{1,9})")
 _NAMED = re.compile(r"(.*\S)\s+(\S+)")
@@ -60,7 +60,7 @@ _HEAD = 200  # bytes
 
 
 def read_binary(content: bytes, where: str) -> TimeHistory:
-    """Read a binary time history; a DataError if it is none, is in another of Radioss's forms, or is damaged."""
+    """Read a binary time history; a DataError if it is in another of Radioss's forms, or damaged."""
     return _BinaryFile(content, where).time_history()
 
 
@@ -90,10 +90,9 @@ class _BinaryFile:
             counts = self._next(records)
         parts, materials, sections, subsets, groups, globals_ = self._counts(counts, 6)
         self._codes = _ints(self._next(records)) if globals_ else ()
-        sizes = [1, globals_, self._parts(records, parts)]
-        for _ in range(materials + sections):
-            self._next(records)
-        sizes.append(self._subsets(records, subsets))
+        sizes = [1, globals_, sum(self._parts(records, parts))]
+        self._skip(records, materials + sections)
+        sizes.append(sum(self._subsets(records, subsets)))
         self._groups = [self._group(records) for _ in range(groups)]
         sizes += [group.elements * len(group.codes) for group in self._groups]
         self._blocks = [size for size in sizes if size]
@@ -106,35 +105,31 @@ class _BinaryFile:
         time = self._block(0)[:, 0].astype(np.float64)
         codes = {name: code for code, name in enumerate(GLOBAL, start=1) if code in self._codes}
         model = {name: self._block(1)[:, self._codes.index(code)].astype(np.float64) for name, code in codes.items()}
-        unread = dict.fromkeys(
-            f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES and one.kind != _WALLS
-        )
+        unread = dict.fromkeys(f"impulses of {_UNREAD[one.kind]}" for one in self._groups if one.kind in _UNREAD)
         factors = self._factors if all(0 < factor < 1e6 for factor in self._factors) else ()
         notes = (CUT,) if self._left_over else ()
-        return TimeHistory(
-            self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about, self._walls()
-        )
+        read = self.title, time, model, self._watched(time), tuple(unread), factors, notes, self._about, self._walls()
+        return TimeHistory(*read)
 
     def _walls(self) -> dict[str, FloatArray]:
-        """Impulses of all rigid walls, normal (codes 1 to 3) and tangential (4 to 6), by axis."""
+        """Impulses by axis, normal (codes 1 to 3) and tangential (4 to 6) ones of all rigid walls."""
         found: dict[str, FloatArray] = {}
         for at, group in self._written:
             for column, code in enumerate(group.codes if group.kind == _WALLS else ()):
-                axis = "XYZ"[(code - 1) % 3] if 1 <= code <= 6 else ""
-                values = self._block(at)[:, column :: len(group.codes)].sum(axis=1, dtype=np.float64)
-                found |= {axis: found.get(axis, 0.0) + values} if axis else {}
+                if 1 <= code <= 6:
+                    axis = "XYZ"[(code - 1) % 3]
+                    values = self._block(at)[:, column :: len(group.codes)].sum(axis=1, dtype=np.float64)
+                    found[axis] = found.get(axis, 0.0) + values
         return found
 
     def _watched(self, time: FloatArray) -> tuple[Watched, ...]:
-        found: dict[str, dict[str, FloatArray]] = {}
-        titles: dict[str, str] = {}
-        curves = 0
+        found, titles, curves = dict[str, dict[str, FloatArray]](), dict[str, str](), 0
         for at, group in self._written:
             names = _VARIABLES.get(group.kind, {})
             columns = {name: group.codes.index(code) for code, name in names.items() if code in group.codes}
             curves += len(columns) * group.elements
             if curves > _MOST_CURVES or curves * len(time) > MOST_VALUES:
-                expected = f"at most {_MOST_CURVES:,} variables of nodes with {MOST_VALUES:,} values"
+                expected = f"at most {_MOST_CURVES:,} variables with {MOST_VALUES:,} values"
                 raise DataError(Problem(self._where, expected, "more", "watch fewer nodes (/TH/NODE)"))
             values = self._block(at).reshape(len(time), group.elements, len(group.codes))
             for place, (number, title) in enumerate(group.names):
@@ -160,31 +155,26 @@ class _BinaryFile:
                 raise self._damaged("states that are not alike")
         return raw.view(">f4"), bool(left_over)
 
-    def _parts(self, records: Iterator[bytes], count: int) -> int:
-        total = 0
+    def _skip(self, records: Iterator[bytes], count: int) -> list[bytes]:
         for _ in range(count):
-            variables = self._counts(self._next(records)[-4:], 1)[0]
-            total += variables
-            if variables:
-                self._next(records)
-        return total
+            self._next(records)
+        return []
 
-    def _subsets(self, records: Iterator[bytes], count: int) -> int:
-        total = 0
+    def _parts(self, records: Iterator[bytes], count: int) -> Iterator[int]:
         for _ in range(count):
-            _, _, children, parts, variables = self._counts(self._next(records), 5)
-            total += variables
-            for listed in (children, parts, variables):
-                if listed:
-                    self._next(records)
-        return total
+            yield (variables := self._counts(self._next(records)[-4:], 1)[0])
+            self._skip(records, bool(variables))
+
+    def _subsets(self, records: Iterator[bytes], count: int) -> Iterator[int]:
+        for _ in range(count):
+            *_, children, parts, variables = self._counts(self._next(records), 5)
+            yield variables
+            self._skip(records, sum(map(bool, (children, parts, variables))))
 
     def _group(self, records: Iterator[bytes]) -> _Group:
         head = self._next(records)
         _, kind, _, elements, variables = self._counts(head, 5)
-        bodies = [self._next(records) for _ in range(elements)]
-        if kind not in _VARIABLES:
-            bodies = []
+        bodies = [self._next(records) for _ in range(elements)] if kind in _VARIABLES else self._skip(records, elements)
         names = tuple((_ints(body[:4])[0], _text(body[4:]) or _text(head[20:])) for body in bodies)
         return _Group(kind, elements, names, _ints(self._next(records)) if variables else ())
 
@@ -232,12 +222,8 @@ def _ints(record: bytes) -> tuple[int, ...]:
     return struct.unpack(f">{len(record) // 4}i", record[: len(record) // 4 * 4])
 
 
-def _is_converted(path: PurePath, head: bytes) -> bool:
-    return path.suffix.lower() == ".csv" and _BEGINS.match(head) is not None
-
-
 def read_converted(content: bytes, where: str) -> TimeHistory:
-    """Read a converted time history; a DataError if it is none, or is damaged."""
+    """Read a converted time history; a DataError if it is none, or damaged."""
     labels, start = _labels(content, where)
     table, cut = _numbers(content[start:], where)
     names = {name.casefold() for name in GLOBAL} | {"no name"}
@@ -281,7 +267,7 @@ def _watched_of_csv(
 
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
     """The labels, and where the numbers begin; a label may hold a line break."""
-    if _BEGINS.match(content[:200]) is None:
+    if _BEGINS.match(content[:_HEAD]) is None:
         raise DataError(Problem(where, _KIND, OTHER_KIND, _IMPORT))
     end, quotes, breaks = 0, 0, 0
     while not end or quotes % 2:  # to the first line break outside quotes
@@ -294,11 +280,12 @@ def _labels(content: bytes, where: str) -> tuple[list[str], int]:
         labels = next(csv.reader(io.StringIO(text)), [])
     except csv.Error as error:
         raise DataError(Problem(where, _KIND, str(error), _IMPORT)) from error
-    while labels and not labels[-1].strip():
-        labels.pop()
     if max(len(labels), content[end : end + _LONGEST_LABELS].partition(b"\n")[0].count(b",")) > _MOST_COLUMNS:
         raise DataError(Problem(where, f"at most {_MOST_COLUMNS:,} columns", "more", _IMPORT))
-    return [label[:_LONGEST_LABEL].strip() for label in labels], end
+    labels = [label[:_LONGEST_LABEL].strip() for label in labels]
+    while labels and not labels[-1]:
+        labels.pop()
+    return labels, end
 
 
 def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
@@ -377,7 +364,7 @@ def is_time_history_csv(path: Path) -> bool:
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
     with path.open("rb") as stream:
-        return _is_converted(path, stream.read(_HEAD))
+        return _BEGINS.match(stream.read(_HEAD)) is not None
 
 
 def _parts_of_name(name: str) -> tuple[str, int, str]:
@@ -421,7 +408,7 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
         read = []
         for _, file in parts:
             content = file.content(budget)
-            reader = read_converted if _is_converted(file.path, content[:_HEAD]) else read_binary
-            read.append(reader(content, file.path.name))
+            is_converted = file.path.suffix.lower() == ".csv" and _BEGINS.match(content[:_HEAD])
+            read.append((read_converted if is_converted else read_binary)(content, file.path.name))
         histories.append(radioss_history.join_parts(read, names))
     return radioss_history.with_names(radioss_history.join_files(histories))

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from crashfuse.cae_library import RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers import solver_run
 from crashfuse.readers.record import Record
-from crashfuse.readers.solver_run import FASTEST_MPS, LONGEST_S, Energies, History, Units
+from crashfuse.readers.solver_run import FASTEST_MPS, LONGEST_S, History, Units
 from crashfuse.readers.vocabulary import AXES, Travel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
@@ -25,8 +26,7 @@ GLOBAL = (
     "PERCENTAGE ADDED MASS", "INLET MASS", "OUTLET MASS", "INLET ENERGY", "OUTLET ENERGY",
 )  # fmt: skip
 
-MOST_VALUES = 40_000_000  # limit of states times values kept of a file
-
+MOST_VALUES = 40_000_000  # states times values kept of a file
 ACCELEROMETER = "accelerometer "  # what the names of accelerometers begin with; those of nodes are numbers
 
 _LEAST_CHANGE, _MOST_CHANGE = 0.8, 1.6  # ΔV of a vehicle that stops, as a multiple of its initial velocity
@@ -45,8 +45,8 @@ _MOST_NODES = 200  # offered as channels
 class Watched:
     """What was written of one node or accelerometer at each time, shape (n,).
 
-    Curves have Radioss's names: displacement ``DX``, velocity ``VX``, acceleration ``AX``, and of an accelerometer the
-    integral ``WX`` of its acceleration; other axes likewise; ``var 33`` where the file does not name them.
+    Curves have Radioss's names: ``DX``, ``VX``, ``AX``, of an accelerometer the integral ``WX`` of its acceleration;
+    ``var 33`` where the file does not name them.
     """
 
     name: str  # its number; accelerometer 9 for an accelerometer
@@ -62,7 +62,7 @@ class Watched:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TimeHistory:
-    """The part of a time history that tells of a crash, in the units of the run."""
+    """What a time history tells of a crash, in the units of the run."""
 
     title: str
     time: FloatArray
@@ -75,16 +75,16 @@ class TimeHistory:
     walls: Mapping[str, FloatArray] = field(default_factory=dict)  # impulses of all rigid walls along X, Y, Z
 
     @property
-    def energies(self) -> Energies:
-        """The global histories that tell the quality of the run; Radioss always computes hourglass energy."""
-        internal, kinetic = self.model.get("INTERNAL ENERGY"), self.model.get("KINETIC ENERGY")
+    def quality(self) -> RunQuality:
+        """The quality of the run; Radioss always computes hourglass energy."""
+        names = ("INTERNAL", "KINETIC", "ROTATION", "CONTACT", "HOURGLASS")
+        energies = {name: of for name in names if (of := self.model.get(f"{name} ENERGY")) is not None}
         total = None
-        if internal is not None and kinetic is not None:
-            others = ("ROTATION ENERGY", "CONTACT ENERGY", "HOURGLASS ENERGY")
-            total = sum((self.model[name] for name in others if name in self.model), internal + kinetic)
-        added = self.model.get("PERCENTAGE ADDED MASS")
-        hourglass, work = self.model.get("HOURGLASS ENERGY"), self.model.get("EXTERNAL WORK")
-        return Energies(total, work, internal, hourglass, None if added is None else added / 100)
+        if {"INTERNAL", "KINETIC"} <= energies.keys():
+            total = np.sum([*energies.values()], axis=0)
+        work, added = self.model.get("EXTERNAL WORK"), self.model.get("PERCENTAGE ADDED MASS")
+        internal, hourglass = energies.get("INTERNAL"), energies.get("HOURGLASS")
+        return solver_run.quality_by_histories(total, work, internal, hourglass, added)
 
     @property
     def initial_velocity(self) -> FloatArray | None:
@@ -121,9 +121,8 @@ def join_parts(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistor
             kept = one.time < start
             curves = {key: np.concatenate([of[kept], later.curves[key]]) for key, of in one.curves.items()}
             watched.append(replace(one, time=np.concatenate([one.time[kept], later.time]), curves=curves))
-        model = {
-            key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in part.model
-        }
+        both = whole.model.keys() & part.model.keys()
+        model = {key: np.concatenate([of[early], part.model[key]]) for key, of in whole.model.items() if key in both}
         time, notes = np.concatenate([whole.time[early], part.time]), dict.fromkeys((*whole.notes, *part.notes))
         # impulses of walls may be counted anew
         whole = replace(whole, time=time, model=model, watched=tuple(watched), notes=tuple(notes), walls={})
@@ -160,7 +159,7 @@ def with_names(history: TimeHistory) -> TimeHistory:
             watched.append(replace(one, name=one.name if is_node else f"{ACCELEROMETER}{one.name}", curves=curves))
         else:
             unread.append(f"unnamed columns of {one.title or 'node'} ({one.name})")
-    note = "Variables that the file does not name are told by initial velocity and integrals."
+    note = "Unnamed variables are told by initial velocity and integrals."
     notes = (*history.notes, note) if guessed else history.notes
     return replace(history, watched=tuple(watched), unread=tuple(unread), notes=notes)
 
@@ -190,8 +189,7 @@ def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
         return {f"A{letter}": stopping[0]} if len(stopping) == 1 else {}
     if len(velocities) > 1:
         return {}
-    place = velocities[0]
-    velocity = alive[place]
+    place, velocity = velocities[0], alive[velocities[0]]
     found = {f"V{letter}": velocity}
     travel = solver_run.integral(velocity, time)
     for before in alive[:place]:
@@ -207,8 +205,7 @@ def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> b
     """The impulse of a force grows as the velocity falls, which no acceleration of a vehicle does."""
     if np.ptp(vehicle) > 0 and abs(np.corrcoef(acceleration, vehicle)[0, 1]) > _ALIKE:
         return False
-    speed = vehicle[0]
-    change = solver_run.integral(acceleration, time)
+    speed, change = vehicle[0], solver_run.integral(acceleration, time)
     change = -change if change[-1] * speed > 0 else change
     largest = float(-(change / speed).min())
     near = bool(np.abs(speed + change - vehicle).max() <= _NEAR * abs(speed))
@@ -222,7 +219,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     initial = run.initial_velocity
     nodes = [node for one in run.watched if (node := _along(one, axis, initial)) is not None]
     if not nodes:
-        raise _nothing(run, axis, source)
+        raise DataError(_no_node(run, axis, source))
     proposed, why = _proposed(nodes, initial)
     chosen = proposed or nodes
     units = _units(run, chosen, source)
@@ -237,13 +234,10 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
         steps.append(f"Not read: {listed(run.unread)}.")
     kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
     steps += solver_run.note_of_kept(len(kept), len(nodes))
-    mass, quality = _mass(run, set_out, source), run.energies.quality
-    speed_or_why = speed_mps, no_speed
     impulse = run.walls.get("XYZ"[axis])  # walls are written as impulses, not as forces
     wall = None if impulse is None or run.time.size < 2 else (run.time, np.gradient(impulse, run.time))
-    return solver_run.run_record(
-        run_id, source, kept, proposed, units, speed_or_why, mass, quality, steps, run.about, wall
-    )
+    known = (speed_mps, no_speed), _mass(run, set_out, source), run.quality, steps, run.about, wall
+    return solver_run.run_record(run_id, source, kept, proposed, units, *known)
 
 
 def _motion(run: TimeHistory) -> tuple[FloatArray, FloatArray]:
@@ -267,18 +261,16 @@ def _along(one: Watched, axis: int, initial: FloatArray | None) -> History | Non
         accelerations = [of for name, of in one.curves.items() if name[0] == "A"]
         accel = max(accelerations, key=lambda of: float(np.abs(solver_run.integral(of, one.time)).max()), default=None)
     unknown = np.full(one.time.size, np.nan)
-    if velocity is not None:
-        if accel is None:
-            accel = np.gradient(velocity, one.time) if one.time.size > 1 else unknown
-        return History(one.name, one.title, one.time, accel, velocity)
+    if velocity is not None and accel is None:
+        accel = np.gradient(velocity, one.time) if one.time.size > 1 else unknown
     if accel is None:
         return None
-    if initial is None:
-        return History(one.name, one.title, one.time, accel, unknown)
-    change = solver_run.integral(accel, one.time)
-    speeds_up = change[np.abs(change).argmax()] * initial[axis] > 0
-    turned = -1.0 if one.is_accelerometer and speeds_up else 1.0
-    return History(one.name, one.title, one.time, turned * accel, initial[axis] + turned * change)
+    if velocity is None and initial is not None:
+        change = solver_run.integral(accel, one.time)
+        speeds_up = change[np.abs(change).argmax()] * initial[axis] > 0
+        turned = -1.0 if one.is_accelerometer and speeds_up else 1.0
+        accel, velocity = turned * accel, initial[axis] + turned * change
+    return History(one.name, one.title, one.time, accel, unknown if velocity is None else velocity)
 
 
 def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[list[History], str]:
@@ -288,9 +280,9 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
     if titled := solver_run.titled_nodes(stopping):
         return titled
     node = max([node for node in stopping if not solver_run.is_on_a_dummy(node)] or stopping, key=_behind)
-    name = node.name if node.name.startswith(ACCELEROMETER) else f"node {node.name}"
+    name = node.name.capitalize() if node.name.startswith(ACCELEROMETER) else f"Node {node.name}"
     left = f"; {len(nodes) - len(stopping)} left out, whose ΔV is no vehicle's" if len(stopping) < len(nodes) else ""
-    why = f"{name.capitalize()} of {len(nodes)} stops last and rebounds least, as behind the crush{left}."
+    why = f"{name} of {len(nodes)} stops last and rebounds least, as behind the crush{left}."
     return [node], why
 
 
@@ -336,15 +328,15 @@ def _mass(run: TimeHistory, set_out: float, source: str) -> tuple[float | None, 
     mass_kg = solver_run.vehicle_mass_kg(mass)
     if mass_kg is None:
         expected, found = "a vehicle of 300 kg to 60 t", f"{mass:.4g}, be it t, kg or g"
-        raise DataError(Problem(source, expected, found, "choose the run of a whole vehicle"))
+        raise DataError(Problem(source, expected, found, "choose another run"))
     return mass_kg, what
 
 
-def _nothing(run: TimeHistory, axis: int, source: str) -> DataError:
+def _no_node(run: TimeHistory, axis: int, source: str) -> Problem:
     letter = AXES[axis].upper()
     found = listed(sorted({name for one in run.watched for name in one.curves}) or run.unread) or "none"
     if not run.watched and run.initial_velocity is not None and not run.initial_velocity.any():
         found = "a model at rest when the run begins"
     expected = f"velocities or accelerations of nodes along {AXES[axis]}, or accelerometers"
     advice = f"import the T01 itself, or ask the solver for V{letter} and A{letter} of the node (/TH/NODE, /TH/TITLE)"
-    return DataError(Problem(source, expected, found, advice))
+    return Problem(source, expected, found, advice)

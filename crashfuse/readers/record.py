@@ -1,11 +1,10 @@
 """The record: the content of a foreign file on one crash, before anything is decided about it.
 
-Every reader returns records: numbers and signs as found, with the origin of each fact. Time zero, sign and unit are
-settled in one place, :mod:`crashfuse.importing`.
+Numbers and signs are as found. Time zero, sign and unit are settled in one place, :mod:`crashfuse.importing`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import astuple, dataclass, field, fields, replace
 
 import numpy as np
 
@@ -34,7 +33,7 @@ class AxleWeights:
     @property
     def n_stated(self) -> int:
         """How many of the four values are stated."""
-        return sum(value is not None for value in (self.mass_kg, self.front_kg, self.rear_kg, self.front_share))
+        return sum(value is not None for value in astuple(self))
 
     def overruled(self, by: "AxleWeights") -> "AxleWeights":
         """These weights, less what contradicts ``by``: two values tell all; one keeps share, mass or other axle."""
@@ -50,10 +49,10 @@ class AxleWeights:
             return AxleWeights(by.mass_kg, front, rear, self.front_share)
         if by.front_share is not None:
             return AxleWeights(self.mass_kg if whole is None else whole, front_share=by.front_share)
-        pair = AxleWeights(
-            None, front if by.front_kg is None else by.front_kg, rear if by.rear_kg is None else by.rear_kg
-        )
-        return pair if pair.n_stated > 1 else AxleWeights(self.mass_kg, by.front_kg, by.rear_kg, self.front_share)
+        front, rear = (front, by.rear_kg) if by.front_kg is None else (by.front_kg, rear)
+        if front is not None and rear is not None:
+            return AxleWeights(None, front, rear)
+        return AxleWeights(self.mass_kg, by.front_kg, by.rear_kg, self.front_share)
 
     def axles(self) -> tuple[float | None, float | None]:
         """Front and rear weight in kg, as far as they can be derived."""
@@ -83,8 +82,8 @@ class AxleWeights:
     @property
     def stated(self) -> str:
         """The names of the values that are stated; "none" if there are none."""
-        names = ("mass_kg", "mass"), ("front_kg", "front weight"), ("rear_kg", "rear weight"), ("front_share",) * 2
-        present = [name.replace("_", " ") for field, name in names if getattr(self, field) is not None]
+        words = "mass", "front weight", "rear weight", "front share"
+        present = [name for name, value in zip(words, astuple(self), strict=True) if value is not None]
         return f"the {' and the '.join(present)} alone" if present else "none"
 
 
@@ -96,17 +95,13 @@ def _other_axle(mass: float | None, one: float, share: float | None) -> float | 
 
 @dataclass(frozen=True, slots=True)
 class PartialCondition:
-    """The condition as far as a file states it; None where it does not.
-
-    ``mass_kg`` is that of the whole vehicle, for files without axle weights; ``factors`` are what else is worth
-    keeping (make, model, barrier).
-    """
+    """The condition as far as a file states it; None where it does not."""
 
     speed_mps: float | None = None
-    mass_kg: float | None = None
+    mass_kg: float | None = None  # of the whole vehicle, for files without axle weights
     front_weight_kg: float | None = None
     rear_weight_kg: float | None = None
-    factors: tuple[tuple[str, str], ...] = ()
+    factors: tuple[tuple[str, str], ...] = ()  # what else is worth keeping (make, model, barrier)
 
     def overruled(self, by: "PartialCondition") -> "PartialCondition":
         """Return the condition with the values of ``by`` taking precedence; for weights see :class:`AxleWeights`."""
@@ -126,14 +121,11 @@ class PartialCondition:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordedChannel:
-    """One signal of a record that could be the pulse, as found: unit, sign and filter are the file's.
-
-    ``time_s`` and ``values`` have the shape (n,); time increases in even steps and has any zero.
-    """
+    """One signal of a record that could be the pulse, as found: unit, sign and filter are the file's."""
 
     name: str  # to choose it by, unique in its record: a channel's number or code, a node, a column's header
     label: str  # the file's description, for display
-    time_s: FloatArray
+    time_s: FloatArray  # in even steps, shape (n,); it has any zero
     values: FloatArray
     unit: str | None  # as acceleration_unit takes it; None if the file does not state it
     cutoff_hz: float | None = None  # −3 dB frequency of the low pass already applied, if the file says it
@@ -177,6 +169,9 @@ class RecordedChannel:
         return ", ".join(printable(text, 60) for text in (status, origin) if text)
 
 
+Channels = tuple[RecordedChannel, ...]
+
+
 def proposal(
     channels: Mapping[str, RecordedChannel], propose: Callable[[Sequence[str]], tuple[tuple[str, ...], str]]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -191,12 +186,12 @@ def proposal(
     if passed_over := [text for name, text in remarks.items() if name not in chosen]:
         steps.append(f"Left out by the file's own account: {', '.join(passed_over)}.")
     if doubtful := [text for name, text in remarks.items() if name in chosen and channels[name].doubt]:
-        steps.append(f"Careful: taken for want of better, by the file's own account: {', '.join(doubtful)}.")
+        steps.append(f"Careful: taken for want of better: {', '.join(doubtful)}.")
     return chosen, tuple(steps)
 
 
 def summed_wall(cells: Sequence[tuple[FloatArray, FloatArray] | None], steps: list[str]) -> Wall | None:
-    """The force of a barrier from its load cells, time and force in N of each, which is told; None lacks it."""
+    """The force of a barrier, told in ``steps``, from its load cells: time and force in N; None where one fails."""
     sound = [cell for cell in cells if cell is not None]
     alike = all(time_s.shape == sound[0][0].shape and np.allclose(time_s, sound[0][0]) for time_s, _ in sound)
     if sound and alike and len(sound) == len(cells):
@@ -214,7 +209,7 @@ class Record:
     id: str  # proposed for the campaign
     source: str  # name of the file or folder, without its path
     condition: PartialCondition
-    channels: tuple[RecordedChannel, ...]
+    channels: Channels
     proposed: tuple[str, ...]  # names of the channels that the reader would average into the pulse
     steps: tuple[str, ...] = ()  # sentences: what was found, why these channels, what was joined or left out
     own_time_zero: str = ""  # why 0 in the file's time is first contact; empty if the file does not say so
@@ -240,7 +235,7 @@ class Record:
         rest = f" and {len(shown) - _LISTED} more" if len(shown) > _LISTED else ""
         return f"{', '.join(shown[:_LISTED])}{rest}"
 
-    def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
+    def chosen(self, names: Sequence[str] = ()) -> Channels:
         """The channels with these names, as in the file or as messages print them; by default those proposed."""
         if damaged := [self.unread[name] for name in names if name in self.unread]:
             raise DataError(damaged)
@@ -252,17 +247,15 @@ class Record:
 
     def about_with(self, channels: Sequence[RecordedChannel]) -> About:
         """Columns on where it comes from, with these channels' sensors."""
-        words = {"sensor": [one.sensor for one in channels]}
-        words["prefilter"] = [one.prefilter or (f"{one.cutoff_hz:g} Hz" if one.cutoff_hz else "") for one in channels]
-        texts = {name: "; ".join(dict.fromkeys(filter(None, of))) for name, of in words.items()}
-        stated = {**self.about, **texts}
+        prefilters = [one.prefilter or (f"{one.cutoff_hz:g} Hz" if one.cutoff_hz else "") for one in channels]
+        words = {"sensor": [one.sensor for one in channels], "prefilter": prefilters}
+        stated = {**self.about, **{name: "; ".join(dict.fromkeys(filter(None, of))) for name, of in words.items()}}
         return tuple((f"{ABOUT}{name}", text) for name in stated if (text := printable(stated[name].strip(), _LONGEST)))
 
     def _named(self, name: str) -> RecordedChannel | None:
         """The channel of this name, else the only one that is shown or labelled so, runs of blanks aside."""
-        if exact := [channel for channel in self.channels if channel.name == name]:
+        if exact := [one for one in self.channels if one.name == name]:
             return exact[0]
-        wanted = " ".join(name.split())
-        spellings = ((channel, (channel.shown, channel.name, channel.label)) for channel in self.channels)
-        alike = [channel for channel, texts in spellings if wanted in (" ".join(printable(t).split()) for t in texts)]
+        wanted, spellings = name.split(), ((one, (one.shown, one.name, one.label)) for one in self.channels)
+        alike = [one for one, texts in spellings if wanted in [printable(text).split() for text in texts]]
         return alike[0] if len(alike) == 1 else None

@@ -14,6 +14,7 @@ import numpy as np
 from crashfuse.cae_library import QUALITIES, RunQuality
 from crashfuse.campaign_folder.condition_tables import listed
 from crashfuse.errors import DataError, Problem
+from crashfuse.readers import vocabulary
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.vocabulary import ACCELERATION_UNITS, AXES, Travel, iso_date, speed, weight
 from crashfuse.signals.pulse import FloatArray
@@ -30,16 +31,16 @@ _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|sp
 _PLACES = (
     (r"(?=.*\b(rear|rr|hinten)\b)(?=.*(cross|x ?mem|x ?mbr|floor|sill|seat|tunnel))", "at the rear, behind the crush"),
     (r"\b(c\.?o?\.?g|cent(er|re) of gravity|schwerpunkt)\b", "at the centre of gravity"),
-    (r"tunnel", "on the tunnel"),
-    (r"\b(sill|rocker)", "on the sills"),
-    (r"\bb ?pillar", "on the B-pillars"),
+    (r"tunnel", vocabulary.TUNNEL),
+    (r"\b(sill|rocker)", vocabulary.SILLS),
+    (r"\bb ?pillar", vocabulary.PILLARS),
 )
 _SLOWEST_MPS = 1.0
 _LEAST_OF_FASTEST = 0.2  # a vehicle is at its fastest when it sets out; what is accelerated first is none
 _OBLIQUE = 0.25  # 14°: the component along the axis is 3 % short
 
+# the title and the line below it in every text file of LS-DYNA
 STAMP = re.compile(r"([^\n]*)\n *ls-dyna +\(?(?:version +)?(\S.*?)\)? +date +(\d\d/\d\d/\d{4})")
-"""The title and the line below it in every text file of LS-DYNA."""
 _STATED = {
     "title": STAMP,
     "date": re.compile(r"\bdate *:? *(\d\d/\d\d/\d{4})", re.IGNORECASE),
@@ -49,7 +50,7 @@ _VERSION = re.compile(r"(?:Version|Revision|Build tag) *: *([^|*\s](?:[^|*\n]*[^
 _ENDED = re.compile(rb"(n ?o ?r ?m ?a ?l|e ?r ?r ?o ?r) +t ?e ?r ?m ?i ?n ?a ?t ?i ?o ?n|user break", re.IGNORECASE)
 _OVERLAP = 100  # bytes; the words may lie across two chunks
 
-LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
+LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # duration of a run
 _SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run that ended at once
 FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
 _SHARE_OF = ("the energy at the start", "the largest internal energy", "the mass at the start")  # by QUALITIES
@@ -196,7 +197,7 @@ def departure(
     initial = initial_speed(nodes)
     largest = max(float(np.nan_to_num(np.abs(node.velocity)).max()) for node in nodes)
     axis, start = axis_of_travel(motion[0], travel), _finite(motion[0])
-    found = f"{'-' if start[axis].sum() < 0 else ''}{AXES[axis]}"
+    found = f"{'-' * bool(start[axis].sum() < 0)}{AXES[axis]}"
     is_fast = initial > 0 and initial >= _LEAST_OF_FASTEST * largest
     moves = is_fast and (per_mps is None or initial * per_mps >= _SLOWEST_MPS)
     at_start, at_most = _by_axis(np.abs(start).max(axis=1), per_mps), _by_axis(motion[1], per_mps)
@@ -283,27 +284,23 @@ def run_record(
     return Record(run_id, source, *found, no_speed=no_speed, quality=quality, about=about, wall=force)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Energies:
-    """Global histories of a run in its own units, shape (n,); None where the solver did not write one."""
-
-    total: FloatArray | None = None  # kinetic, internal, contact, hourglass and whatever else is kept or lost
-    work: FloatArray | None = None  # done from outside
-    internal: FloatArray | None = None
-    hourglass: FloatArray | None = None
-    added_mass: FloatArray | None = None  # by mass scaling, over the mass without it
-
-    @property
-    def quality(self) -> RunQuality:
-        """The largest change of energy, share of hourglass energy and share of added mass."""
-        hourglass, internal, share = _largest(self.hourglass), _largest(self.internal), None
-        if hourglass is not None and internal is not None and internal > 0:
-            share = hourglass / internal
-        gained = None
-        if self.total is not None and self.work is not None and self.total.size and self.total[0] > 0:
-            change = (self.total - self.work) - (self.total[0] - self.work[0])
-            gained = float(change[np.abs(change).argmax()] / self.total[0]) if np.isfinite(change).all() else None
-        return RunQuality.of(gained, share, _largest(self.added_mass))
+def quality_by_histories(
+    total: FloatArray | None = None,  # energy: kinetic, internal, contact, hourglass and whatever else is kept or lost
+    work: FloatArray | None = None,  # done from outside
+    internal: FloatArray | None = None,
+    hourglass: FloatArray | None = None,
+    added_mass_percent: FloatArray | None = None,  # by mass scaling, of the mass without it
+) -> RunQuality:
+    """The quality of a run by its global histories, shape (n,); None where the solver did not write one."""
+    most_hourglass, most_internal, added = map(_largest, (hourglass, internal, added_mass_percent))
+    share = None
+    if most_hourglass is not None and most_internal is not None and most_internal > 0:
+        share = most_hourglass / most_internal
+    gained = None
+    if total is not None and work is not None and total.size and total[0] > 0:
+        change = (total - work) - (total[0] - work[0])
+        gained = float(change[np.abs(change).argmax()] / total[0]) if np.isfinite(change).all() else None
+    return RunQuality.of(gained, share, None if added is None else added / 100)
 
 
 def _largest(values: FloatArray | None) -> float | None:

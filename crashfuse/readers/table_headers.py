@@ -3,7 +3,7 @@
 import re
 import unicodedata
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,11 +11,11 @@ import numpy as np
 from crashfuse.readers.vocabulary import AXES, UNITS, UNPLACED, ChannelCode, names_a_parameter, unit_named
 from crashfuse.signals.pulse import FloatArray
 
-# reasons why an acceleration is not the pulse
 ColumnRole = Literal[
     "id", "time", "acceleration", "speed", "mass", "front_weight", "rear_weight", "front_share", "factor", "ignored"
-]  # the roles of a column
+]
 
+# reasons why an acceleration is not the pulse
 OTHER_DIRECTION, OF_A_DUMMY, A_LIMIT = "another direction than X", "a dummy's", "a limit, no signal"
 _LIMIT = re.compile(r"(upper|lower|ober\w*|unter\w*)( (bound|limit|band|grenze|schranke))?")
 _WORDS: dict[ColumnRole, str] = {
@@ -52,8 +52,8 @@ _AHEAD = re.compile(
 _OF_THE_VEHICLE = re.compile(
     r"\b(veh\w*|car|fahrzeug\w*|cg|tunnel\w*|sill|schweller\w*|b (pillar|saule)|rocker|(x|cross) ?member)\b"
 )
-_RAW = r"raw|roh(?:daten|signal)?|unfiltered|ungefiltert"
-_FILTER = re.compile(rf"\b({_RAW}|filtered|filt|gefiltert|cfc ?(\d{{1,4}}))\b")
+_RAW = re.compile(r"\b(raw|roh(daten|signal)?|unfiltered|ungefiltert)\b")
+_FILTER = re.compile(rf"{_RAW.pattern}|\b(filtered|filt|gefiltert|cfc ?\d{{1,4}})\b")
 _NO_ACCELERATION = re.compile(
     r"\b(s|[fm][xyz]?|\w*force|\w*kraft|disp\w*|\w*weg|verschieb\w*|stroke|intrusion|crush|deform\w*|strain|dehn\w*|"
     r"pressure|\w*druck|\w*moment|torque|angle|\w*winkel|yaw|gier\w*|roll|pitch|spannung|volt\w*|current|strom|temp\w*|"
@@ -103,17 +103,15 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
     if quantity in ("mass", "share") or _WEIGHT.fullmatch(plain):
         if not_as_tested:
             return ColumnUse(column, "ignored")
-        for role in ("front_weight", "rear_weight", "mass"):
-            if _is(role, plain):
-                if quantity == "share":
-                    return ColumnUse(column, "front_share" if role == "front_weight" else "ignored", unit, why)
-                return ColumnUse(column, role, unit, why)
-        return ColumnUse(column, "mass" if quantity == "mass" else "ignored", unit, why)
+        usual: ColumnRole = "mass" if quantity == "mass" else "ignored"
+        roles: tuple[ColumnRole, ...] = ("front_weight", "rear_weight", "mass")
+        role = next((role for role in roles if _is(role, plain)), usual)
+        if quantity == "share":
+            role = "front_share" if role == "front_weight" else "ignored"
+        return ColumnUse(column, role, unit, why)
     if unit is None and re.fullmatch(r".*(front|vorn).*(share|anteil).*|.*(share|anteil).*(front|vorn).*", plain):
         return ColumnUse(column, "front_share", None, why)
-    if unit is None and _is("id", plain):
-        return ColumnUse(column, "id", None, why)
-    return ColumnUse(column, "ignored")
+    return ColumnUse(column, "id", None, why) if unit is None and _is("id", plain) else ColumnUse(column, "ignored")
 
 
 def _acceleration(use: ColumnUse, plain: str, unit_cell: str) -> ColumnUse:
@@ -123,7 +121,7 @@ def _acceleration(use: ColumnUse, plain: str, unit_cell: str) -> ColumnUse:
         why_not = A_LIMIT
     if not why_not and use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
         why_not = f"its unit is {other}"
-    return ColumnUse(use.column, "ignored", use.unit, why_not) if why_not else use
+    return replace(use, role="ignored", why=why_not) if why_not else use
 
 
 def why_no_acceleration(column: str, unit_cell: str) -> str:
@@ -203,9 +201,7 @@ def filter_order(column: str) -> float:
     plain, cutoff = _plain(column), cutoff_of(column)
     if cutoff is not None:
         return 2 + 1 / max(cutoff, 1.0)
-    if re.search(rf"\b({_RAW})\b", plain):
-        return 0.0
-    return 4.0 if _FILTER.search(plain) else 1.0
+    return 0.0 if _RAW.search(plain) else 4.0 if _FILTER.search(plain) else 1.0
 
 
 def likelihood(column: str) -> tuple[int, bool, int, bool, float]:
@@ -253,17 +249,13 @@ def exchange_axes(header: str, axis: str) -> str:
     return _CODE.sub(code, header) if _CODE.search(header) else _LETTER.sub(letter, header)
 
 
-def axis_by_motion(
-    accelerations: Mapping[str, tuple[str, ...]], values: Callable[[str], FloatArray]
-) -> tuple[str, str]:
+def axis_by_motion(columns: Mapping[str, tuple[str, ...]], values: Callable[[str], FloatArray]) -> tuple[str, str]:
     """The axis of travel, of columns by the axis that their headers name, and a sentence if it is not plainly x."""
-    if set(accelerations) <= {"x"}:
+    if set(columns) <= {"x"}:
         return "x", ""
-    gains = {"x": 0.0}
-    for axis, columns in accelerations.items():
-        gains[axis] = float(np.median([_gain(values(column)) for column in columns]))
-    best = max(accelerations, key=gains.__getitem__)
-    if best == "x" or ("x" in accelerations and not gains[best] > _MANY_TIMES * gains["x"]):
+    gains = {axis: float(np.median([_gain(values(name)) for name in names])) for axis, names in columns.items()}
+    best = max(columns, key=gains.__getitem__)
+    if best == "x" or ("x" in columns and not gains[best] > _MANY_TIMES * gains["x"]):
         return "x", ""
     return best, f"Careful: travel along {best}, by the change of velocity; else give --travel."
 

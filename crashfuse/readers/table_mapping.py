@@ -37,8 +37,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import read_out
 
 QUANTITIES = {name: name for name in ("time", "acceleration", "speed", "mass")}
-QUANTITIES |= {"front_weight": "mass", "rear_weight": "mass", "front_share": "share"}
-"""The quantity of each column role that has a unit."""
+QUANTITIES |= {"front_weight": "mass", "rear_weight": "mass", "front_share": "share"}  # by role
 _OF_CONDITIONS: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
 _FEWEST_ROWS = 20  # rows needed to take a time beside conditions for that of pulses
 
@@ -74,12 +73,10 @@ class Mapping:
         if unit is not None and named is None:
             raise UsageError(f"A column that is {role} has {', '.join(units) or 'no unit'}, not {unit!r}.")
 
-        def changed(use: ColumnUse) -> ColumnUse:
-            if use.column != column:
-                return use
+        def chosen(use: ColumnUse) -> ColumnUse:
             return ColumnUse(column, role, named or (use.unit if use.unit in units else None), "chosen by the user")
 
-        return replace(self, uses=tuple(map(changed, self.uses)))
+        return replace(self, uses=tuple(chosen(use) if use.column == column else use for use in self.uses))
 
 
 def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
@@ -95,9 +92,9 @@ def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
         if any(exchange_axes(name, axis) != name for name in (*sheet.columns, *sheet.titles)):
             by_axis[axis] = _along(sheet, axis)
     columns = {}
-    for axis, found in by_axis.items():
-        names = tuple(use.column for use in found.of("acceleration") if axis == "x" or use.column not in of_x)
-        if names and found.kind == "pulses":
+    for axis, mapping in by_axis.items():
+        names = tuple(use.column for use in mapping.of("acceleration") if axis == "x" or use.column not in of_x)
+        if names and mapping.kind == "pulses":
             columns[axis] = names
     axis, travels = axis_by_motion(columns, sheet.parsed)
     return replace(by_axis[axis], travel=travels)
@@ -181,9 +178,9 @@ def _runs(values: FloatArray) -> bool:
 
 def _runs_evenly(values: FloatArray) -> bool:
     steps = np.diff(values)
-    return bool(
-        values.size > 50 and np.isfinite(steps).all() and steps.min() > 0 and np.ptp(steps) < 0.1 * steps.mean()
-    )
+    if values.size <= 50 or not np.isfinite(steps).all():
+        return False
+    return bool(steps.min() > 0 and np.ptp(steps) < 0.1 * steps.mean())
 
 
 def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUse]:
@@ -203,14 +200,14 @@ def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUs
         role, why = use.role, use.why
         if use.column in used:
             role, why = "time", why or "it increases evenly"
-        elif use.role == "time":
+        elif role == "time":
             role, why = "ignored", f"{', '.join(sorted(used))} is the time"
-        elif use.role == "acceleration":
+        elif role == "acceleration":
             best = least_filtered[clock_of[use.column], place_of(use.column)]
-            role, why = ("acceleration", why) if best is use else ("ignored", f"{best.column} is less filtered")
-        elif use.role not in ("id", "ignored"):
+            role, why = (role, why) if best is use else ("ignored", f"{best.column} is less filtered")
+        elif role not in ("id", "ignored"):
             role, why = "ignored", "not part of a pulse"
-        settled.append(ColumnUse(use.column, role, use.unit, why))
+        settled.append(replace(use, role=role, why=why))
     return settled
 
 
@@ -293,30 +290,28 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
         raise DataError(_one_column(sheet, "id", ids))
     if len(sheet.cells) > MOST_ROWS:
         expected = f"conditions in at most {MOST_ROWS:,} rows"
-        raise DataError(Problem(sheet.name, expected, "more", "leave out what is not needed"))
+        raise DataError(Problem(sheet.name, expected, "more", "leave some out"))
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
     if times != 1:
         found = f"{printable(name, 40)!r} {times} times" if times else "none"
         raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
-    values: dict[ColumnRole, FloatArray | None] = {}
-    problems: list[Problem] = []
+    columns, problems = list[FloatArray | None](), list[Problem]()
     for role in (*_OF_CONDITIONS, "front_share"):
         with collecting(problems):
-            values[role] = _quantity(sheet, mapping, role)
+            columns.append(_quantity(sheet, mapping, role))
     if problems:
         raise DataError(problems)
-    share = values.pop("front_share")
     factors = [(use.column, sheet.text(use.column)) for use in mapping.of("factor")]
     conditions = {}
     for row, name in enumerate(names):
-        if not name:
-            continue
-        speed, mass, front, rear = (None if v is None or np.isnan(v[row]) else float(v[row]) for v in values.values())
-        if share is not None and np.isfinite(share[row]) and front is None and rear is None:
-            front, rear = AxleWeights(mass, front_share=float(share[row])).axles()
-        others = tuple((column, cells[row]) for column, cells in factors)
-        conditions[name] = PartialCondition(speed, mass, front, rear, others)
+        if name:
+            cells = (None if of is None or np.isnan(of[row]) else float(of[row]) for of in columns)
+            speed, mass, front, rear, share = cells
+            if front is None and rear is None:
+                front, rear = AxleWeights(mass, front_share=share).axles()
+            others = tuple((column, texts[row]) for column, texts in factors)
+            conditions[name] = PartialCondition(speed, mass, front, rear, others)
     return conditions
 
 
@@ -341,7 +336,7 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
         cells = [cell for cell in sheet.text(column) if cell]
         grouped = re.compile(rf"[-+]?\d{{1,3}}({re.escape(sheet.decimal)}\d{{3}})?")
         if all(map(grouped.fullmatch, cells)):
-            found = f"thousands separators, as in {next(cell for cell in cells if sheet.decimal in cell)}"
+            found = f"thousands separators, as in {max(cells, key=lambda cell: sheet.decimal in cell)}"
             raise DataError(Problem(sheet.name, "decimal signs", found, "export without them", printable(column)))
     return numbers
 

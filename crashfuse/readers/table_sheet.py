@@ -24,8 +24,7 @@ from crashfuse.readers.table_headers import use_of
 from crashfuse.readers.vocabulary import statement_of_simulation, unit_named
 from crashfuse.signals.pulse import FloatArray
 
-SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)  # size limits of a table
-
+SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)
 SAMPLE = 400  # rows examined to detect the layout of a table
 
 _MOST_COLUMNS, _LONGEST_HEADER, _LONGEST_PREAMBLE = 2000, 200, 200
@@ -40,7 +39,8 @@ _NUMBER = {
     for sign, grouped in _GROUPED.items()
 }
 _UNNAMED = re.compile(r"column \d+")
-_MOST_CELLS, _MOST_CELLS_IN_ALL, _MOST_SHEETS = 500_000, 2_000_000, 500  # of a workbook
+_MOST_CELLS, _MOST_CELLS_IN_ALL, _MOST_SHEETS = 500_000, 2_000_000, 500
+_AS_CSV = "save the sheet as CSV"
 _MOST_MARKS = {"xl/worksheets/": 4_000_000, "": 500_000}  # angle brackets, or equality signs, in a part
 _LONGEST_TAG = 50_000  # bytes; a parser that waits for its end begins anew with each block
 _ENDLESS = re.compile(rb"<[^<>]{%d}" % _LONGEST_TAG)
@@ -71,7 +71,7 @@ class Sheet:
         return replace(self, columns=columns, units=units, titles=titles, cells=self.cells.iloc[:, list(numbers)])
 
     def column(self, name: str) -> pd.Series:
-        """The cells of a column."""
+        """The cells below a header."""
         return self.cells.iloc[:, self.columns.index(name)]
 
     def title(self, column: str) -> str:
@@ -112,7 +112,7 @@ class Sheet:
         if wrong.size:
             row = int(wrong[0])
             found = repr(printable(cells.iloc[row], 40))
-            advice = "correct the cell, export without thousands separators, or map the column otherwise"
+            advice = "correct it, export without thousands separators, or map the column otherwise"
             raise DataError(Problem(self.name, "a number", found, advice, printable(column), row + self.first_row))
         return numbers
 
@@ -131,7 +131,7 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
     begin = _first_data_row(grid, decimal)
     if begin is None:
         expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
-        raise DataError(Problem(name, expected, found, "export it again with one header"))
+        raise DataError(Problem(name, expected, found, "export it with one header"))
     above = [_trimmed(row) for row in grid[:begin] if any(cell.strip() for cell in row)]
     width, filled = len(grid[begin]), max(len(_trimmed(row)[: len(grid[begin])]) for row in grid[begin:])
     if (widest := max(width, len(above[-1]) if above else 0)) > _MOST_COLUMNS:
@@ -179,7 +179,7 @@ def is_unnamed(column: str) -> bool:
 
 
 def _aligned(names: list[str], data: Sequence[Sequence[str]], decimal: str, name: str) -> list[str]:
-    """Names of columns that are one fewer than the columns, as R writes them above row names; "" for the one without.
+    """Of names one fewer than the columns, as R writes them above row names; "" for the column without.
 
     They are those of the last columns if the first is one of row names or the clock; of the first ones if the last has
     no numbers, or if there is but one. Otherwise nobody can tell.
@@ -287,7 +287,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
     try:
         from openpyxl import load_workbook
     except ImportError:
-        advice = "install crashfuse[excel], or save the sheet as CSV"
+        advice = f"install crashfuse[excel], or {_AS_CSV}"
         raise DataError(Problem(path.name, "openpyxl to read workbooks with", "none installed", advice)) from None
     problems: list[Problem] = []
     found, cells = list[Sheet](), 0
@@ -297,9 +297,8 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
             closing(load_workbook(path, read_only=True, data_only=True)) as book,
         ):
             sheets = book.worksheets
-            if len(sheets) > _MOST_SHEETS:
-                expected = f"at most {_MOST_SHEETS} sheets"
-                raise DataError(Problem(path.name, expected, f"{len(sheets)}", "leave out the others"))
+            if len(sheets) > (most := _MOST_SHEETS):
+                raise DataError(Problem(path.name, f"at most {most} sheets", f"{len(sheets)}", "leave out the others"))
             hidden = [printable(sheet.title, 40) for sheet in sheets if sheet.sheet_state != "visible"]
             for sheet in sheets:
                 if sheet.sheet_state != "visible":
@@ -322,7 +321,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
 
 
 def _examined(member: Member, budget: Budget) -> bool:
-    """Whether a part has formulas without values; a DataError if it is too large or may define entities."""
+    """Whether a part has formulas without values."""
     name = str(member.path)
     most = next(most for start, most in _MOST_MARKS.items() if name.startswith(start))
     marks, uncalculated, end = {b"<": 0, b"=": 0}, False, b""
@@ -333,7 +332,7 @@ def _examined(member: Member, budget: Budget) -> bool:
         joined = end + chunk
         if max(marks.values()) > most or _ENDLESS.search(joined) or _FOREIGN.search(joined):
             found = f"more than {most // 2} elements, or what no workbook has"
-            raise DataError(Problem(member.where, "the XML of a workbook", found, "save the sheets as CSV"))
+            raise DataError(Problem(member.where, "the XML of a workbook", found, _AS_CSV))
         uncalculated = uncalculated or _NO_VALUE.search(joined) is not None
         end = joined[-_LONGEST_TAG:]
     return uncalculated
@@ -350,7 +349,7 @@ def _grid(rows: Iterator[tuple[object, ...]], name: str, most: int) -> list[list
         width = max(width, len(shown))
         cells += max(len(row), 1)
         if cells > most or width * len(grid) > most:
-            raise DataError(Problem(name, f"at most {most} cells", "more", "save the sheet as CSV"))
+            raise DataError(Problem(name, f"at most {most} cells", "more", _AS_CSV))
     return [row + [""] * (width - len(row)) for row in grid]
 
 
@@ -368,9 +367,9 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
 
 
 def _explained(problem: Problem, rows: list[list[str]], uncalculated: list[bool]) -> Problem:
-    advice = "save the sheet as CSV, or turn its cells into numbers"
+    advice = f"{_AS_CSV}, or turn its cells into numbers"
     if text := next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), ""):
         return replace(problem, found=f"numbers kept as text, such as {text!r}", advice=advice)
     if any(uncalculated):
-        return replace(problem, found="formulas whose values are not in the file", advice=advice)
+        return replace(problem, found="formulas without their values", advice=advice)
     return problem

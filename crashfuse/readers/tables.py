@@ -1,7 +1,6 @@
 """The tables of a text file or workbook: CSV, TSV, LabVIEW or Excel, with any delimiter, decimal sign and header.
 
-The delimiter and the decimal sign are those for which the most cells are numbers. Tables that stand side by side in one
-are split, so that each acceleration keeps its own time.
+The delimiter and the decimal sign are those for which the most cells are numbers.
 
 A LabVIEW measurement file (.lvm) has a header, then segments: unit, step and begin of each channel in its column, its
 name, samples; times may stand left of these, of all channels or of each (NI, LabVIEW Measurement File).
@@ -37,29 +36,19 @@ _GAP = re.compile(r"[\t,;]")
 _DELIMITERS = {"Comma": ",", "Semicolon": ";"}  # else tab
 _MOST_COLUMNS, _MOST_COLUMNS_IN_ALL = 2000, 20_000  # of a LabVIEW file
 _SAME_S = 1e-6  # times that differ by less are one
-_APART = "save each segment as a file of its own"
+_APART = "save each segment by itself"
 _LONGEST_GAP = 1.5  # steps between segments that continue each other
 _MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
 _LARGEST_SAMPLE = 1 << 20  # characters
-_AGAIN = "export it again as CSV"
+_AGAIN, _SHORTER = "export it again as CSV", "export a shorter record"
 _GROUPED_CELLS = re.compile(r"(?<![\w.])[-+]?[1-9]\d{0,2},\d{3}(?!\d)(\.\d+)?")
 _DECIMALS = re.compile(r"-0,\d+|[-+]?\d+,(0\d+|\d+[eE][-+]?\d+)")
 _BETWEEN_NAMES = (r"\s{2,}|\t", r"(?<=[)\]])\s+", r"\s+(?![\[(])", r"\s+")  # the likeliest first
-_DIALECTS = (
-    (",", "."),
-    (";", ","),
-    (";", "."),
-    ("\t", ","),
-    ("\t", "."),
-    ("|", "."),
-    (" ", "."),
-    (" ", ","),
-    (",", ","),  # decimal commas in quoted cells
-)
+_DIALECTS = (",.", ";,", ";.", "\t,", "\t.", "|.", " .", " ,", ",,")  # delimiter, decimal; the last of quoted cells
 
 
 def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
-    """One sheet per time if several accelerations have their own; columns left of the first time are in all of them."""
+    """One sheet per time if several accelerations have their own; columns left of the first are in all of them."""
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]
     times = [number for number, role in enumerate(roles) if role == "time"]
@@ -72,10 +61,9 @@ def _split_by_clock(sheet: Sheet) -> tuple[Sheet, ...]:
     for block, title in zip(blocks, titles, strict=True):
         first = next(number for number in block if roles[number] == "acceleration")
         columns = sheet.of_columns(block)
-        note = f"One of several times side by side, with: {', '.join(printable(name, 40) for name in columns.columns)}."
+        note = f"One of several times side by side: {', '.join(printable(name, 40) for name in columns.columns)}."
         name = f"{sheet.name}: {printable(title if tests else bare_name(sheet.columns[first]), 60)}"
-        part_of = "" if tests else sheet.name
-        parts.append(replace(columns, name=name, part_of=part_of, steps=(*sheet.steps, note)))
+        parts.append(replace(columns, name=name, part_of="" if tests else sheet.name, steps=(*sheet.steps, note)))
     return tuple(parts)
 
 
@@ -129,10 +117,8 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
     if width > _MOST_COLUMNS or width * n > _MOST_COLUMNS_IN_ALL or width * len(lines) > _MOST_CELLS:
         expected = f"at most {_MOST_COLUMNS} columns ({_MOST_COLUMNS_IN_ALL} in all segments) and {_MOST_CELLS} cells"
         raise DataError(Problem(name, expected, f"{width} columns in {n} segments", "save fewer channels"))
-    for segment in segments:
-        if segment.names != segments[0].names:
-            expected = "the same channels in all segments"
-            raise DataError(Problem(name, expected, "others", _APART, row=segment.first_row - 1))
+    if odd := next((segment for segment in segments if segment.names != segments[0].names), None):
+        raise DataError(Problem(name, "the same channels in all segments", "others", _APART, row=odd.first_row - 1))
     cells = _cells(lines, delimiter, width, name, segments[0].first_row)
     columns: list[tuple[str, str, pd.Series]] = []
     clock_s: FloatArray | None = None
@@ -145,9 +131,8 @@ def _labview_sheet(lines: Sequence[str], name: str) -> Sheet:
         columns.append(channel)
     names, units, series = zip(*columns, strict=True)
     header = Header(segments[0].first_row - 1, table_sheet.unique(names), units, ("",) * len(names))
-    joined = [f"{n} segments that continue each other are joined."] if n > 1 else []
-    cells = pd.concat(series, axis="columns", ignore_index=True)
-    return table_sheet.sheet_of(name, header, cells, decimal, "A LabVIEW measurement.", *joined)
+    form = ["A LabVIEW measurement.", *[f"{n} segments are joined."] * (n > 1)]
+    return table_sheet.sheet_of(name, header, pd.concat(series, axis=1, ignore_index=True), decimal, *form)
 
 
 def _segments(lines: Sequence[str], delimiter: str, decimal: str) -> list[_Segment]:
@@ -185,12 +170,11 @@ def _channels(
     for number in channels:
         clock = cells.iloc[:, max(time for time in times if time < number)].str.replace(decimal, ".", regex=False)
         stated = np.split(pd.to_numeric(clock, errors="coerce").to_numpy(np.float64), ends)
-        pairs = zip(segments, stated, strict=True)
-        is_shared = len(times) == 1
-        time_s = np.concatenate([one.times(of, number, channels[0], is_shared=is_shared) for one, of in pairs])
+        pairs, shared = zip(segments, stated, strict=True), len(times) == 1
+        time_s = np.concatenate([one.times(of, number, channels[0], is_shared=shared) for one, of in pairs])
         if not np.isfinite(time_s).any():
             expected = f"times, or X0 and Delta_X, of {printable(names[number], 60)}"
-            raise DataError(Problem(name, expected, "none", "save them with the samples"))
+            raise DataError(Problem(name, expected, "none", "save them too"))
         unit = segments[0].cell("Y_Unit_Label", number)
         yield (names[number], unit, cells.iloc[:, number].reset_index(drop=True)), time_s
 
@@ -210,8 +194,7 @@ def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
     if not path.is_file():
         raise DataError(Problem(str(path), "a table", NO_FILE, CHECK_PATH))
     if path.stat().st_size > limits.member_bytes:
-        expected = f"at most {limits.member_bytes >> 20} MiB a table"
-        raise DataError(Problem(path.name, expected, "more", "export a shorter record"))
+        raise DataError(Problem(path.name, f"at most {limits.member_bytes >> 20} MiB a table", "more", _SHORTER))
     if path.suffix.lower() in (".xlsx", ".xlsm"):
         return tuple(part for sheet in table_sheet.read_workbook(path, limits) for part in _split_by_clock(sheet))
     if path.suffix.lower() == ".xls":
@@ -222,7 +205,7 @@ def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
 def _text_sheet(path: Path, limits: Limits) -> Sheet:
     content = path.read_bytes()
     if content.count(b"\n") + content.count(b"\r") > 2 * limits.rows:
-        raise DataError(Problem(path.name, f"at most {limits.rows} rows", "more", "export a shorter record"))
+        raise DataError(Problem(path.name, f"at most {limits.rows} rows", "more", _SHORTER))
     text = _decoded(content, path.name)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     del content, text
@@ -275,16 +258,13 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
         if delimiter == ",":
             _refuse_commas_in_numbers(longer, name, is_ragged=True)
         found = " ".join(str(error).split())[:160]
-        advice = f"export it again (the data begin in row {first_row})"
+        advice = f"export it again (data begin in row {first_row})"
         raise DataError(Problem(name, f"{width} cells in each row", found, advice)) from None
 
 
 def _check_commas(grid: Sequence[Sequence[str]], name: str) -> None:
-    rows = [
-        (at, row)
-        for at, row in enumerate(grid)
-        if len(row) > 1 and all(table_sheet.is_number(c, ".") for c in row if c)
-    ]
+    filled = ((at, row) for at, row in enumerate(grid) if len(row) > 1)
+    rows = [(at, row) for at, row in filled if all(table_sheet.is_number(cell, ".") for cell in row if cell)]
     first = rows[0][0] if rows else 0
     names = max((sum(map(bool, row)) for row in grid[max(first - 2, 0) : first]), default=0)
     longer = [(at + 1, row) for at, row in rows if not names or len(row) > names]
@@ -295,7 +275,7 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
     """Raise a DataError if commas in numbers give rows, told with their numbers, more cells than there are names.
 
     Decimal commas: -0,063 is no -0 and 063, and no cell has a point. Thousands separators: -1,234.5 is no -1 and 234.5,
-    and the table is ragged, as other rows have as many cells as there are names.
+    and other rows have as many cells as there are names.
     """
     broken = [(at, match[0]) for at, row in rows if (match := _GROUPED_CELLS.search(",".join(row)))]
     if not is_ragged or len(broken) < len(rows):
@@ -305,7 +285,7 @@ def _refuse_commas_in_numbers(rows: Sequence[tuple[int, Sequence[str]]], name: s
     if broken:
         at, number = broken[0]
         expected, found = "a comma either between columns or in numbers", f"both, as in {number}"
-        advice = "export it with decimal points and no thousands separators, or with semicolons"
+        advice = "export it with plain decimal points, or with semicolons"
         raise DataError(Problem(name, expected, found, advice, row=at))
 
 
@@ -314,27 +294,24 @@ def _decoded(content: bytes, name: str) -> str:
     with suppress(UnicodeDecodeError):
         text = content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else as_text(content)
     if "\x00" in text:
-        raise DataError(Problem(name, "a table as text", "bytes that are no text", "export it again as CSV in UTF-8"))
+        raise DataError(Problem(name, "a table as text", "bytes that are no text", f"{_AGAIN} in UTF-8"))
     return text
 
 
 def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
-    best, best_score, best_width = None, 0.0, 0
-    for delimiter, decimal in _DIALECTS:
+    best, best_score, best_width = "", 0.0, 0
+    for delimiter, decimal in map(tuple, _DIALECTS):
         rows = [_split(line, delimiter) for line in lines]
-        width = Counter(len(row) for row in rows if len(row) > 1).most_common(1)
-        if not width:
-            continue
-        numbers = [sum(table_sheet.is_number(cell, decimal) for cell in row) for row in rows if len(row) == width[0][0]]
-        score = sum(count**2 for count in numbers) / width[0][0]
-        if delimiter == " " and best is not None and best[0] == "\t" and width[0][0] == best_width:
+        width = max(widths := Counter(len(row) for row in rows if len(row) > 1), key=widths.__getitem__, default=0)
+        numbers = [sum(table_sheet.is_number(cell, decimal) for cell in row) for row in rows if len(row) == width]
+        score = sum(count**2 for count in numbers) / max(width, 1)
+        if delimiter == " " and best.startswith("\t") and width == best_width:
             continue  # they are the same columns, and names may hold blanks
         if score > best_score:
-            best_width = width[0][0]
-            best, best_score = (delimiter, decimal), score
-    if best is None:
+            best, best_score, best_width = delimiter + decimal, score, width
+    if not best:
         raise DataError(Problem(name, "two columns of numbers", "none", _AGAIN))
-    return best
+    return best[0], best[1]
 
 
 def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: str) -> list[list[str]]:
@@ -354,10 +331,8 @@ def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: 
         splits = (re.split(between, text) for between in _BETWEEN_NAMES)
         return next((cells for cells in splits if len(cells) == width), unnamed)
 
-    return [
-        row if numeric or not line.strip() else names(line)
-        for line, row, numeric in zip(lines, grid, data, strict=True)
-    ]
+    rows = zip(lines, grid, data, strict=True)
+    return [row if numeric or not line.strip() else names(line) for line, row, numeric in rows]
 
 
 def _split(line: str, delimiter: str) -> list[str]:

@@ -22,7 +22,7 @@ from crashfuse.errors import CHECK_PATH, DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers import nhtsa, table_headers, vocabulary
 from crashfuse.readers.formats import FORMATS
-from crashfuse.readers.members import opened_members, read_all
+from crashfuse.readers.members import ONE_TEST, opened_members, read_all
 from crashfuse.readers.nhtsa import Sensor
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel, proposal
 from crashfuse.readers.table_headers import OF_A_DUMMY, OTHER_DIRECTION, ColumnUse
@@ -46,8 +46,7 @@ _MOST_CLOCKS = 1000
 _SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
 _ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
 
-# size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB
-TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
+TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)  # 1000 channels of 10,000 samples have 80 MB
 
 
 def _text_of(properties: Properties, name: str) -> str:
@@ -71,9 +70,8 @@ def _waveform(
     if clock is None or clock.size != values.size:
         expected, advice = "samples and the time between them (wf_increment)", "export it with a channel of time"
         raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, f"{values.size} samples", advice))
-    unit = vocabulary.unit_named(
-        _text_of(properties, "unit_string") or _text_of(properties, "inst_yunits"), "acceleration"
-    )
+    stated = _text_of(properties, "unit_string") or _text_of(properties, "inst_yunits")
+    unit = vocabulary.unit_named(stated, "acceleration")
     cutoff_hz = _number_of(properties, "inst_prefil") or None
     # descriptors of ISO-MME, which programs that convert it keep as properties, blanks or not
     origin, status = (
@@ -99,12 +97,9 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         every.append(_Candidate(channel, properties, use))
     found, what = [one for one in every if one.use.role == "acceleration"], "acceleration"
     if not found:
-        what, unknown = "channel", [one for one in every if one.use.is_unknown]
-        found = [
-            one
-            for one in unknown
-            if not (_text_of(one.properties, "unit_string") or table_headers.why_no_acceleration(one.channel.name, ""))
-        ]
+        unknown = [one for one in every if one.use.is_unknown and not _text_of(one.properties, "unit_string")]
+        found = [one for one in unknown if not table_headers.why_no_acceleration(one.channel.name, "")]
+        what = "channel"
     if not found:
         expected = "accelerations along X, by units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
@@ -116,21 +111,15 @@ def _laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     if len(set(began_s.values())) > 1:
         channels = _aligned(channels, began_s, steps)
     if others := sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every):
-        steps.append(f"Left out: accelerations of dummies or in other directions ({others}).")
+        steps.append(f"Left out: dummies, and other directions ({others}).")
     if unread:
-        steps.append(f"Left out for lack of samples or of their time: {', '.join(map(printable, unread))}.")
+        steps.append(f"Left out for lack of samples or times: {', '.join(map(printable, unread))}.")
     chosen, why = _proposed(channels, len(found), what)
     about = [text for name, text in file.properties.items() if isinstance(text, str) and _ABOUT_THE_TEST.search(name)]
-    recorded, other, steps = tuple(channels.values()), vocabulary.other_setup(about), [*steps, *why]
-    pedigree = {
-        name: text
-        for name, words in _ABOUT.items()
-        for key in file.properties
-        if re.fullmatch(words, key) and (text := _text_of(file.properties, key))
-    }
-    return Record(
-        record_id, where, condition, recorded, chosen, tuple(steps), unread=unread, other_setup=other, about=pedigree
-    )
+    pairs = ((name, key) for name, words in _ABOUT.items() for key in file.properties if re.fullmatch(words, key))
+    pedigree = {name: text for name, key in pairs if (text := _text_of(file.properties, key))}
+    read = record_id, where, condition, tuple(channels.values()), chosen, (*steps, *why)
+    return Record(*read, unread=unread, other_setup=vocabulary.other_setup(about), about=pedigree)
 
 
 def _read_channels(
@@ -155,7 +144,7 @@ def _read_channels(
         channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or table_headers.cutoff_of(channel.name))
         if sum(channel.values.size for channel in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
-            raise DataError(Problem(where, expected, "more", "choose the file of one test"))
+            raise DataError(Problem(where, expected, "more", ONE_TEST))
     return channels, unread, began_s
 
 
@@ -167,14 +156,14 @@ def _aligned(
     times = {name: channel.time_s + late_s.get(name, 0.0) for name, channel in channels.items()}
     first_s = min(float(time_s[0]) for time_s in times.values())
     late = ", ".join(f"{printable(name)} by {time_text(delay_s, 6)}" for name, delay_s in late_s.items() if delay_s)
-    steps.append(f"Aligned by the start of recording (wf_start_time), time 0 at the first sample: {late} later.")
+    steps.append(f"Aligned by wf_start_time, time 0 at the first sample: {late} later.")
     return {name: replace(channel, time_s=times[name] - first_s) for name, channel in channels.items()}
 
 
 def _clock_of(
     one: _Candidate, clocks: Sequence[_Candidate], file: TdmsFile, times: dict[str, FloatArray]
 ) -> FloatArray | None:
-    """A channel of time of equal length, if any: of its group, and of a name that begins alike."""
+    """Of equal length, if any, of its group, and of a name that begins alike."""
     size = file.size(one.channel)
     alike = [clock for clock in clocks if file.size(clock.channel) == size >= 2]
     if not alike:
@@ -189,14 +178,11 @@ def _clock_of(
     key = f"{clock.channel.group}/{clock.channel.name}"
     if key not in times:
         time = file.values(clock.channel)
-        unit = clock.use.unit or ("s" if np.ptp(time) <= _LONGEST_S else "ms")
-        times[key] = time * UNITS["time"][unit]
+        times[key] = time * UNITS["time"][clock.use.unit or ("s" if np.ptp(time) <= _LONGEST_S else "ms")]
     return times[key]
 
 
-def _proposed(
-    channels: Mapping[str, RecordedChannel], found: int, what: str
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _proposed(channels: Mapping[str, RecordedChannel], n: int, what: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     unit = "" if any(channel.unit for channel in channels.values()) else "; none states its unit"
 
     def at_best_place(names: Sequence[str]) -> tuple[tuple[str, ...], str]:
@@ -204,7 +190,7 @@ def _proposed(
         chosen, why = vocabulary.propose_by_code(codes)
         if chosen:
             return chosen, why
-        if len(names) == 1 and len(channels) == found and what == "acceleration":
+        if len(names) == 1 and len(channels) == n and what == "acceleration":
             return tuple(names), f"The only {what}{unit}: {printable(names[0])}."
         return (), f"Choose one of {len(channels)} {what}s{unit}."
 
@@ -227,7 +213,7 @@ def _laboratory_condition(properties: Properties) -> tuple[PartialCondition, lis
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
     """Read TDMS files (one, a folder or a zip of them), one record each."""
-    kind = "a .tdms file, or a folder or zip of them"
+    kind = ".tdms files, a folder or zip of them"
     of_the_format = FORMATS["tdms"].has
     with opened_members(path, of_the_format, kind, limits) as (members, budget):
         if of_the_format(path):
@@ -250,8 +236,7 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     sensors = {_sensor(place, pair[1]): pair for place, pair in enumerate(pairs, start=1)}
     candidates = nhtsa.of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
     if not candidates:
-        found, advice = f"none in {len(pairs)} channels", "download all channels of the test"
-        raise DataError(Problem(where, "X accelerations of the vehicle", found, advice))
+        raise DataError(Problem(where, nhtsa.LACKING[0], f"none in {len(pairs)} channels", nhtsa.LACKING[1]))
 
     def read(sensor: Sensor) -> RecordedChannel:
         channel, _ = sensors[sensor]
@@ -261,11 +246,9 @@ def _nhtsa_record(file: TdmsFile, pairs: Sequence[tuple[TdmsChannel, Properties]
     test = sensors[candidates[0]][1]
     speed = _number_of(test, "veh_vehspd") or _number_of(test, "test_clsspd")
     mass = _number_of(test, "veh_vehtwt")
-    car = " ".join(filter(None, (_text_of(test, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
-    steps = [
-        f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}.",
-        *nhtsa.condition_steps(speed, mass, where),
-    ]
+    car = " ".join(filter(None, (_text_of(test, f"veh_{name}") for name in ("year", "maked", "modeld"))))
+    title = f"NHTSA test {_text_of(test, 'test_tstno')}, {printable(car)}."
+    steps = [title, *nhtsa.condition_steps(speed, mass, where)]
     condition = PartialCondition(speed * KPH or None, mass or None)
     other = nhtsa.other_configuration(_text_of(test, "test_tstcfn"), _number_of(test, "test_impang"))
     readers = {one: partial(read, one) for one in candidates}

@@ -17,14 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.readers.members import CUT_SHORT, OTHER_KIND
+from crashfuse.readers.members import CUT_SHORT, ONE_TEST, OTHER_KIND
 from crashfuse.signals.pulse import FloatArray
 
 _UNSCALED = 0xFFFFFFFF  # as an input: the numbers as stored
 _TYPE = re.compile(r"ni_scale\[(\d{1,4})\]_scale_type")
 _MOST_STEPS = 16  # of one channel
 _MOST_NUMBERS = 10_000  # of a polynomial or table
-_ONE_TEST, _PHYSICAL = "choose the file of one test", "export it with values in physical units"
+_PHYSICAL = "export it in physical units"
 
 Properties = Mapping[str, str | float]  # properties of a channel, its group and its file by their names in lower case
 
@@ -48,9 +48,8 @@ class _Scales:
     def __init__(self, properties: Properties) -> None:
         self._properties, self._left = properties, _MOST_STEPS
         indices = (int(match[1]) for name in properties if (match := _TYPE.fullmatch(name)))
-        self.count = self._whole("ni_number_of_scales", float(max(indices, default=-1) + 1))
-        if str(properties.get("ni_scaling_status")).lower() == "scaled":
-            self.count = 0
+        count = self._whole("ni_number_of_scales", float(max(indices, default=-1) + 1))
+        self.count = 0 if str(properties.get("ni_scaling_status")).lower() == "scaled" else count
 
     def _whole(self, name: str, usual: float | None = None) -> int:
         number = self._properties.get(name, usual)
@@ -91,7 +90,7 @@ class _Scales:
                 inputs, outputs = numbers("pre_scaled_values"), numbers("scaled_values")
                 order = -1 if inputs[0] > inputs[-1] else 1
                 if inputs.shape != outputs.shape or not (order * np.diff(inputs) > 0).all():
-                    raise _UnusableScale("a table that neither rises nor falls")
+                    raise _UnusableScale("a table that goes up and down")
                 return np.interp(source(), inputs[::order], outputs[::order])
             case "Add":
                 return source("left_operand_input_source") + source("right_operand_input_source")
@@ -102,9 +101,7 @@ class _Scales:
         raise _UnusableScale(f"scale {index} of the kind {kind}")
 
 
-class _Layout(NamedTuple):
-    """Of one object in each chunk of raw data."""
-
+class _Layout(NamedTuple):  # of one object in each chunk of raw data
     kind: int
     values: int
     width: int
@@ -117,7 +114,7 @@ _Extent = tuple[tuple[int, int], str, int, tuple[int, int]]
 
 @dataclass(slots=True)
 class TdmsChannel:
-    """A channel of a TDMS file; property names are in lower case, because files differ in case."""
+    """A channel of a TDMS file."""
 
     group: str
     name: str
@@ -128,7 +125,7 @@ class TdmsChannel:
 
 @dataclass(frozen=True, slots=True)
 class TdmsFile:
-    """A TDMS file with its own properties; the values of its channels are read on demand."""
+    """A TDMS file; the values of its channels are read on demand."""
 
     properties: dict[str, str | float]
     channels: tuple[TdmsChannel, ...]
@@ -137,7 +134,7 @@ class TdmsFile:
     _where: str
 
     def properties_of(self, channel: TdmsChannel) -> Properties:
-        """All properties of a channel: its own, else its group's, else the file's."""
+        """Of a channel, else of its group, else of the file."""
         return ChainMap(*self._levels(channel))
 
     def _levels(self, channel: TdmsChannel) -> list[dict[str, str | float]]:
@@ -152,7 +149,7 @@ class TdmsFile:
         """The numbers of a channel, scaled; a DataError for too many or unusable scales."""
         place = f"{self._where}: {printable(channel.name)}"
         if self.size(channel) > _MOST_VALUES:
-            raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", _ONE_TEST))
+            raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", ONE_TEST))
         parts = [np.ndarray(shape, code, self._content, at, by).ravel() for shape, code, at, by in channel._extents]
         with np.errstate(all="ignore"):  # damaged data may hold any number
             values = np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
@@ -169,9 +166,9 @@ def parse_tdms(content: bytes, where: str) -> TdmsFile:
     reader = _Reader(content, where)
     while len(content) - reader.at >= 28:
         reader.segment()
-    channels = tuple(item for item in reader.objects.values() if item.name)
-    groups = {item.group: item for item in reader.objects.values() if item.group and not item.name}
-    root = reader.objects.get("/")
+    root, items = reader.objects.get("/"), [*reader.objects.values()]
+    groups = {item.group: item for item in items if item.group and not item.name}
+    channels = tuple(item for item in items if item.name)
     return TdmsFile(root.properties if root else {}, channels, groups, content, where)
 
 
@@ -186,7 +183,7 @@ class _Reader:
     def segment(self) -> None:
         tag, contents = _LEAD_IN.unpack_from(self._content, self.at)
         if tag != b"TDSm":
-            raise self._damaged(OTHER_KIND if self.at == 0 else "no segment where the next should be")
+            raise self._damaged(OTHER_KIND if self.at == 0 else "no segment in its place")
         self._order = ">" if contents & _BIG_ENDIAN else "<"
         self.at += _LEAD_IN.size
         _, to_next, to_raw = self._unpack("IQQ")
@@ -200,7 +197,7 @@ class _Reader:
             self._read_objects(anew=bool(contents & _NEW_LIST))
         self._visits += len(self._present)
         if self._visits > _MOST_VISITS:
-            raise self._damaged("too many objects", _ONE_TEST)
+            raise self._damaged("too many objects", ONE_TEST)
         if contents & _RAW:
             self._find_data(start + to_raw, end, interleaved=bool(contents & _INTERLEAVED))
         self.at = end
@@ -275,7 +272,7 @@ class _Reader:
             raise self._damaged(CUT_SHORT)
         self._metadata_bytes += count
         if self._metadata_bytes > _MOST_METADATA:
-            raise self._damaged("too many properties", _ONE_TEST)
+            raise self._damaged("too many properties", ONE_TEST)
         self.at += count
         return self._content[self.at - count : self.at]
 

@@ -14,7 +14,7 @@ A channel code::
 Characters that say nothing are 0 or ?; the IIHS fills them with _, as in ``11VEHC0000__ACX_``.
 
 Sources: ISO/TS 13499, related electronic documents A and B, 1.6.2, as quoted by the public packages pyisomme and
-sdata; the codes of NHTSA's and the IIHS's downloads. ``Data source`` and ``Data status`` are spelt in many ways.
+sdata; the codes of NHTSA's and the IIHS's downloads.
 """
 
 import re
@@ -30,8 +30,7 @@ from crashfuse.units import KPH, LB, MPH, MS, G
 from crashfuse.wording import KPH_KG, MPH_LB, Quantity
 
 AXES = "xyz"
-Travel = Literal["x", "-x", "y", "-y", "z", "-z"]
-"""A direction of travel in the file's own axes."""
+Travel = Literal["x", "-x", "y", "-y", "z", "-z"]  # in the file's own axes
 TRAVELS: tuple[Travel, ...] = get_args(Travel)
 
 # factors to m/s² of the units that occur in records; the last two are LS-DYNA's
@@ -68,12 +67,13 @@ _DUMMY = frozenset(
     ["HEAD", "NECK", "CHST", "THSP", "SPIN", "PELV", "FEMR", "TIBI", "FOOT", "ABDO", "SHLD", "KNEE", "RIBS", "ACTB"]
 )
 _REAR = ("SEAT", "FLOR", "FORA", "FLPA")  # NHTSA's: seat cross-member, floor, floor pan
+TUNNEL, SILLS, PILLARS = "on the tunnel", "on the sills", "on the B-pillars"
 _PLACES = (
     ((), "on the rear seat cross-member or floor, behind the crush"),
     (("VEHC", "CVEH"), "of the vehicle as a whole"),
-    (("TUNN",), "on the tunnel"),
-    (("SIME", "SILL"), "on the sills"),
-    (("BPIL",), "on the B-pillars"),
+    (("TUNN",), TUNNEL),
+    (("SIME", "SILL"), SILLS),
+    (("BPIL",), PILLARS),
 )
 _CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 600, 180, 60 (SAE J211-1)
 _RAW_FIRST = "0PXSABCD"
@@ -128,10 +128,8 @@ def acceleration_unit(text: str) -> str:
 
 def number_and_unit(text: str) -> tuple[float, str] | None:
     """Split ``56,3 km/h`` into the number and the rest; None if it does not start with a number."""
-    match = _LEADING_NUMBER.match(text.strip())
-    if match is None:
-        return None
-    return float(match.group().replace(",", ".")), text.strip()[match.end() :].strip()
+    match = _LEADING_NUMBER.match(text := text.strip())
+    return None if match is None else (float(match[0].replace(",", ".")), text[match.end() :].strip())
 
 
 def iso_date(text: str, form: str) -> str:
@@ -221,13 +219,11 @@ def propose_by_code(codes: Mapping[str, ChannelCode]) -> tuple[tuple[str, ...], 
     if rank == UNPLACED:
         return (), "No X acceleration is at the rear seat, on tunnel, sills or B-pillars; choose one."
     there = [(name, code) for name, code in ordered if code.rank == rank]
-    rawest: dict[str, ChannelCode] = {}
-    for _, code in there:
-        rawest.setdefault(code.sensor, code)
+    rawest = {code.sensor: code for _, code in reversed(there)}
     chosen = tuple(name for name, code in there if rawest[code.sensor] == code)
     if rank:
-        sides = [next((name for name, code in there if code.text[6:8] == side), None) for side in ("LE", "RI")]
-        chosen = tuple(side for side in sides if side is not None) or chosen[:1]
+        sides = [next((name for name, code in there if code.text[6:8] == side), "") for side in ("LE", "RI")]
+        chosen = tuple(filter(None, sides)) or chosen[:1]
     return chosen, f"X acceleration {_PLACES[rank][1]}: {', '.join(chosen)}."
 
 
@@ -235,8 +231,7 @@ class Doubt(IntEnum):
     """What speaks against a channel."""
 
     NONE = 0
-    SOME = 1
-    """Its quality is questionable, or it is computed from others; better than none."""
+    SOME = 1  # its quality is questionable, or it is computed from others; better than none
     FAILED = 2
 
 

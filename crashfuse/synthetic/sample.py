@@ -1,6 +1,7 @@
 """The sample campaign: 1009 runs of the CAE model over the paper's ranges, and 11 tests at the paper's conditions."""
 
 import json
+from itertools import starmap
 from pathlib import Path
 
 import numpy as np
@@ -20,20 +21,21 @@ from crashfuse.units import LB, MPH, MS, G
 NAME = "Sample (synthetic)"
 NOTICE = "Synthetic: every pulse comes from a lumped-parameter simulation; no real vehicle was modelled or crashed."
 
+_I_FWD, _I_AWD, _II_AWD = ("Type I", "FWD"), ("Type I", "AWD"), ("Type II", "AWD")  # powertrain and drive
+
 TABLE_1 = (
-    (8.1, 1994.67, 1400.00, "Type I", "AWD"),
-    (12.1, 2163.74, 1592.95, "Type II", "AWD"),
-    (16.7, 2120.14, 1600.23, "Type I", "FWD"),
-    (22.0, 2237.39, 1765.26, "Type II", "AWD"),
-    (24.9, 2100.43, 1554.56, "Type I", "FWD"),
-    (25.2, 2155.42, 1707.12, "Type II", "AWD"),
-    (25.2, 2058.97, 1507.84, "Type I", "FWD"),
-    (35.2, 2179.31, 1745.51, "Type II", "AWD"),
-    (35.1, 2107.68, 1556.64, "Type I", "FWD"),
-    (35.2, 2166.85, 1737.20, "Type II", "AWD"),
-    (35.2, 2168.93, 1694.65, "Type II", "AWD"),
-)
-"""Speed (mph), front and rear weight (lb), powertrain and drive of Zeng et al. 2023, Table 1, tests 1 to 11."""
+    (8.1, 1994.67, 1400.00, *_I_AWD),
+    (12.1, 2163.74, 1592.95, *_II_AWD),
+    (16.7, 2120.14, 1600.23, *_I_FWD),
+    (22.0, 2237.39, 1765.26, *_II_AWD),
+    (24.9, 2100.43, 1554.56, *_I_FWD),
+    (25.2, 2155.42, 1707.12, *_II_AWD),
+    (25.2, 2058.97, 1507.84, *_I_FWD),
+    (35.2, 2179.31, 1745.51, *_II_AWD),
+    (35.1, 2107.68, 1556.64, *_I_FWD),
+    (35.2, 2166.85, 1737.20, *_II_AWD),
+    (35.2, 2168.93, 1694.65, *_II_AWD),
+)  # speed (mph), front and rear weight (lb), powertrain and drive of Zeng et al. 2023, Table 1, tests 1 to 11
 
 _N_RUNS = 1009
 _LOW, _HIGH = (0.0, 1922.0, 1349.0), (35.2, 2185.0, 1770.0)  # mph, lb, lb: Zeng et al. 2023, Sec. 4
@@ -45,41 +47,26 @@ _README = f"""# {NAME}
 
 To try crashfuse on; it says nothing about any car. `crashfuse sample DIR` writes it anew.
 
-- `tests.csv`, `tests/`: 11 "tests" at the conditions of Table 1 in Zeng et al. 2023, simulated with strain-rate
-  hardening, two powertrains, two drives, scatter from test to test and sensor noise.
-- `cae.csv`, `cae_pulses.parquet`: {_N_RUNS} runs of a deliberately wrong model of the same vehicle (Latin hypercube
-  over 0–35.2 mph, 1922–2185 lb front and 1349–1770 lb rear weight) and one at the condition of each test.
-- `criteria.toml`, `matrix.csv`: acceptance criteria and conditions to try `crashfuse certify` on, with limits near the
-  middle of what these tests show; they are no requirement of anyone.
+- `tests.csv`, `tests/`: 11 "tests" at the conditions of Table 1 in Zeng et al. 2023, with two powertrains and drives,
+  scatter and sensor noise.
+- `cae.csv`, `cae_pulses.parquet`: {_N_RUNS} runs of a deliberately wrong model (Latin hypercube over 0–35.2 mph,
+  1922–2185 lb front and 1349–1770 lb rear weight) and one at the condition of each test.
+- `criteria.toml`, `matrix.csv`: to try `crashfuse certify` on, with limits near the middle of what these tests show.
 
-Both models are three masses joined by crushable elements, in front of a rigid barrier. All pulses are the body's, CFC
-60, 12.5 kHz, 0–100 ms from first contact, braking negative. The CAE runs rate against the tests about as in Table 5 of
-that paper: 0.62, 0.64 and 0.63 over the first 20, 40 and 60 ms.
+Pulses are CFC 60, 12.5 kHz, 0–100 ms from first contact, braking negative. The CAE runs rate against the tests about as
+in Table 5 of that paper: 0.62, 0.64 and 0.63 over the first 20, 40 and 60 ms.
 """
 
+_LIMITS = (
+    ("crush", "max_crush", "mm", 460.0),
+    ("peak", "peak", "g", 30.0),
+    ("velocity change", "delta_v", "km/h", 48.0),
+    ("OLC", "olc", "g", 26.0),
+)  # of the criteria: name, metric, its unit, and the largest value
+_LIMIT = '\n[[criterion]]\nname = "{}"\nmetric = "{}"  # {}\nat_most = {}\n'
 _CRITERIA = """# To try crashfuse on: limits near the middle of what the tests show, and no requirement of anyone.
 confidence = 0.95
-
-[[criterion]]
-name = "crush"
-metric = "max_crush"  # mm
-at_most = 460.0
-
-[[criterion]]
-name = "peak"
-metric = "peak"  # g
-at_most = 30.0
-
-[[criterion]]
-name = "velocity change"
-metric = "delta_v"  # km/h
-at_most = 48.0
-
-[[criterion]]
-name = "OLC"
-metric = "olc"  # g
-at_most = 26.0
-
+{}
 [[criterion]]
 name = "rating"  # of the prediction against a test, ISO/TS 18571
 metric = "rating"
@@ -88,20 +75,19 @@ at_least = 0.80
 """
 
 _MATRIX = (
-    (10.0, 2050.0, 1500.0, "Type I", "AWD"),
-    (14.0, 2150.0, 1600.0, "Type II", "AWD"),
-    (16.7, 2120.0, 1600.0, "Type I", "FWD"),
-    (19.0, 2100.0, 1600.0, "Type I", "FWD"),
-    (22.0, 2180.0, 1750.0, "Type II", "AWD"),
-    (23.5, 2100.0, 1550.0, "Type I", "FWD"),
-    (26.3, 2160.0, 1700.0, "Type II", "AWD"),
-    (27.5, 2100.0, 1550.0, "Type I", "FWD"),
-    (29.5, 2160.0, 1700.0, "Type II", "AWD"),
-    (32.5, 2100.0, 1550.0, "Type I", "FWD"),
-    (34.0, 2170.0, 1720.0, "Type II", "AWD"),
-    (40.0, 2170.0, 1720.0, "Type II", "AWD"),
-)
-"""Conditions to judge, as in Table 1: that of a test, between tests, and one beyond all tests and runs."""
+    (10.0, 2050.0, 1500.0, *_I_AWD),
+    (14.0, 2150.0, 1600.0, *_II_AWD),
+    (16.7, 2120.0, 1600.0, *_I_FWD),
+    (19.0, 2100.0, 1600.0, *_I_FWD),
+    (22.0, 2180.0, 1750.0, *_II_AWD),
+    (23.5, 2100.0, 1550.0, *_I_FWD),
+    (26.3, 2160.0, 1700.0, *_II_AWD),
+    (27.5, 2100.0, 1550.0, *_I_FWD),
+    (29.5, 2160.0, 1700.0, *_II_AWD),
+    (32.5, 2100.0, 1550.0, *_I_FWD),
+    (34.0, 2170.0, 1720.0, *_II_AWD),
+    (40.0, 2170.0, 1720.0, *_II_AWD),
+)  # conditions to judge, as in Table 1: that of a test, between tests, and one beyond all tests and runs
 
 
 def sample_campaign(seed: int = 0) -> Campaign:
@@ -139,9 +125,8 @@ def write_sample(folder: Path) -> None:
 
 
 def _write(campaign: Campaign, folder: Path) -> None:
-    settings = (
-        f'name = {json.dumps(campaign.name)}\nnotice = {json.dumps(campaign.notice)}\nchannel_filter_class = "none"\n'
-    )
+    texts = (f"{name} = {json.dumps(getattr(campaign, name))}\n" for name in ("name", "notice"))
+    settings = "".join([*texts, 'channel_filter_class = "none"\n'])
     _write_text(folder / "campaign.toml", settings)
     _write_text(folder / "README.md", _README)
     header = "id,speed_mph,front_weight_lb,rear_weight_lb"
@@ -149,7 +134,7 @@ def _write(campaign: Campaign, folder: Path) -> None:
     for name, listed in (("tests", [(test.id, test.condition) for test in campaign.tests]), ("matrix", asked)):
         rows = [",".join([own, _in_mph_and_lb(c), *(value for _, value in c.factors)]) for own, c in listed]
         _write_text(folder / f"{name}.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
-    _write_text(folder / "criteria.toml", _CRITERIA)
+    _write_text(folder / "criteria.toml", _CRITERIA.format("".join(starmap(_LIMIT.format, _LIMITS))))
     runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
     _write_text(folder / "cae.csv", "\n".join([header, *(f"{run},{_in_mph_and_lb(c)}" for run, c in runs), ""]))
     for test in campaign.tests:

@@ -2,18 +2,20 @@
 
 import json
 import os
+import re
 import shlex
 import shutil
-import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from crashfuse import cli
-from crashfuse.campaign_folder import history
+from crashfuse.campaign_folder import editing, history
 from crashfuse.campaign_folder.editing import (
     Addition,
     add_to_campaign,
@@ -48,10 +50,10 @@ def addition(run_id: str = "New", speed_mph: float = 30.0) -> Addition:
 
 @pytest.mark.parametrize("role", ["tests", "cae"])
 @pytest.mark.parametrize("form", ["files", "parquet", "csv"])
-def test_a_pulse_is_added_where_the_others_are(campaign_folder: Path, role: str, form: str) -> None:
-    """In any form of a role, in the table's own units; the rest of the campaign stays as it was."""
+def test_a_pulse_is_added_where_the_others_are_and_taken_back(campaign_folder: Path, role: str, form: str) -> None:
+    """In any form of a role, in the table's own units; the rest stays as it was, and undone, all is, to the byte."""
     _reshape(campaign_folder, role, form)
-    before = load_campaign(campaign_folder)
+    before, content = load_campaign(campaign_folder), content_of(campaign_folder)
     new, rows = addition("10146"), (campaign_folder / f"{role}.csv").read_bytes()
     add_to_campaign(campaign_folder, {role: [new]})  # type: ignore[dict-item]
     after = load_campaign(campaign_folder)
@@ -68,6 +70,16 @@ def test_a_pulse_is_added_where_the_others_are(campaign_folder: Path, role: str,
     assert (campaign_folder / f"{role}.csv").read_bytes().startswith(rows)
     np.testing.assert_allclose(accel, new.pulse.accel_mps2, atol=1e-4)
     assert not after.warnings
+    add_to_campaign(campaign_folder, {role: [addition("A", 35.0), addition("B", 22.0)]})  # type: ignore[dict-item]
+    what = "test" if role == "tests" else "CAE run"
+    assert [one.what for one in changes(campaign_folder)] == [f"Added: 2 {what}s (A, B)", f"Added: 1 {what} (10146)"]
+    undo(campaign_folder)
+    assert len(load_campaign(campaign_folder).tests) == len(after.tests)
+    undo(campaign_folder)
+    assert content_of(campaign_folder) == content
+    assert not (campaign_folder / ".undo").exists()  # the journal goes with the last change
+    with pytest.raises(DataError, match="expected a change that can be undone, found none"):
+        undo(campaign_folder)
 
 
 def test_a_campaign_is_begun(tmp_path: Path) -> None:
@@ -178,21 +190,7 @@ def _reshape(folder: Path, role: str, form: str) -> None:
             pd.concat(tables).to_csv(folder / f"{role}_pulses.csv", index=False)
 
 
-@pytest.mark.parametrize(
-    ("content", "found"),
-    [(b"name = \xe9", "expected text in UTF-8"), (b"name = [", "toml as it would"), (b"notice = 7", "column notice")],
-)
-def test_settings_that_cannot_be_read_back_stop_an_addition(campaign_folder: Path, content: bytes, found: str) -> None:
-    """It is judged by what reads it when the campaign is opened; nothing has changed."""
-    (campaign_folder / "campaign.toml").write_bytes(content)
-    before = content_of(campaign_folder)
-    with pytest.raises(DataError, match=found):
-        add_to_campaign(campaign_folder, {"tests": [addition()]})
-    assert content_of(campaign_folder) == before
-
-
 SETTINGS = '# ours\nname = "Our car"  # the red one\n\n[occupant]\nvpi_slack_mm = 20.0\n'
-SPEEDS = {"A": 30.0, "B": 35.0, "C": 22.0}  # at which no pulse is another's
 
 
 @pytest.fixture
@@ -237,17 +235,6 @@ def test_why_a_test_is_left_out_stays_with_it(folder: Path) -> None:
     assert (folder / "campaign.toml").read_text() == f'unused = ["T3"]\n{SETTINGS}'
 
 
-def test_saying_why_leaves_no_test_out(folder: Path) -> None:
-    """A test that is in use by then stays in use; one that is left out is not left out once more."""
-    before = content_of(folder)
-    with pytest.raises(UsageError, match="There is no test 'T3' that is left out of use; there is none"):
-        say_why(folder, "T3", "its sensor came loose")
-    assert content_of(folder) == before
-    leave_out(folder, ["T3"])
-    with pytest.raises(UsageError, match="There is no test 'T3' that is in use"):
-        leave_out(folder, ["T3"], "its sensor came loose")
-
-
 def test_a_reason_is_cut_to_what_the_page_takes(folder: Path) -> None:
     """With the sign that it was cut; one that just fits stays whole, and both read back as they were written."""
     for why, kept in (("x" * LONGEST_REASON, "x" * LONGEST_REASON), ("y" * 300, "y" * (LONGEST_REASON - 1) + "…")):
@@ -281,13 +268,16 @@ def test_what_looks_like_the_list_in_another_setting_stays(folder: Path, line: s
     assert (folder / "campaign.toml").read_text() == f"{notice}{SETTINGS}"
 
 
-def test_a_text_full_of_what_looks_like_the_list_takes_no_time(folder: Path) -> None:
-    """Each of 20,000 would be searched to the end of the text: minutes, while nobody else can edit."""
-    text = 'made_with = """\n' + "unused = [\n" * 20_000 + f'"""\n{SETTINGS}'
+def test_a_text_full_of_what_looks_like_the_list_is_not_searched_to_its_end(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of 20,000 would be: minutes, while nobody else can edit."""
+    text, tried = 'made_with = """\n' + "unused = [\n" * 20_000 + f'"""\n{SETTINGS}', list[str]()
     (folder / "campaign.toml").write_text(text)
-    start = time.process_time()
+    read = editing._values
+    monkeypatch.setattr(editing, "_values", lambda text: tried.append(text) or read(text))
     leave_out(folder, ["T2"])
-    assert time.process_time() - start < 3
+    assert len(tried) < 100
     assert (folder / "campaign.toml").read_text() == f'unused = ["T2"]\n{text}'
 
 
@@ -342,25 +332,6 @@ def test_a_test_is_taken_out_and_back(folder: Path, form: str) -> None:
     assert not list((folder / "tests").glob("T[24].csv"))
     assert undo(folder).what == "Taken out: T2, T4"
     assert content_of(folder) == before
-
-
-@pytest.mark.parametrize("role", ["tests", "cae"])
-@pytest.mark.parametrize("form", ["files", "parquet", "csv"])
-def test_an_import_is_undone_byte_for_byte(folder: Path, role: str, form: str) -> None:
-    """In any form of the pulses; the journal goes with the last change."""
-    _reshape(folder, role, form)
-    before = content_of(folder)
-    for ids in (["A", "B"], ["C"]):
-        add_to_campaign(folder, {role: [addition(run_id, SPEEDS[run_id]) for run_id in ids]})  # type: ignore[dict-item]
-    what = "test" if role == "tests" else "CAE run"
-    assert [change.what for change in changes(folder)] == [f"Added: 1 {what} (C)", f"Added: 2 {what}s (A, B)"]
-    undo(folder)
-    assert len(load_campaign(folder).tests) == (6 if role == "tests" else 4)
-    undo(folder)
-    assert content_of(folder) == before
-    assert not (folder / ".undo").exists()
-    with pytest.raises(DataError, match="expected a change that can be undone, found none"):
-        undo(folder)
 
 
 @pytest.mark.parametrize(
@@ -421,18 +392,20 @@ def test_a_journal_from_elsewhere_touches_nothing_outside(folder: Path, name: ob
 @pytest.mark.parametrize(
     ("edit", "ids", "sentence"),
     [
-        (leave_out, ["T9"], "There is no test 'T9' that is in use; there is T1, T2, T3, T4."),
-        (leave_out, ["T1", "T2", "T3", "T4"], "At least one test has to stay in use."),
-        (use_again, ["T1"], "There is no test 'T1' that is left out of use; there is none."),
-        (remove_tests, ["T1", "T2", "T3", "T4"], "At least one test has to stay in use."),
+        (leave_out, ["T9"], "There is no test 'T9' that is in use; there is T1, T2, T4."),
+        (leave_out, ["T3"], "There is no test 'T3' that is in use; there is T1, T2, T4."),
+        (leave_out, ["T1", "T2", "T4"], "At least one test has to stay in use."),
+        (use_again, ["T1"], "There is no test 'T1' that is left out of use; there is T3."),
+        (remove_tests, ["T1", "T2", "T4"], "At least one test has to stay in use."),
+        (lambda folder, ids: say_why(folder, *ids, "loose"), ["T1"], "There is no test 'T1' that is left out of use; "),
     ],
 )
-def test_what_cannot_be_edited_is_said(folder: Path, edit: object, ids: list[str], sentence: str) -> None:
-    """And the folder stays as it was."""
+def test_what_cannot_be_edited_is_said(folder: Path, edit: Callable[..., str], ids: list[str], sentence: str) -> None:
+    """And the folder stays as it was: no test is left out by saying why."""
+    leave_out(folder, ["T3"])
     before = content_of(folder)
-    with pytest.raises(UsageError) as raised:
-        edit(folder, ids)  # type: ignore[operator]
-    assert str(raised.value) == sentence
+    with pytest.raises(UsageError, match=re.escape(sentence)):
+        edit(folder, ids)
     assert content_of(folder) == before
 
 
@@ -508,16 +481,22 @@ def test_hard_links_are_not_needed(folder: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(
-    ("condition", "message"),
+    ("settings", "changed", "message"),
     [
-        (replace(CONDITION, factors=(("drive", "a\x1bb"),)), "drive, row 6: expected text of at most"),
-        (replace(CONDITION, speed_mps=0.01), "speed_mph, row 6: expected a number of at least"),
-        (replace(CONDITION, rear_weight_kg=1e6), "rear_weight_lb, row 6: expected a number up to"),
+        (b"", {"factors": (("drive", "a\x1bb"),)}, "drive, row 6: expected text of at most"),
+        (b"", {"speed_mps": 0.01}, "speed_mph, row 6: expected a number of at least"),
+        (b"", {"rear_weight_kg": 1e6}, "rear_weight_lb, row 6: expected a number up to"),
+        (b"name = \xe9", {}, "expected text in UTF-8"),
+        (b"name = [", {}, "toml as it would"),
+        (b"notice = 7", {}, "column notice"),
     ],
 )
-def test_what_could_not_be_read_back_is_not_written(campaign_folder: Path, condition: Condition, message: str) -> None:
-    """A campaign that can be opened stays one."""
+def test_what_could_not_be_read_back_is_not_written(
+    campaign_folder: Path, settings: bytes, changed: dict[str, Any], message: str
+) -> None:
+    """A campaign that can be opened stays one; it is judged by what reads it then."""
+    (campaign_folder / "campaign.toml").write_bytes(settings)
     before = content_of(campaign_folder)
     with pytest.raises(DataError, match=message):
-        add_to_campaign(campaign_folder, {"tests": [replace(addition(), condition=condition)]})
+        add_to_campaign(campaign_folder, {"tests": [replace(addition(), condition=replace(CONDITION, **changed))]})
     assert content_of(campaign_folder) == before

@@ -44,12 +44,7 @@ hostile = settings(
 )
 
 FILES = (
-    "tests.csv",
-    "cae.csv",
-    "tests/T1.csv",
-    "tests/T4.csv",
-    "cae_pulses.parquet",
-    "cae_pulses.csv",
+    *("tests.csv", "cae.csv", "tests/T1.csv", "tests/T4.csv", "cae_pulses.parquet", "cae_pulses.csv"),
     "campaign.toml",
 )
 TABLES = tuple(name for name in FILES if name.endswith(".csv"))
@@ -254,67 +249,27 @@ def one(what: str, *arguments: st.SearchStrategy[Any]) -> st.SearchStrategy[Corr
 
 
 NAMES = (
-    "T1.parquet",
-    "T9.csv",
-    "CON.csv",
-    "a;b.csv",
-    "\x1b.csv",
-    "x" * 200 + ".csv",
-    "=1.csv",
-    "T1.CSV",
-    ".hidden",
+    *("T1.parquet", "T9.csv", "CON.csv", "a;b.csv", "\x1b.csv", "x" * 200 + ".csv", "=1.csv", "T1.CSV", ".hidden"),
     "T5.csv",
 )
-nasty = st.one_of(st.sampled_from(CELLS), st.text(max_size=30), st.floats().map(repr))
+EXTRA = (*(f"tests/{name}" for name in NAMES), "tests_pulses.csv", "cae/C1.csv")
+BYTES = ("cut", "flip", "flip", "insert", "replace", "shift", "tail")
+JUNK = (b"PAR1" * 3, b"\xff" * 50, b"\0" * 9, b'"', b"PK\3\4")
+ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32", "latin-1", "ascii", "cp037")
+INSTEAD = ("folder", "loop", "dangling", "device", "pipe", "home", "gone")
+any_of, column, row = st.sampled_from, st.integers(0, 5), st.integers(0, 1300)
+nasty = st.one_of(any_of(CELLS), st.text(max_size=30), st.floats().map(repr))
 corruption = st.one_of(
-    one(
-        "cell",
-        st.sampled_from(TABLES),
-        st.integers(0, 1300),
-        st.integers(0, 5),
-        nasty,
-        st.sampled_from((1, 1, 30, 2000)),
-    ),
-    one("cell", st.sampled_from(("tests.csv", "cae.csv")), st.integers(1, 4), st.integers(0, 5), nasty, st.just(1)),
-    one(
-        "cell",
-        st.sampled_from(TABLES),
-        st.just(0),
-        st.integers(0, 5),
-        st.one_of(st.sampled_from(HEADERS), nasty),
-        st.just(1),
-    ),
-    one("rows", st.sampled_from(TABLES), st.sampled_from(ROW_WAYS), st.integers(0, 1300)),
-    one(
-        "bytes",
-        st.sampled_from(FILES),
-        st.sampled_from(("cut", "flip", "flip", "insert", "replace", "shift", "tail")),
-        st.floats(0, 1),
-        st.one_of(st.binary(max_size=40), st.sampled_from((b"PAR1" * 3, b"\xff" * 50, b"\0" * 9, b'"', b"PK\3\4"))),
-    ),
-    one(
-        "encoded",
-        st.sampled_from(TABLES),
-        st.sampled_from(("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32", "latin-1", "ascii", "cp037")),
-        st.sampled_from(("\n", "\r\n", "\r", "\n\n", "\u2028")),
-    ),
-    one(
-        "instead",
-        st.sampled_from(FILES),
-        st.sampled_from(("folder", "loop", "dangling", "device", "pipe", "home", "gone")),
-    ),
-    one(
-        "extra",
-        st.sampled_from((*(f"tests/{name}" for name in NAMES), "tests_pulses.csv", "cae/C1.csv")),
-        st.binary(max_size=20),
-    ),
-    one("setting", st.just("campaign.toml"), st.one_of(st.sampled_from(TOML), st.text(max_size=60))),
-    one(
-        "typed",
-        st.just("cae_pulses.parquet"),
-        st.sampled_from(("id", "time_ms", "acceleration_g")),
-        st.sampled_from(TYPES),
-    ),
+    one("cell", any_of(TABLES), row, column, nasty, any_of((1, 1, 30, 2000))),
+    one("cell", any_of(("tests.csv", "cae.csv")), st.integers(1, 4), column, nasty, st.just(1)),
+    one("cell", any_of(TABLES), st.just(0), column, st.one_of(any_of(HEADERS), nasty), st.just(1)),
+    one("rows", any_of(TABLES), any_of(ROW_WAYS), row),
+    one("bytes", any_of(FILES), any_of(BYTES), st.floats(0, 1), st.one_of(st.binary(max_size=40), any_of(JUNK))),
+    one("encoded", any_of(TABLES), any_of(ENCODINGS), any_of(("\n", "\r\n", "\r", "\n\n", "\u2028"))),
+    one("instead", any_of(FILES), any_of(INSTEAD)),
+    one("extra", any_of(EXTRA), st.binary(max_size=20)),
+    one("setting", st.just("campaign.toml"), st.one_of(any_of(TOML), st.text(max_size=60))),
+    one("typed", st.just("cae_pulses.parquet"), any_of(("id", "time_ms", "acceleration_g")), any_of(TYPES)),
 )
 
 
@@ -396,11 +351,8 @@ def test_spoilt_pulses_and_candidates_are_read_or_refused_in_sentences(
     """As the campaign: what `rate` and `next-test` take."""
     with spoilt(sound[0], corruptions) as folder, warnings.catch_warnings():
         warnings.simplefilter("error")
-        for read, name in (
-            (read_pulse, "tests/T1.csv"),
-            (read_pulse, "cae_pulses.parquet"),
-            (read_candidates, "tests.csv"),
-        ):
+        names = {"tests/T1.csv": read_pulse, "cae_pulses.parquet": read_pulse, "tests.csv": read_candidates}
+        for name, read in names.items():
             try:
                 read(folder / name)
             except DataError as error:

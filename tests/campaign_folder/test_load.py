@@ -36,11 +36,6 @@ def test_a_folder_holds_what_was_written(campaign: Campaign, campaign_folder: Pa
     assert loaded.name == "campaign"
 
 
-def _cae_as_csv(folder: Path) -> None:
-    pd.read_parquet(folder / "cae_pulses.parquet").to_csv(folder / "cae_pulses.csv", index=False)
-    (folder / "cae_pulses.parquet").unlink()
-
-
 def _cae_as_files(folder: Path) -> None:
     (folder / "cae").mkdir()
     for i, (run_id, rows) in enumerate(pd.read_parquet(folder / "cae_pulses.parquet").groupby("id")):
@@ -58,44 +53,43 @@ def _tests_as_table(folder: Path) -> None:
     shutil.rmtree(folder / "tests")
 
 
-def _categorical_ids(folder: Path) -> None:
-    frame = pd.read_parquet(folder / "cae_pulses.parquet")
-    frame.assign(id=frame["id"].astype("category")).to_parquet(folder / "cae_pulses.parquet", row_group_size=777)
-
-
-def _ids_as_index(folder: Path) -> None:
-    pd.read_parquet(folder / "cae_pulses.parquet").set_index("id").to_parquet(folder / "cae_pulses.parquet")
-
-
-def _numbers_as_text(folder: Path) -> None:
-    frame = pd.read_parquet(folder / "cae_pulses.parquet")
-    frame.assign(time_ms=frame["time_ms"].map(repr)).to_parquet(folder / "cae_pulses.parquet", index=False)
-
-
 def _as_a_spreadsheet_leaves_it(folder: Path) -> None:
     for path in (folder / "tests.csv", folder / "tests" / "T1.csv"):
         lines = path.read_text().replace(",", ", ").split("\n")
         path.write_text("\ufeff" + "\r\n".join([*(f"{line}," if line else line for line in lines), ",,", ",,", ""]))
 
 
-def _small_batches(folder: Path) -> None:
-    frame = pd.read_parquet(folder / "cae_pulses.parquet")
-    frame.to_parquet(folder / "cae_pulses.parquet", row_group_size=1000)
+def _cae(write: Callable[[pd.DataFrame, Path], object]) -> Callable[[Path], None]:
+    """Write the table of CAE pulses otherwise."""
+
+    def rewrite(folder: Path) -> None:
+        path = folder / "cae_pulses.parquet"
+        table = pd.read_parquet(path)
+        path.unlink()
+        write(table, path)
+
+    return rewrite
 
 
-@pytest.mark.parametrize(
-    "rewrite",
-    [
-        *(_cae_as_csv, _cae_as_files, _tests_as_table, _categorical_ids, _ids_as_index, _numbers_as_text),
-        *(_as_a_spreadsheet_leaves_it, _small_batches),
-    ],
-)
+REWRITTEN = {
+    "CAE as CSV": _cae(lambda table, path: table.to_csv(path.with_suffix(".csv"), index=False)),
+    "CAE as files": _cae_as_files,
+    "tests as table": _tests_as_table,
+    "categories": _cae(lambda table, path: table.astype({"id": "category"}).to_parquet(path, row_group_size=777)),
+    "ids as index": _cae(lambda table, path: table.set_index("id").to_parquet(path)),
+    "numbers as text": _cae(lambda table, path: table.assign(time_ms=table["time_ms"].map(repr)).to_parquet(path)),
+    "as a spreadsheet leaves it": _as_a_spreadsheet_leaves_it,
+    "small batches": _cae(lambda table, path: table.to_parquet(path, row_group_size=1000)),
+}
+
+
+@pytest.mark.parametrize("form", REWRITTEN)
 def test_every_form_of_the_folder_gives_the_same_campaign(
-    campaign_folder: Path, rewrite: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
+    campaign_folder: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One file a pulse or one tidy table, CSV or Parquet, wherever a batch ends: the numbers are the same."""
     before = load_campaign(campaign_folder)
-    rewrite(campaign_folder)
+    REWRITTEN[form](campaign_folder)
     monkeypatch.setattr("crashfuse.files.parquet._BATCH_ROWS", 7000)
     monkeypatch.setattr("crashfuse.files.csv_text._BLOCK", 99_999)
     assert_same(load_campaign(campaign_folder), before)
@@ -198,7 +192,7 @@ def test_a_single_test_is_enough_to_predict_and_not_to_check(campaign_folder: Pa
 
 def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
     """A run named NA is a run."""
-    _cae_as_csv(campaign_folder)
+    REWRITTEN["CAE as CSV"](campaign_folder)
     for name in ("cae.csv", "cae_pulses.csv"):
         path = campaign_folder / name
         path.write_text(path.read_text().replace("C07,", "NA,"))
@@ -244,19 +238,13 @@ def test_what_is_wrong_with_pulses_is_said_beside_what_is_wrong_with_their_table
     ]
 
 
-def test_empty_cells_under_each_other_are_one_problem(campaign_folder: Path) -> None:
-    """21 of them and one elsewhere are two, with the first and the last row."""
+def test_bad_cells_of_a_column_are_shortened(campaign_folder: Path) -> None:
+    """21 empty ones and one elsewhere are two problems, with the first and the last row; a thousand are counted."""
     gap = [*range(20, 41), 100]
     edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(gap))))(campaign_folder)
-    assert [(problem.row, problem.found) for problem in problems_of(lambda: load_campaign(campaign_folder))] == [
-        (22, "rows 22–42, empty"),
-        (102, "an empty cell"),
-    ]
-
-
-def test_a_thousand_bad_cells_are_counted_not_listed(campaign_folder: Path) -> None:
-    """The list stays readable."""
-    edit("tests/T1.csv", lambda t: t.assign(acceleration_g="x"))(campaign_folder)
+    told = [(problem.row, problem.found) for problem in problems_of(lambda: load_campaign(campaign_folder))]
+    assert told == [(22, "rows 22–42, empty"), (102, "an empty cell")]
+    edit("tests/T2.csv", lambda t: t.assign(acceleration_g="x"))(campaign_folder)
     problems = problems_of(lambda: load_campaign(campaign_folder))
     assert len(problems) == 21
     assert "1230 more cells that are none" in str(problems[-1])

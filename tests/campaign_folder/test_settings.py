@@ -9,13 +9,9 @@ from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 
 
-def test_a_campaign_without_the_table_has_the_usual_occupant(campaign_folder: Path) -> None:
-    """65 and 235 mm, 30 mm and 2500 N/m."""
-    assert load_campaign(campaign_folder).occupant == USUAL_OCCUPANT == OccupantModel(65, 235, 30, 2500)
-
-
 def test_what_the_table_sets_is_read_and_written(campaign: Campaign, campaign_folder: Path, tmp_path: Path) -> None:
-    """The rest stays as usual; the fingerprint is that of the content."""
+    """The rest stays as usual, 65 and 235 mm, 30 mm and 2500 N/m; the fingerprint is that of the content."""
+    assert load_campaign(campaign_folder).occupant == USUAL_OCCUPANT == OccupantModel(65, 235, 30, 2500)
     (campaign_folder / "campaign.toml").write_text("[occupant]\nolc_restraint_mm = 200\nvpi_stiffness_npm = 3000\n")
     found = load_campaign(campaign_folder)
     assert found.occupant == OccupantModel(olc_restraint_mm=200.0, vpi_stiffness_npm=3000.0)

@@ -164,27 +164,22 @@ def spoilt(campaign_folder: Path) -> Path:
     return campaign_folder
 
 
-def the_folder(folder: Path, _: Path) -> None:
-    """Open it."""
-    load_campaign(folder)
+def loose(folder: Path) -> list[tuple[str, bytes]]:
+    """All files of a folder."""
+    return [(path.name, path.read_bytes()) for path in folder.rglob("*") if path.is_file()]
 
 
-def a_zip(folder: Path, into: Path) -> None:
-    """Upload it zipped."""
-    load_campaign(lay_out([("car.zip", archive.zipped(content_of(folder)))], into))
+OPENED: dict[str, Callable[[Path, Path], Campaign]] = {
+    "the folder": lambda folder, _: load_campaign(folder),
+    "a zip": lambda folder, into: load_campaign(lay_out([("car.zip", archive.zipped(content_of(folder)))], into)),
+    "loose files": lambda folder, into: load_campaign(lay_out(loose(folder), into)),
+}
 
 
-def loose_files(folder: Path, into: Path) -> None:
-    """Upload its files together."""
-    load_campaign(lay_out([(path.name, path.read_bytes()) for path in folder.rglob("*") if path.is_file()], into))
-
-
-@pytest.mark.parametrize("opened", [the_folder, a_zip, loose_files], ids=lambda way: way.__name__)
-def test_a_campaign_with_every_file_spoilt_tells_it_all_at_once(
-    spoilt: Path, tmp_path: Path, opened: Callable[[Path, Path], None]
-) -> None:
+@pytest.mark.parametrize("way", OPENED)
+def test_a_campaign_with_every_file_spoilt_tells_it_all_at_once(spoilt: Path, tmp_path: Path, way: str) -> None:
     """Nobody has to upload eight times to hear of eight faults; and nothing else is told."""
-    sentences = [str(problem) for problem in problems_of(lambda: opened(spoilt, tmp_path))]
+    sentences = [str(problem) for problem in problems_of(lambda: OPENED[way](spoilt, tmp_path))]
     for fault, sentence in TOLD.items():
         assert sum(sentence in told for told in sentences) == 1, fault
     assert len(sentences) == len(TOLD)
@@ -192,10 +187,9 @@ def test_a_campaign_with_every_file_spoilt_tells_it_all_at_once(
 
 def test_a_file_that_does_not_belong_hides_nothing(spoilt: Path, tmp_path: Path) -> None:
     """What an upload should not hold, and a pulse that is nobody's, are told beside what is wrong with the rest."""
-    files = [(path.name, path.read_bytes()) for path in spoilt.rglob("*") if path.is_file()]
     strays = [("notes.docx", b"x"), ("T9.csv", b"time_ms,acceleration_g\n0,0\n")]
     with pytest.raises(DataError) as raised:
-        lay_out([*files, *strays], tmp_path)
+        lay_out([*loose(spoilt), *strays], tmp_path)
     told = str(raised.value)
     assert all(sentence in told for sentence in TOLD.values())
     assert "notes.docx: expected a file of a campaign" in told

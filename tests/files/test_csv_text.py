@@ -82,15 +82,8 @@ def test_short_lines_of_a_wide_table_do_not_fill_the_memory(tmp_path: Path) -> N
 
 
 FORMULAS = (
-    '=HYPERLINK("http://example.org")',
-    "+cmd|' /C calc'!A0",
-    "-1+cmd|' /C calc'!A0",
-    "@SUM(1+1)*cmd|' /C calc'!A0",
-    "\t=1+1",
-    "\r=1+1",
-    "\n=1+1",
-    "  =1+1",
-    "=1+1",
+    *('=HYPERLINK("http://example.org")', "+cmd|' /C calc'!A0", "-1+cmd|' /C calc'!A0", "@SUM(1+1)*cmd|' /C calc'!A0"),
+    *("\t=1+1", "\r=1+1", "\n=1+1", "  =1+1", "=1+1"),
 )
 cells = st.text(alphabet="=+-@\t\r\n;' \"1.e,aé＝", max_size=12)
 

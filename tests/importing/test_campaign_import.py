@@ -17,7 +17,7 @@ from crashfuse.readers.record import PartialCondition
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS
-from tests.conftest import SHARED, needs_shared, problems_of
+from tests.conftest import SHARED, content_of, needs_shared, problems_of
 from tests.importing.crash_files import german, imported, isomme, library
 from tests.importing.crashes import GIVEN, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g, scatter_g
 from tests.readers.lsdyna_files import Run
@@ -72,11 +72,14 @@ def test_all_of_a_source_or_nothing(tmp_path: Path) -> None:
 
 
 def test_conditions_are_joined_by_id(tmp_path: Path) -> None:
-    """From a table beside the pulses or elsewhere; conditions that fit none of the pulses are a mistake."""
+    """The user's, else the file's, in a table beside the pulses or elsewhere; one that fits none is a mistake."""
     table = "ID;speed [km/h];front [kg];rear [kg];drive\nt7;56;950;750;AWD\nT8;50;950;750;FWD\n"
     written(tmp_path, {"in/T7.csv": german(clock(), half_sine_g(clock())), "conditions.csv": table.encode()})
     (one,) = import_source(tmp_path / "in", tmp_path / "out", conditions=tmp_path / "conditions.csv")
     assert one.condition.factors == (("drive", "AWD"),)
+    (one,) = import_source(tmp_path / "in", tmp_path / "car", record_id="T8", conditions=tmp_path / "conditions.csv")
+    assert one.id == "T8"
+    assert one.condition.speed_mps == pytest.approx(50 * KPH)
     written(tmp_path, {"conditions.csv": table.replace("t7", "t6").encode()})
     with pytest.raises(DataError, match="conditions for T7, found those of t6, T8"):
         import_source(tmp_path / "in", tmp_path / "out2", conditions=tmp_path / "conditions.csv")
@@ -111,15 +114,6 @@ def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
     rows = (campaign / "tests.csv").read_text(encoding="utf-8").splitlines()[1:]
     assert sorted(row.partition(",")[0].strip('"') for row in rows) == ids
     assert sorted(str(each["id"]) for each in imported(campaign)) == ids
-
-
-def test_an_id_is_the_one_in_the_table_of_conditions(tmp_path: Path) -> None:
-    """The record is called what the user says before its conditions are looked up."""
-    written(tmp_path, {"record 17.csv": german(clock(), half_sine_g(clock()))})
-    written(tmp_path, {"conditions.csv": b"id,speed_kph,front_weight_kg,rear_weight_kg\nV7,56,950,700\n"})
-    conditions = tmp_path / "conditions.csv"
-    (test,) = import_source(tmp_path / "record 17.csv", tmp_path / "car", record_id="V7", conditions=conditions)
-    assert (test.id, test.condition.front_weight_kg) == ("V7", 950)
 
 
 @needs_shared
@@ -167,6 +161,8 @@ def test_what_many_records_lack_is_asked_for_once_with_the_table_that_gives_each
     )
     table.write_text(f"id;v [km/h];VA [kg];HA [kg]\nA-1;{SPEED_MPS / KPH};950;750\n")
     assert asked(table) == ["conditions: expected conditions for A, B, found those of A-1; make the ids the same."]
+    table.write_text(f"id;v [km/h];VA [kg];HA [kg]\nA;{SPEED_MPS / KPH};950;750\nV_B;56;950;750\n")
+    assert "speed of B, found conditions without a record, of V_B" in asked(table)[0]
     with pytest.raises(DataError, match="give the speed"):
         import_source(tmp_path / "in" / "A.csv", tmp_path / "out")
 
@@ -221,15 +217,6 @@ def test_the_unit_that_a_slow_run_leaves_open_is_that_of_the_others(tmp_path: Pa
     written(tmp_path / "alone", {"conditions.csv": "\n".join(table.split("\n")[:2]).encode()})
     with pytest.raises(DataError, match="a unit that neither file nor speed tells"):
         import_source(tmp_path / "alone", tmp_path / "other", role="cae")
-
-
-def test_ids_that_only_a_table_of_conditions_has_are_named(tmp_path: Path) -> None:
-    """Versuch_T2 has no conditions because the table calls it T2: the message shows both."""
-    files = {f"{name}.csv": german(clock(), half_sine_g(clock())) for name in ("T1", "Versuch_T2")}
-    table = "id,speed [km/h],front [kg],rear [kg]\nT1,56,900,700\nT2,56,900,700"
-    written(tmp_path / "tests", files | {"conditions.csv": table.encode()})
-    with pytest.raises(DataError, match=r"speed of Versuch_T2, found conditions without a record, of T2"):
-        import_source(tmp_path / "tests", tmp_path / "campaign")
 
 
 @pytest.mark.parametrize(
@@ -315,15 +302,10 @@ def test_files_that_are_cae_runs_go_where_they_belong_in_one_change(mixed: Path,
     assert np.loadtxt(out / "cae" / "CAE_1.csv", delimiter=",", skiprows=1).shape[1] == 2
     undo(out)
     assert not list(out.glob("*.csv"))
-    with pytest.raises(UsageError, match=r"no file CAE_3\.csv with records; there are CAE_1\.csv, CAE_2\.csv, T1\.csv"):
-        import_source(mixed, out, cae=("CAE_3.csv",))
-
-
-def test_nothing_is_added_if_either_kind_cannot_be(mixed: Path, tmp_path: Path) -> None:
-    """A CAE run whose id is taken by another pulse leaves the tests out, too."""
-    out = tmp_path / "out"
     import_source(mixed / "T1.csv", out, role="cae", record_id="CAE_1", conditions=mixed / "conditions.csv")
-    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    before = content_of(out)
     with pytest.raises(DataError, match="expected an id that is not there yet, found 'CAE_1'"):
         import_source(mixed, out, cae=("CAE_1.csv", "CAE_2.csv"))
-    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert content_of(out) == before  # its id is taken by another pulse: the tests are left out, too
+    with pytest.raises(UsageError, match=r"no file CAE_3\.csv with records; there are CAE_1\.csv, CAE_2\.csv, T1\.csv"):
+        import_source(mixed, out, cae=("CAE_3.csv",))

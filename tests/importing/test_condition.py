@@ -44,17 +44,18 @@ def test_two_weights_of_the_user_tell_both_axles_whatever_the_file_says(
 
 
 @pytest.mark.parametrize(
-    ("given", "share"),
+    ("given", "share", "found"),
     [
-        (PartialCondition(mass_kg=800, front_weight_kg=950), None),
-        (PartialCondition(mass_kg=800, rear_weight_kg=950), None),
-        (PartialCondition(None, 1650, 950, 800), None),
-        (PartialCondition(None, None, 950, 700), 0.3),
+        (PartialCondition(mass_kg=800, front_weight_kg=950), None, "do not add up"),
+        (PartialCondition(mass_kg=800, rear_weight_kg=950), None, "do not add up"),
+        (PartialCondition(None, 1650, 950, 800), None, "do not add up"),
+        (PartialCondition(None, None, 950, 700), 0.3, "do not add up"),
+        *((PartialCondition(), share, f"{share:.4g} ({100 * share:.4g} %)") for share in (0.0, 0.0057, 0.9, 57.0)),
     ],
 )
-def test_weights_of_a_user_that_contradict_each_other_are_refused(given: PartialCondition, share: float | None) -> None:
-    """None of them is dropped in silence."""
-    with pytest.raises(UsageError, match="do not add up"):
+def test_weights_that_a_user_cannot_mean_are_refused(given: PartialCondition, share: float | None, found: str) -> None:
+    """None that contradicts others is dropped in silence; a share of no vehicle is named in both forms."""
+    with pytest.raises(UsageError, match=re.escape(found)):
         weights(record(channel()), given, share)
 
 
@@ -123,13 +124,6 @@ def test_one_weight_that_was_given_is_named_where_another_is_asked_for(
     """Any two of mass, front weight, rear weight and share do; one alone is not passed over."""
     problems = problems_of(lambda: weights(record(channel(), condition=PartialCondition(SPEED_MPS)), given, share))
     assert [problem.found for problem in problems] == [found]
-
-
-@pytest.mark.parametrize("share", [0.0, 0.0057, 0.9, 57.0])
-def test_a_front_share_that_no_vehicle_has_is_refused_even_without_a_mass(share: float) -> None:
-    """A per cent of a per cent, or 57 for 57 %: what was given is named in both forms."""
-    with pytest.raises(UsageError, match=re.escape(f"{share:.4g} ({100 * share:.4g} %)")):
-        weights(record(channel(), condition=PartialCondition(SPEED_MPS)), PartialCondition(), share)
 
 
 def test_weights_are_said_in_the_units_of_the_reader() -> None:

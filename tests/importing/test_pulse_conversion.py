@@ -196,15 +196,11 @@ def test_channels_without_a_majority_are_refused_until_the_user_chooses(scales: 
 
 
 def test_a_pulse_that_will_be_refused_asks_for_no_weights_first() -> None:
-    """What is wrong with the pulse is said along with what is missing, not in a second round."""
+    """What is wrong is said along with what is missing; of a unit that the speed may tell, the speed alone is asked."""
     unweighed = record(channel(scale=0.3), condition=PartialCondition(SPEED_MPS))
     weights, change = problems_of(lambda: settle(unweighed))
     assert weights.expected == "the weights on both axles of T1"
     assert change.expected.startswith("a change of velocity near the impact speed")
-
-
-def test_a_unit_that_the_speed_may_tell_is_asked_for_along_with_the_speed_alone() -> None:
-    """Without both, the speed is what is missing; with a speed that tells none, the unit is."""
     unknown = record(channel(unit=None), condition=PartialCondition(None, None, 950.0, 750.0))
     assert not [problem for problem in problems_of(lambda: settle(unknown)) if isinstance(problem, UnknownUnit)]
     untold = record(channel(scale=0.02, unit=None), condition=PartialCondition(SPEED_MPS))
@@ -240,27 +236,10 @@ def test_a_vehicle_that_does_not_stop_is_pointed_out() -> None:
     assert settle(record(channel(scale=0.9)), role="cae").steps[-1] == settled.steps[-1]
 
 
-def test_nodes_at_rest_need_not_agree() -> None:
-    """At no speed there is no change of velocity to compare, only noise."""
-    dice = np.random.default_rng(0)
-    noisy = [
-        RecordedChannel(str(number), "node", clock(), 1e-3 * dice.standard_normal(clock().size), "g")
-        for number in range(2)
-    ]
-    still = record(*noisy, condition=replace(CONDITION, speed_mps=0.0))
-    assert settle(still, role="cae").channels == ("0", "1")
-
-
-def test_samples_that_are_missing_are_told() -> None:
-    """Empty cells of a table are no uneven sampling: how many there are, and where, is said with care."""
-    time_s = clock(-0.05, 0.3)
-    kept = np.delete(time_s, [700, 900, 902])
-    settled = settle(record(RecordedChannel("X", "X", kept, half_sine_g(kept), "g")))
-    assert "Careful: X lacks 3 of 3501 samples, the first after 19.9 ms; they are interpolated." in settled.steps
-
-
 def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
-    """Jitter of a tenth of a step is interpolated and told; a gap or a step back is refused."""
+    """Jitter of a tenth of a step is interpolated and told; a gap, a step back or too few samples are refused."""
+    with pytest.raises(DataError, match="at least 1000 samples a second"):
+        settle(record(channel(rate_hz=500)), role="cae")
     time_s = clock()
     jitter = time_s + np.random.default_rng(0).uniform(-1e-5, 1e-5, time_s.size)
     settled = settle(record(RecordedChannel("X", "X", jitter, half_sine_g(jitter), "g")))
@@ -279,24 +258,20 @@ def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
         settle(record(RecordedChannel("X", "X", rounded, half_sine_g(time_s), "g")))
 
 
-def test_missing_samples_are_cut_at_the_ends_and_refused_amid() -> None:
-    """A record padded with nothing is used where it has something; a hole in the crash is no pulse."""
+def test_missing_samples_are_cut_at_the_ends_told_and_refused_amid() -> None:
+    """A record padded with nothing is used where it has something; rows may lack, a hole in the crash is no pulse."""
     time_s, values = clock(), half_sine_g(clock())
     padded = values.copy()
     padded[:10] = padded[-50:] = np.nan
-    assert motion(settle(record(RecordedChannel("X", "X", time_s, padded, "g")))).t0_s == pytest.approx(
-        STOP_S, abs=1e-5
-    )
+    whole = settle(record(RecordedChannel("X", "X", time_s, padded, "g")))
+    assert motion(whole).t0_s == pytest.approx(STOP_S, abs=1e-5)
+    kept = np.delete(time_s, [700, 900, 902])
+    settled = settle(record(RecordedChannel("X", "X", kept, half_sine_g(kept), "g")))
+    assert "Careful: X lacks 3 of 3501 samples, the first after 19.9 ms; interpolated." in settled.steps
     holed = values.copy()
     holed[700] = np.nan
     with pytest.raises(DataError, match="samples without one"):
         settle(record(RecordedChannel("X", "X", time_s, holed, "g")))
-
-
-def test_a_record_that_is_sampled_too_slowly_is_refused() -> None:
-    """Before anything is written."""
-    with pytest.raises(DataError, match="at least 1000 samples a second"):
-        settle(record(channel(rate_hz=500)), role="cae")
 
 
 @pytest.mark.parametrize("role", ["tests", "cae"])
@@ -319,11 +294,14 @@ def test_a_record_that_ends_after_the_stop_is_taken_with_a_warning() -> None:
 
 
 def test_a_cae_run_at_standstill_is_taken() -> None:
-    """A library may start at 0 mph, where no change of velocity can tell anything."""
+    """A library may start at 0 mph, where no change of velocity can tell anything: there is only noise to compare."""
     still = record(channel(scale=0.0), condition=replace(CONDITION, speed_mps=0.0))
     assert settle(still, role="cae").condition.speed_mps == 0
     with pytest.raises(DataError, match="an impact speed of T1 above 0"):
         settle(still)
+    noise = 1e-3 * np.random.default_rng(0).standard_normal((2, clock().size))
+    nodes = [RecordedChannel(str(number), "node", clock(), values, "g") for number, values in enumerate(noise)]
+    assert settle(record(*nodes, condition=still.condition), role="cae").channels == ("0", "1")
 
 
 @pytest.mark.parametrize("condition", [PartialCondition(), PartialCondition(SPEED_MPS), CONDITION])

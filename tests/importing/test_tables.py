@@ -262,26 +262,19 @@ def test_every_fault_among_conditions_is_told_once(tmp_path: Path, header: str, 
     assert {problem.where for problem in problems} == {"c.csv"}
 
 
-def test_a_problem_names_its_record(tmp_path: Path) -> None:
-    """Two records of one table with one fault each."""
-    path = tmp_path / "x.csv"
-    rows = "\n".join(
-        f"{name};{t / MS:.2f};{a:.4f}" for name in ("V1", "V2") for t, a in zip(TIME_S, 0.1 * PULSE_G, strict=True)
-    )
-    path.write_text(f"id;t [ms];ax [g]\n{rows}\n")
-    problems = problems_of(lambda: import_source(path, tmp_path / "out", GIVEN))
-    assert [problem.where for problem in problems] == ["x.csv, V1", "x.csv, V2"]
-
-
 def test_records_below_each_other_are_not_to_be_sorted(tmp_path: Path) -> None:
-    """Their ids lie in a column whose header says nothing: it is asked for, and then they are parted."""
+    """Their ids lie in a column whose header says nothing: it is asked for; a problem then names its record."""
     path = tmp_path / "long.csv"
     rows = "\n".join(f"{name};{t / MS:.2f};{a:.4f}" for name in "AB" for t, a in zip(TIME_S, PULSE_G, strict=True))
     path.write_text(f"Fahrzeug;Zeit [ms];a [g]\n{rows}\n")
     said = refusal(path)
     assert f"column Zeit [ms], row {TIME_S.size + 2}: expected time that increases" in said
     assert "found -20.00 after 150.00; map the column of ids (--column COLUMN=id)" in said
-    assert list(by_id(read_records(Reading(path, columns=(ColumnChoice("Fahrzeug", "id"),))))) == ["A", "B"]
+    ids = (ColumnChoice("Fahrzeug", "id"),)
+    assert list(by_id(read_records(Reading(path, columns=ids)))) == ["A", "B"]
+    slow = replace(GIVEN, condition=replace(GIVEN.condition, speed_mps=5.0))
+    problems = problems_of(lambda: import_source(path, tmp_path / "out", slow, columns=ids))
+    assert [problem.where for problem in problems] == ["long.csv, A", "long.csv, B"]
 
 
 def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
@@ -332,20 +325,16 @@ def workbook(path: Path, rows: Sequence[Sequence[object]]) -> Path:
     return path
 
 
-def test_a_hidden_sheet_is_left_out(tmp_path: Path) -> None:
-    """And said to be."""
-    rows = [["t [ms]", "ax [g]"], *np.column_stack([TIME_S / MS, PULSE_G]).tolist()]
-    (record,) = read_records(Reading(workbook(tmp_path / "x.xlsx", rows)))
-    assert "Left out as hidden: rejected." in record.steps
-
-
 @pytest.mark.parametrize(
     ("accel", "time", "found"),
     [("-0,5", "-20,0", "numbers kept as text, such as '-20,0'"), ("=1+1", -20.0, "formulas")],
 )
 def test_a_workbook_without_numbers_says_why(tmp_path: Path, accel: str, time: object, found: str) -> None:
-    """A person sees numbers in it."""
-    assert f"found {found}" in refusal(workbook(tmp_path / "x.xlsx", [["t [ms]", "ax [g]"], *[[time, accel]] * 30]))
+    """A person sees numbers in it; a hidden sheet is left out, and said to be."""
+    header = ["t [ms]", "ax [g]"]
+    assert f"found {found}" in refusal(workbook(tmp_path / "x.xlsx", [header, *[[time, accel]] * 30]))
+    path = workbook(tmp_path / "y.xlsx", [header, *np.column_stack([TIME_S / MS, PULSE_G]).tolist()])
+    assert "Left out as hidden: rejected." in read_records(Reading(path))[0].steps
 
 
 FILES = SHARED / "real" / "formats" / "tables"

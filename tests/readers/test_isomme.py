@@ -268,7 +268,7 @@ def test_without_a_time_of_the_first_sample_time_zero_is_looked_for() -> None:
     test = IsommeTest("T1", DESCRIPTORS, (replace(channel("10VEHC000000ACXP"), start_s=None),))
     record = record_of(test, "T1")
     assert record.own_time_zero == ""
-    assert any("time zero has to be found" in step for step in record.steps)
+    assert any("find time zero" in step for step in record.steps)
     settled = settle(record, Choices(front_share=0.56))
     assert settled.time_zero_s == pytest.approx(0.05, abs=1.5e-3)
     assert settled.pulse.kinematics(settled.condition.speed_mps).t0_s == pytest.approx(STOP_S, abs=1.5e-3)

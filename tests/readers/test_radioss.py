@@ -65,20 +65,15 @@ def test_the_pulse_of_what_lies_behind_the_crush_is_read(tmp_path: Path, curves:
     assert (settled.unit, settled.deceleration_sign) == ("mm/ms²", "positive")
 
 
-def test_a_model_that_drives_along_y_is_read_along_y(tmp_path: Path) -> None:
-    """And it is told."""
-    record = only(tmp_path, hc1T01=RadiossRun(("DY", "VX", "VY", "AX", "AY"), axis="Y").binary())
-    assert "Travel along -y, as the nodes set out." in record.steps
-    is_the_crash(record)
-
-
 def test_units_are_those_that_the_run_states(tmp_path: Path) -> None:
-    """Unless they cannot be: 120 s and 15 m/s in an SI run that really is in mm and ms."""
+    """Unless they cannot be: 120 s and 15 m/s in an SI run that really is in mm and ms. It may drive along y."""
     stated = only(tmp_path / "a", hc1T01=RadiossRun(layout=4021).binary())
     assert "Unit mm/ms², as the run states its units." in stated.steps
     wrong = only(tmp_path / "b", hc1T01=RadiossRun(layout=4021, factors=(1.0, 1.0, 1.0)).binary())
     assert any(step.startswith("Units mm and ms: the run ends at") for step in wrong.steps)
-    for record in (stated, wrong):
+    along_y = only(tmp_path / "c", hc1T01=RadiossRun(("DY", "VX", "VY", "AX", "AY"), axis="Y").binary())
+    assert "Travel along -y, as the nodes set out." in along_y.steps
+    for record in (stated, wrong, along_y):
         is_the_crash(record)
 
 
@@ -94,18 +89,14 @@ def test_an_accelerometer_in_a_skew_of_its_own_is_read(tmp_path: Path) -> None:
     is_the_crash(replace(record, proposed=("accelerometer 9",)))
 
 
-def test_an_accelerometer_that_does_not_stop_is_not_the_pulse(tmp_path: Path) -> None:
-    """Its ΔV is 2 % of the initial velocity: crossed columns, or another direction; so it has to be chosen."""
-    record = only(tmp_path, hc1T01=RadiossRun((), ("AY", "AZ")).binary())
+def test_an_accelerometer_may_be_no_pulse_or_lack_a_speed(tmp_path: Path) -> None:
+    """A ΔV of 2 % of the initial velocity: it has to be chosen. Without global histories nothing tells its speed."""
+    record = only(tmp_path / "crossed", hc1T01=RadiossRun((), ("AY", "AZ")).binary())
     assert record.proposed == ()
     assert "No accelerometer's ΔV is that of a vehicle that stops; are its columns crossed?" in record.steps
     with pytest.raises(DataError, match="that is the vehicle's pulse"):
         settle(record, WEIGHTS, role="cae")
-
-
-def test_an_accelerometer_alone_needs_a_speed(tmp_path: Path) -> None:
-    """In an additional file without global histories nothing tells at which speed it sets out."""
-    record = only(tmp_path, hc1T01a=RadiossRun((), ("AX", "AY", "AZ"), globals_=0).binary())
+    record = only(tmp_path / "alone", hc1T01a=RadiossRun((), ("AX", "AY", "AZ"), globals_=0).binary())
     assert record.no_speed == "accelerometers alone, without an initial velocity"
     known = replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS))
     assert settle(record, known, role="cae").pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=2e-3)
@@ -246,14 +237,10 @@ def test_accelerometers_of_a_csv_are_told_by_their_change_of_velocity(tmp_path: 
     is_the_crash(record)
 
 
-def test_an_impulse_is_never_taken_for_a_velocity(tmp_path: Path) -> None:
-    """An unnamed impulse of the wall grows as the velocity falls, and is no node's."""
+def test_an_impulse_is_never_taken_for_motion(tmp_path: Path) -> None:
+    """It grows as the velocity falls; that of a truck of 15 t (mm, s, t) integrates to about its speed, too."""
     said = refusal(tmp_path, hc1T01_csv=RadiossRun(()).csv())
     assert "found unnamed columns of w (1); import the T01 itself" in said
-
-
-def test_an_impulse_is_never_taken_for_an_acceleration() -> None:
-    """In mm, s and t the wall's impulse of a truck of 15 t integrates to about its speed; but it is the momentum's."""
     time = RUN.time_ms * MS
     velocity = RUN.motion()["V"] * 1e3
     model = {f"{axis}-MOMENTUM": 15 * velocity * (axis == "X") for axis in "XYZ"}

@@ -13,9 +13,9 @@ from crashfuse.errors import DataError
 from crashfuse.importing import Choices, import_source, settle
 from crashfuse.readers.lsdyna import read_lsdyna
 from crashfuse.readers.record import PartialCondition
-from crashfuse.readers.solver_run import Energies as Histories
-from crashfuse.readers.solver_run import History, axis_of_travel, departure
+from crashfuse.readers.solver_run import History, axis_of_travel, departure, quality_by_histories
 from crashfuse.readers.vocabulary import TRAVELS, Travel
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.testing.readers import written
 from tests.conftest import SHARED, Capture, needs_shared
 from tests.importing.crash_files import isomme
@@ -191,20 +191,14 @@ def test_parts_are_summed_where_the_whole_is_not_told(tmp_path: Path, form: str)
     assert found.added_mass_share is None
 
 
-def test_hourglass_energy_that_is_not_computed_is_not_recorded(tmp_path: Path) -> None:
-    """LS-DYNA writes zeros where the model does not ask for it."""
-    zeros = replace(TOLD, hourglass=(0.0, 0.0, 0.0))
-    record = only(saved(tmp_path / "run7", binout0000=binout(zeros.glstat_folders(), zeros.matsum_folders())))
+def test_energies_that_a_run_lacks_are_not_recorded(tmp_path: Path) -> None:
+    """LS-DYNA writes zeros for hourglass energy it does not compute; a killed run's last state has no total energy."""
+    zeros, whole = replace(TOLD, hourglass=(0.0, 0.0, 0.0)), TOLD.glstat()
+    record = only(saved(tmp_path / "zeros", binout0000=binout(zeros.glstat_folders(), zeros.matsum_folders())))
     assert record.quality.hourglass_share is None
     assert any("hourglass energy not recorded" in step for step in record.steps)
-
-
-def test_a_run_killed_while_it_wrote_its_energies_is_judged_by_the_states_before(tmp_path: Path) -> None:
-    """The last state has its work but not yet its total energy."""
-    whole = TOLD.glstat()
-    cut = whole[: whole.rindex(b" total energy...")]
-    found = only(saved(tmp_path / "run7", binout0000=binout(), glstat=cut)).quality
-    assert found.energy_change == pytest.approx(-0.04)
+    killed = saved(tmp_path / "killed", binout0000=binout(), glstat=whole[: whole.rindex(b" total energy...")])
+    assert only(killed).quality.energy_change == pytest.approx(-0.04)
 
 
 def test_energies_alone_are_no_run(tmp_path: Path) -> None:
@@ -226,19 +220,19 @@ def test_a_damaged_glstat_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("histories", "quality"),
     [
-        (Histories(), RunQuality()),
-        (Histories(total=np.array([0.0, 1.0]), work=np.zeros(2)), RunQuality()),
-        (Histories(total=np.array([1.0, np.nan]), work=np.zeros(2)), RunQuality()),
-        (Histories(total=np.array([1.0, 1.2]), work=np.array([0.5, 0.7])), RunQuality(0.0)),
-        (Histories(total=np.array([1.0, 9.0]), work=np.zeros(2)), RunQuality(1.0)),
-        (Histories(internal=np.zeros(2), hourglass=np.zeros(2)), RunQuality()),
-        (Histories(internal=np.array([0.0, 2.0]), hourglass=np.array([0.0, -1e-9])), RunQuality(hourglass_share=0.0)),
-        (Histories(added_mass=np.array([0.1, 3.0])), RunQuality(added_mass_share=1.0)),
+        ({}, RunQuality()),
+        ({"total": np.array([0.0, 1.0]), "work": np.zeros(2)}, RunQuality()),
+        ({"total": np.array([1.0, np.nan]), "work": np.zeros(2)}, RunQuality()),
+        ({"total": np.array([1.0, 1.2]), "work": np.array([0.5, 0.7])}, RunQuality(0.0)),
+        ({"total": np.array([1.0, 9.0]), "work": np.zeros(2)}, RunQuality(1.0)),
+        ({"internal": np.zeros(2), "hourglass": np.zeros(2)}, RunQuality()),
+        ({"internal": np.array([0.0, 2.0]), "hourglass": np.array([0.0, -1e-9])}, RunQuality(hourglass_share=0.0)),
+        ({"added_mass_percent": np.array([10.0, 300.0])}, RunQuality(added_mass_share=1.0)),
     ],
 )
-def test_quality_follows_from_the_histories(histories: Histories, quality: RunQuality) -> None:
+def test_quality_follows_from_the_histories(histories: dict[str, FloatArray], quality: RunQuality) -> None:
     """What can't be computed is not recorded; what lies beyond the whole counts as all of it."""
-    found = histories.quality
+    found = quality_by_histories(**histories)
     assert (found.hourglass_share, found.added_mass_share) == (quality.hourglass_share, quality.added_mass_share)
     assert found.energy_change == (None if quality.energy_change is None else pytest.approx(quality.energy_change))
 
