@@ -19,6 +19,8 @@ AXES = {
     "rear_weight_kg": {"--rear-weight-lb": LB, "--rear-weight-kg": 1.0},
 }
 """Options by the name of what they are in SI, in either unit with its factor."""
+ACCELERATION_UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
+"""Units of accelerations other than g, by their names here."""
 
 
 def add_axes(

@@ -2,27 +2,37 @@
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.condition_tables import read_candidates
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.cli.outgoing import pulse_export
-from crashfuse.cli.output import opened, replacing, require_output, say_facts, say_written, writing
+from crashfuse.cli.output import claim, opened, replacing, require_output, say_facts, say_written, writing
 from crashfuse.errors import UsageError
-
-if TYPE_CHECKING:
-    from crashfuse.campaign import Campaign
-    from crashfuse.study.config import StudyConfig
-    from crashfuse.study.estimate import Fit
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting import predicted
+from crashfuse.reporting.planning import SpeedSweep, next_test
+from crashfuse.reporting.plots.sweep import BEST
+from crashfuse.reporting.result_tables import next_tests_table
+from crashfuse.reporting.results import write_pulses
+from crashfuse.reporting.training_progress import watching
+from crashfuse.signals.metrics import MAIN_METRICS
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit
+from crashfuse.study.history import PastResult, keep
+from crashfuse.study.next_test import ConditionRange
+from crashfuse.study.saved_models import load_model, model_file, save_model
+from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
+from crashfuse.wording import speed
 
 
 def train(arguments: argparse.Namespace) -> None:
     """Fit to all tests and save the models."""
-    from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.estimate import Fit
-    from crashfuse.study.saved_models import model_file, save_model
-
     require_output(arguments.out, arguments.campaign)
+    claim(arguments, arguments.out)
     campaign, config = load_campaign(arguments.campaign), settings(arguments)
     with watching() as watch:
         for name in config.approaches:
@@ -34,10 +44,6 @@ def train(arguments: argparse.Namespace) -> None:
 
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
-    from crashfuse.reporting import predicted
-    from crashfuse.signals.metrics import MAIN_METRICS
-    from crashfuse.study.history import PastResult, keep
-
     require_positive(arguments)
     export = pulse_export(arguments)
     campaign, display = opened(arguments, "prediction")
@@ -55,12 +61,6 @@ def predict(arguments: argparse.Namespace) -> None:
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
-    from crashfuse.reporting.planning import SpeedSweep
-    from crashfuse.reporting.results import write_pulses
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
-    from crashfuse.wording import speed
-
     require_positive(arguments)
     export = pulse_export(arguments)
     campaign, display = opened(arguments, "sweep")
@@ -87,13 +87,6 @@ def sweep(arguments: argparse.Namespace) -> None:
 
 def rank_tests(arguments: argparse.Namespace) -> None:
     """Rank tests to run next."""
-    from crashfuse.campaign_folder.condition_tables import read_candidates
-    from crashfuse.reporting.planning import next_test
-    from crashfuse.reporting.plots.sweep import BEST
-    from crashfuse.reporting.result_tables import next_tests_table
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.next_test import ConditionRange
-
     campaign, display = opened(arguments, "ranking of next tests")
     over = ConditionRange.of(campaign.tests)
     for name in AXES:
@@ -115,14 +108,8 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     say_written(arguments.out, ranking.kind)
 
 
-def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
+def _fits(arguments: argparse.Namespace, campaign: Campaign) -> list[Fit]:
     """Fits of the requested approaches, loaded from a folder of saved models if given, else trained."""
-    from crashfuse.approaches.registry import APPROACHES
-    from crashfuse.execution.cache import Cache
-    from crashfuse.reporting.training_progress import watching
-    from crashfuse.study.estimate import Fit
-    from crashfuse.study.saved_models import load_model, model_file
-
     if arguments.models is None:
         config = settings(arguments)
         with watching() as watch:
@@ -139,10 +126,8 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     return fits
 
 
-def settings(arguments: argparse.Namespace, usual: "StudyConfig | None" = None) -> "StudyConfig":
+def settings(arguments: argparse.Namespace, usual: StudyConfig | None = None) -> StudyConfig:
     """The settings that the options ask for, else the usual ones, checked."""
-    from crashfuse.study.config import StudyConfig
-
     config = replace(usual or StudyConfig(), **given_settings(arguments))
     config.check()
     return config

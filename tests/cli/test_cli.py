@@ -383,7 +383,7 @@ def test_interrupting_says_how_to_go_on(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("crashfuse.study.running.run_study", interrupted)
+    monkeypatch.setattr("crashfuse.cli.studies.run_study", interrupted)
     assert run("study", campaign_on_disk, "--out", tmp_path / "out") == cli.INTERRUPTED
     assert "--resume" in capsys.readouterr().err
 
